@@ -1,0 +1,11 @@
+"""casadi_contact: neural surrogates of deformable joint contact as CasADi functions with exact derivatives.
+
+The method is that of Eskinazi and Fregly, "Surrogate modeling of deformable joint contact using artificial neural
+networks" (2015); see README.md.
+"""
+
+from casadi_contact.contact import CallableModel, ElasticFoundation
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.statics import relax, settle
+
+__all__ = ["CallableModel", "ElasticFoundation", "Scene", "load_scene", "relax", "settle"]

@@ -1,0 +1,6 @@
+"""Contact models: pose of the moving body in, loads on the fixed body out."""
+
+from casadi_contact.contact.elastic_foundation import ElasticFoundation
+from casadi_contact.contact.model import CallableModel, ContactModel
+
+__all__ = ["CallableModel", "ContactModel", "ElasticFoundation"]

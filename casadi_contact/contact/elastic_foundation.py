@@ -1,0 +1,115 @@
+"""The elastic foundation (EF): the original contact model that samples come from (§3.1, Bei and Fregly 2004)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.contact.kernels import gap_many, wrench_many
+from casadi_contact.contact.model import root_of_normal
+from casadi_contact.contact.pressure import LAW_CODES, layer_modulus
+from casadi_contact.conventions import (
+    WRENCH_NAMES,
+    Array,
+    angular_velocity_map,
+    as_poses,
+    load_selection,
+    rotation,
+)
+from casadi_contact.geometry import build_elements, build_surfaces
+from casadi_contact.scenes import Scene
+
+_NORMAL = WRENCH_NAMES.index("Fy")
+
+
+class ElasticFoundation:
+    """A bed of independent springs on the fixed body, pressed by the rigid moving body.
+
+    The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
+    along the element's normal. Poses run in parallel over numba's threads.
+
+    grid: elements per patch (nx, nz), the scene's fine grid if left out.
+    """
+
+    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
+        grid = scene.grids["fine"] if grid is None else grid
+        if len(grid) != 2 or not all(isinstance(n, int | np.integer) and n > 0 for n in grid):
+            raise ValueError(f"grid is {grid!r}, expected two positive whole numbers (nx, nz)")
+        self.scene = scene
+        self.grid = (int(grid[0]), int(grid[1]))
+        self.load_names = scene.load_names
+        self.patch_names = scene.patch_names
+        self._selection = load_selection(self.load_names, self.patch_names)
+        self._surfaces = build_surfaces(scene)
+        self._elements = [
+            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_radii_mm)
+            for e in build_elements(scene, self.grid)
+        ]
+        material = scene.material
+        self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
+
+    def __repr__(self) -> str:
+        return f"ElasticFoundation({self.scene.name}, grid={self.grid[0]}×{self.grid[1]})"
+
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
+        return self._evaluate(as_poses(poses), derivatives=False)[0]
+
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
+        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+
+    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
+        wrenches, slopes = self._evaluate(as_poses(poses), derivatives=True)
+        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
+        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+
+    def gaps(self, poses: Array) -> Array:
+        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
+        poses = as_poses(poses)
+        return self._gaps(poses, rotation(poses[:, 3:]))[0]
+
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
+
+        s = √(N/N0) in contact (N = -Fy of the patch), s = -gap_slope·gap out of contact.
+        """
+        poses = as_poses(poses)
+        wrenches, slopes = self._evaluate(poses, derivatives=True)
+        normal = -wrenches[..., _NORMAL]
+        s, ds = root_of_normal(normal, -slopes[..., _NORMAL, :], self.scene.reference_load)
+        free = normal <= 0.0
+        rows = free.any(axis=1)
+        if rows.any():
+            gaps, gap_slopes = self._gaps(poses[rows], rotation(poses[rows, 3:]))
+            s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
+            ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
+        return s, ds
+
+    def _evaluate(self, poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and, if asked, d wrench / d pose (n, patches, 6, 6)."""
+        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
+        results = [
+            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives)
+            for s, e in zip(self._surfaces, self._elements, strict=True)
+        ]
+        wrenches = np.stack([w for w, _ in results], axis=1)
+        if not derivatives:
+            return wrenches, np.empty(0)
+        return wrenches, self._by_pose(np.stack([k for _, k in results], axis=1), poses)
+
+    def _gaps(self, poses: Array, rotations: Array) -> tuple[Array, Array]:
+        translations = np.ascontiguousarray(poses[:, :3])
+        results = [
+            gap_many(s.family, s.parameters, e, rotations, translations)
+            for s, e in zip(self._surfaces, self._elements, strict=True)
+        ]
+        slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
+        return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
+
+    @staticmethod
+    def _by_pose(by_twist: Array, poses: Array) -> Array:
+        """Derivatives (n, patches, rows, 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
+        by_twist = by_twist.copy()
+        by_twist[..., 3:] = np.einsum("nprw,nwj->nprj", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
+        return by_twist

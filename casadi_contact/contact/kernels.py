@@ -1,0 +1,167 @@
+"""The elastic foundation's inner loops, compiled by numba and run over poses in parallel.
+
+An element at c with outward normal n meets the moving body if c lies inside it (g(c) < 0); its depth d is the
+distance from c along -n to the body's surface, found by Newton's method on g(c - d·n) = 0. Its load on the fixed
+body is -p(d)·A·(n, c × n).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from casadi_contact.contact.pressure import pressure
+from casadi_contact.geometry.surfaces import signed_distance
+
+_RAY_ITERATIONS = 30
+_RAY_TOLERANCE_MM = 1e-13
+_STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
+
+
+@numba.njit(cache=True, inline="always")
+def _to_moving(R, t, x, y, z):
+    """q = Rᵀ(p - t)."""
+    x -= t[0]
+    y -= t[1]
+    z -= t[2]
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@numba.njit(cache=True)
+def _depth(family, parameters, R, t, c, n, start):
+    """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
+    d = start
+    gx = gy = gz = 0.0
+    for _ in range(_RAY_ITERATIONS):
+        qx, qy, qz = _to_moving(R, t, c[0] - d * n[0], c[1] - d * n[1], c[2] - d * n[2])
+        g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
+        gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
+        gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
+        gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+        slope = min(gx * n[0] + gy * n[1] + gz * n[2], _STEEPEST_RAY_SLOPE)
+        step = g / slope
+        d += step
+        if abs(step) < _RAY_TOLERANCE_MM:
+            break
+    return d, gx, gy, gz
+
+
+@numba.njit(cache=True)
+def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrench, stiffness, derivatives):
+    """Add up one patch's wrench (6,) and, if asked, d wrench / d twist of the moving body about t (6, 6)."""
+    centres, normals, areas, blocks, block_centres, block_radii = elements
+    wrench[:] = 0.0
+    stiffness[:] = 0.0
+    load_direction = np.empty(6)
+    depth_slope = np.empty(6)
+    for b in range(len(block_radii)):
+        qx, qy, qz = _to_moving(R, t, block_centres[b, 0], block_centres[b, 1], block_centres[b, 2])
+        # g changes by at most 1 mm per mm: no point of a block farther off than its radius can lie inside the body.
+        if signed_distance(family, parameters, qx, qy, qz)[0] > block_radii[b]:
+            continue
+        for e in range(blocks[b], blocks[b + 1]):
+            c = centres[e]
+            qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+            g = signed_distance(family, parameters, qx, qy, qz)[0]
+            if g >= 0.0:
+                continue
+            n = normals[e]
+            d, gx, gy, gz = _depth(family, parameters, R, t, c, n, -g)
+            p, dp = pressure(law, modulus, thickness, d)
+            load_direction[0] = -n[0]
+            load_direction[1] = -n[1]
+            load_direction[2] = -n[2]
+            load_direction[3] = -(c[1] * n[2] - c[2] * n[1])
+            load_direction[4] = -(c[2] * n[0] - c[0] * n[2])
+            load_direction[5] = -(c[0] * n[1] - c[1] * n[0])
+            force = p * areas[e]
+            for i in range(6):
+                wrench[i] += force * load_direction[i]
+            if derivatives:
+                # g(p) = 0 at p = c - d·n moves with the body: dd/dt = -G/(G·n), dd/dω = -((p - t) × G)/(G·n).
+                rx = c[0] - d * n[0] - t[0]
+                ry = c[1] - d * n[1] - t[1]
+                rz = c[2] - d * n[2] - t[2]
+                scale = -dp * areas[e] / min(gx * n[0] + gy * n[1] + gz * n[2], _STEEPEST_RAY_SLOPE)
+                depth_slope[0] = scale * gx
+                depth_slope[1] = scale * gy
+                depth_slope[2] = scale * gz
+                depth_slope[3] = scale * (ry * gz - rz * gy)
+                depth_slope[4] = scale * (rz * gx - rx * gz)
+                depth_slope[5] = scale * (rx * gy - ry * gx)
+                for i in range(6):
+                    for j in range(6):
+                        stiffness[i, j] += load_direction[i] * depth_slope[j]
+
+
+@numba.njit(cache=True)
+def _patch_gap(family, parameters, elements, R, t, slope):
+    """Smallest g over the elements, and its derivative by the twist of the moving body about t (6,)."""
+    centres, _, _, blocks, block_centres, block_radii = elements
+    bounds = np.empty(len(block_radii))
+    for b in range(len(block_radii)):
+        qx, qy, qz = _to_moving(R, t, block_centres[b, 0], block_centres[b, 1], block_centres[b, 2])
+        bounds[b] = signed_distance(family, parameters, qx, qy, qz)[0] - block_radii[b]
+    best = np.inf
+    nearest = -1
+    for b in np.argsort(bounds):
+        if bounds[b] >= best:
+            break
+        for e in range(blocks[b], blocks[b + 1]):
+            c = centres[e]
+            qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+            g = signed_distance(family, parameters, qx, qy, qz)[0]
+            if g < best:
+                best = g
+                nearest = e
+    c = centres[nearest]
+    qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
+    for i in range(3):
+        slope[i] = -(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az)
+    rx, ry, rz = c[0] - t[0], c[1] - t[1], c[2] - t[2]
+    slope[3] = ry * slope[2] - rz * slope[1]
+    slope[4] = rz * slope[0] - rx * slope[2]
+    slope[5] = rx * slope[1] - ry * slope[0]
+    return best
+
+
+@numba.njit(cache=True, parallel=True)
+def wrench_many(family, parameters, elements, law, modulus, thickness, rotations, translations, derivatives):
+    """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses."""
+    count = len(translations)
+    wrenches = np.empty((count, 6))
+    stiffnesses = np.empty((count if derivatives else 0, 6, 6))
+    for k in numba.prange(count):
+        stiffness = np.empty((6, 6))
+        _patch_wrench(
+            family,
+            parameters,
+            elements,
+            law,
+            modulus,
+            thickness,
+            rotations[k],
+            translations[k],
+            wrenches[k],
+            stiffness,
+            derivatives,
+        )
+        if derivatives:
+            stiffnesses[k] = stiffness
+    return wrenches, stiffnesses
+
+
+@numba.njit(cache=True, parallel=True)
+def gap_many(family, parameters, elements, rotations, translations):
+    """Gaps (n,) of one patch and their derivatives by twist (n, 6) for n poses."""
+    count = len(translations)
+    gaps = np.empty(count)
+    slopes = np.empty((count, 6))
+    for k in numba.prange(count):
+        gaps[k] = _patch_gap(family, parameters, elements, rotations[k], translations[k], slopes[k])
+    return gaps, slopes

@@ -1,0 +1,38 @@
+"""Pressure of an elastic layer bonded to a rigid backing: p(d) for depth d, layer thickness h.
+
+    linear:       p = K d/h                    logarithmic:  p = -K ln(1 - d/h)
+    K = (1 - ν)E / ((1 + ν)(1 - 2ν))
+
+The logarithmic law is infinite at d = h; beyond d = 0.9 h it goes on along its tangent, so that a solver's deep
+trial pose still gives a finite, growing pressure.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from casadi_contact.scenes import Material
+
+LINEAR, LOGARITHMIC = 0, 1
+LAW_CODES = {"linear": LINEAR, "log": LOGARITHMIC}
+_TANGENT_STRAIN = 0.9
+
+
+def layer_modulus(material: Material) -> float:
+    """K = (1 - ν)E/((1 + ν)(1 - 2ν)) [MPa]: stiffness of a layer that cannot bulge sideways."""
+    nu = material.poissons_ratio
+    return (1.0 - nu) * material.youngs_modulus / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+
+@numba.njit(cache=True, inline="always")
+def pressure(law, modulus, thickness, depth):
+    """p [MPa] and dp/dd [MPa/mm] for depth > 0 [mm]."""
+    if law == LINEAR:
+        slope = modulus / thickness
+        return slope * depth, slope
+    strain = depth / thickness
+    if strain < _TANGENT_STRAIN:
+        return -modulus * np.log1p(-strain), modulus / (thickness * (1.0 - strain))
+    slope = modulus / (thickness * (1.0 - _TANGENT_STRAIN))
+    return slope * (depth - _TANGENT_STRAIN * thickness) - modulus * np.log1p(-_TANGENT_STRAIN), slope

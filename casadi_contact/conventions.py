@@ -1,0 +1,100 @@
+"""Names, units, frames and rotations shared by every room.
+
+Inside the library: mm, N, N·mm, MPa, rad, s. A *pose* (tx, ty, tz, rx, ry, rz) places the moving body
+in the fixed body's frame, with R = Rx(rx)·Ry(ry)·Rz(rz) (x-y-z body-fixed). *Loads* act on the fixed body,
+in its frame, about its origin. For the knee: x posterior, y superior, z medial (right knee), the femoral
+component moves, flexion is rz < 0 and compression is Fy < 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
+POSE_UNITS = ("mm", "mm", "mm", "rad", "rad", "rad")
+WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
+
+
+def load_unit(name: str) -> str:
+    """Unit of a load by its name: ``"N"`` for forces (F...), ``"N·mm"`` for torques (T...)."""
+    return "N" if name.startswith("F") else "N·mm"
+
+
+def is_force(name: str) -> bool:
+    """True for a force (``Fy_med``, ``Fx``), False for a torque (``Tx``)."""
+    return name.startswith("F")
+
+
+def pose_index(name: str) -> int:
+    """Column of a pose parameter in a pose array; raises ValueError for an unknown name."""
+    if name not in POSE_NAMES:
+        raise ValueError(f"unknown pose parameter {name!r}, expected one of {', '.join(POSE_NAMES)}")
+    return POSE_NAMES.index(name)
+
+
+def as_poses(poses: ArrayLike) -> Array:
+    """Check poses and return them as a contiguous float64 array of shape (n, 6).
+
+    Raises ValueError, saying what was got and what was expected, for a wrong shape, text, NaN or infinity.
+    """
+    try:
+        array = np.ascontiguousarray(poses, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"poses are not numbers ({error}), expected {POSE_DESCRIPTION}") from None
+    if array.ndim != 2 or array.shape[1] != 6:
+        raise ValueError(f"poses has shape {array.shape}, expected {POSE_DESCRIPTION}")
+    finite = np.isfinite(array)
+    if not finite.all():
+        row, column = np.argwhere(~finite)[0]
+        raise ValueError(f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite numbers")
+    return array
+
+
+def rotation(angles: ArrayLike) -> Array:
+    """R = Rx(rx)·Ry(ry)·Rz(rz) for angles (..., 3) in rad; returns (..., 3, 3).
+
+    A point q of the moving body lies at t + R·q in the fixed frame.
+    """
+    angles = np.asarray(angles, dtype=np.float64)
+    sx, sy, sz = np.moveaxis(np.sin(angles), -1, 0)
+    cx, cy, cz = np.moveaxis(np.cos(angles), -1, 0)
+    rows = (
+        (cy * cz, -cy * sz, sy),
+        (cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy),
+        (sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angular_velocity_map(angles: ArrayLike) -> Array:
+    """E with ω = E·(ṙx, ṙy, ṙz), ω in the fixed frame: columns e_x, Rx·e_y, Rx·Ry·e_z; shape (..., 3, 3)."""
+    angles = np.asarray(angles, dtype=np.float64)
+    sx, sy = np.sin(angles[..., 0]), np.sin(angles[..., 1])
+    cx, cy = np.cos(angles[..., 0]), np.cos(angles[..., 1])
+    zero, one = np.zeros_like(sx), np.ones_like(sx)
+    rows = ((one, zero, sy), (zero, cx, -sx * cy), (zero, sx, cx * cy))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
+    """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches.
+
+    ``Fy_med`` is Fy of the patch ``med``; ``Fx`` without a patch name is the sum over patches (Eqs. 1-7):
+    loads = einsum("lpk,npk->nl", S, wrenches). Raises ValueError for an unknown load, naming the possible ones.
+    """
+    selection = np.zeros((len(load_names), len(patch_names), 6))
+    for row, name in enumerate(load_names):
+        component, _, patch = name.partition("_")
+        if component not in WRENCH_NAMES or (patch and patch not in patch_names):
+            possible = [*WRENCH_NAMES, *(f"{c}_{p}" for p in patch_names for c in WRENCH_NAMES)]
+            raise ValueError(f"unknown load {name!r}, expected one of {', '.join(possible)}")
+        patches = [patch_names.index(patch)] if patch else range(len(patch_names))
+        for p in patches:
+            selection[row, p, WRENCH_NAMES.index(component)] = 1.0
+    return selection

@@ -1,0 +1,97 @@
+"""The fixed body's contact surface as a grid of flat elements: centres, outward unit normals, areas.
+
+A patch spans a rectangle of nx × nz equal cells in the x-z plane; each element lies at its cell's centre on the
+surface y(x, z) with area dA = dx·dz/n_y, the midpoint rule, so loads converge as h². Elements are ordered in
+square blocks with a bounding sphere each, for the elastic foundation's culling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.scenes import Scene
+
+BLOCK_SIDE = 8  # elements per block edge: measured best between 4 and 16 on grids from 40×30 to 320×160
+
+
+@dataclass(frozen=True)
+class ElementGrid:
+    """Elements of one patch in block order, fixed frame.
+
+    centres_mm, normals (m, 3); areas_mm2 (m,); blocks (b + 1,) first element of each block;
+    block_centres_mm (b, 3); block_radii_mm (b,) sphere about each block's element centres.
+    """
+
+    centres_mm: Array
+    normals: Array
+    areas_mm2: Array
+    blocks: np.ndarray
+    block_centres_mm: Array
+    block_radii_mm: Array
+
+
+def _plane(x: Array, z: Array) -> tuple[Array, Array]:
+    normals = np.zeros((*x.shape, 3))
+    normals[..., 1] = 1.0
+    return np.zeros_like(x), normals
+
+
+def _dish(x: Array, z: Array, sagittal_radius: float, frontal_radius: float) -> tuple[Array, Array]:
+    """Concave torus piece, lowest at y = 0: a frontal arc r swept about the axis y = R parallel to z."""
+    offset = sagittal_radius - frontal_radius
+    tube = np.sqrt(frontal_radius**2 - z**2)
+    rho = offset + tube
+    y = sagittal_radius - np.sqrt(rho**2 - x**2)
+    # Towards the centre of the frontal arc, which lies at distance `offset` from the axis.
+    inward = np.stack([-x, sagittal_radius - y], axis=-1) / rho[..., None]
+    normals = np.stack([inward[..., 0] * tube, inward[..., 1] * tube, -z], axis=-1) / frontal_radius
+    return y, normals
+
+
+def _grid(nx: int, nz: int, length: float, width: float) -> tuple[Array, Array, float]:
+    x = ((np.arange(nx) + 0.5) / nx - 0.5) * length
+    z = ((np.arange(nz) + 0.5) / nz - 0.5) * width
+    return *np.meshgrid(x, z, indexing="ij"), (length / nx) * (width / nz)
+
+
+def _blocks(centres: Array, normals: Array, areas: Array) -> ElementGrid:
+    nx, nz = areas.shape
+    order, starts = [], [0]
+    index = np.arange(nx * nz).reshape(nx, nz)
+    for i in range(0, nx, BLOCK_SIDE):
+        for k in range(0, nz, BLOCK_SIDE):
+            order.append(index[i : i + BLOCK_SIDE, k : k + BLOCK_SIDE].ravel())
+            starts.append(starts[-1] + order[-1].size)
+    flat = np.concatenate(order)
+    centres, normals, areas = centres.reshape(-1, 3)[flat], normals.reshape(-1, 3)[flat], areas.ravel()[flat]
+    spans = list(zip(starts[:-1], starts[1:], strict=True))
+    middles = np.array([0.5 * (centres[a:b].min(axis=0) + centres[a:b].max(axis=0)) for a, b in spans])
+    radii = np.array(
+        [np.linalg.norm(centres[a:b] - middle, axis=1).max() for (a, b), middle in zip(spans, middles, strict=True)]
+    )
+    return ElementGrid(centres, normals, areas, np.array(starts, dtype=np.int64), middles, radii)
+
+
+def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
+    """The element grid (nx along x, nz along z) of each patch of the scene, in patch order."""
+    grids = []
+    for patch, anchor in zip(scene.patch_names, scene.anchors_mm, strict=True):
+        if scene.shape == "knee":
+            g = scene.geometry_of(patch)
+            x, z, cell = _grid(*grid, g["plateau_length"], g["plateau_width"])
+            y, normals = _dish(x, z, g["dish_sagittal_radius"], g["dish_frontal_radius"])
+        elif scene.shape == "sphere_in_dish":
+            g = dict(scene.geometry)
+            x, z, cell = _grid(*grid, g["patch_side"], g["patch_side"])
+            y, normals = _dish(x, z, g["dish_radius"], g["dish_radius"])
+        else:
+            g = dict(scene.geometry)
+            side = g["patch_side"] if "patch_side" in g else g["area"] ** 0.5
+            x, z, cell = _grid(*grid, side, g.get("length", side))
+            y, normals = _plane(x, z)
+        centres = np.stack([x, y, z + anchor[2]], axis=-1)
+        grids.append(_blocks(centres, normals, cell / normals[..., 1]))
+    return grids

@@ -1,0 +1,7 @@
+"""Statics: the pose at which a contact model carries wanted loads (§2.4), by Newton's method or by damped dynamics."""
+
+from casadi_contact.statics.equilibrium import Equilibrium
+from casadi_contact.statics.relax import relax
+from casadi_contact.statics.settle import SettleReport, settle
+
+__all__ = ["Equilibrium", "SettleReport", "relax", "settle"]

@@ -1,0 +1,117 @@
+"""Settling by a damped Newton method, all poses at once (§2.4, "via optimization")."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import Array
+from casadi_contact.statics.equilibrium import Equilibrium, checked_start
+
+_STEP_LIMIT_MM = 5.0
+_DAMPING_START, _DAMPING_MIN, _DAMPING_MAX = 1e-6, 1e-14, 1e8
+
+
+@dataclass(frozen=True)
+class SettleReport:
+    """What became of each pose: converged (n,), iterations (n,), residual (n,) [N, torques over 25 mm], reason (n,).
+
+    misfit holds load minus wanted load by name, each (n,) [N, N·mm]; reason is "" where converged.
+    """
+
+    converged: np.ndarray
+    iterations: np.ndarray
+    residual: Array
+    misfit: Mapping[str, Array]
+    reason: np.ndarray
+
+    def __str__(self) -> str:
+        return (
+            f"{int(self.converged.sum())} of {len(self.converged)} poses converged, "
+            f"median {np.median(self.iterations):g} iterations, largest residual {self.residual.max():.3g} N"
+            if len(self.converged)
+            else "no poses"
+        )
+
+
+def settle(
+    model: ContactModel,
+    poses: ArrayLike,
+    free: Sequence[str],
+    targets: Mapping[str, ArrayLike],
+    *,
+    tolerance: float = 1e-5,
+    max_iterations: int = 60,
+) -> tuple[Array, SettleReport]:
+    """Vary the free pose parameters of each pose until the model carries the wanted loads.
+
+    Levenberg-Marquardt on `Equilibrium`'s residuals with the model's own Jacobian: with as many targets as free
+    parameters a damped Newton method; with more, or where no pose carries the loads, it ends at the nearest pose in
+    the least-squares sense and says so. tolerance is in N (torques over 25 mm).
+
+    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets; a pose that
+    does not converge is reported, not raised.
+    """
+    poses = checked_start(poses)
+    count = len(poses)
+    equations = Equilibrium.of(model, count, free, targets)
+    if count == 0:
+        empty = np.zeros(0)
+        misfits = dict.fromkeys(equations.names, empty)
+        return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
+    columns, scales = list(equations.free), equations.free_scales
+    r, slope, misfit = equations.residuals(poses, np.arange(count))
+    damping = np.full(count, _DAMPING_START)
+    iterations = np.zeros(count, dtype=int)
+    stalled = np.zeros(count, dtype=bool)
+    for _ in range(max_iterations):
+        rows = np.flatnonzero((equations.in_newtons(misfit) > tolerance) & ~stalled)
+        if not len(rows):
+            break
+        step = _step(r[rows], slope[rows], damping[rows])
+        trial = poses[rows]
+        trial[:, columns] += step * scales
+        r_new, slope_new, misfit_new = equations.residuals(trial, rows)
+        old, new = (r[rows] ** 2).sum(axis=1), (r_new**2).sum(axis=1)
+        better = new < old
+        kept = rows[better]
+        poses[kept], r[kept], slope[kept], misfit[kept] = (a[better] for a in (trial, r_new, slope_new, misfit_new))
+        iterations[rows] += 1
+        damping[rows] = np.clip(np.where(better, damping[rows] * 0.1, damping[rows] * 30.0), _DAMPING_MIN, None)
+        # Nothing left to gain: a local least-squares solution, or the limit of arithmetic.
+        stalled[rows] = (damping[rows] > _DAMPING_MAX) | (better & (old - new < 1e-14 * old))
+    residual = equations.in_newtons(misfit)
+    converged = residual <= tolerance
+    reason = _reasons(equations, converged, stalled, misfit)
+    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
+    return poses, SettleReport(converged, iterations, residual, misfits, reason)
+
+
+def _step(r: Array, slope: Array, damping: Array) -> Array:
+    """-(JᵀJ + μ·diag)⁻¹ Jᵀ r for every row, shortened to the step limit; steps in comparable mm."""
+    normal = np.einsum("nti,ntj->nij", slope, slope)
+    gradient = np.einsum("nti,nt->ni", slope, r)
+    size = np.einsum("nii->n", normal) / normal.shape[1] + 1e-12
+    normal += (damping * size)[:, None, None] * np.eye(normal.shape[1])
+    step = -np.linalg.solve(normal, gradient[..., None])[..., 0]
+    longest = np.abs(step).max(axis=1, keepdims=True)
+    return step * np.minimum(1.0, _STEP_LIMIT_MM / np.maximum(longest, 1e-300))
+
+
+def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray, misfit: Array) -> np.ndarray:
+    pulls = equations.pulls()
+    reasons = np.full(len(converged), "", dtype=object)
+    for row in np.flatnonzero(~converged):
+        worst = int(np.abs(misfit[row]).argmax())
+        left = f"{equations.names[worst]} is off by {misfit[row, worst]:.4g}"
+        if pulls[row]:
+            reasons[row] = f"no equilibrium: a wanted load pulls, contact only pushes; {left}"
+        elif stalled[row]:
+            reasons[row] = f"no equilibrium near this start: at the nearest pose found {left}"
+        else:
+            reasons[row] = f"iterations used up: {left}"
+    return reasons
