@@ -41,7 +41,7 @@ class ElasticFoundation:
         self._selection = load_selection(self.load_names, self.patch_names)
         self._surfaces = build_surfaces(scene)
         self._elements = [
-            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_radii_mm)
+            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
             for e in build_elements(scene, self.grid)
         ]
         material = scene.material

@@ -14,7 +14,7 @@ from casadi_contact.contact.pressure import pressure
 from casadi_contact.geometry.surfaces import signed_distance
 
 _RAY_ITERATIONS = 30
-_RAY_TOLERANCE_MM = 1e-13
+_RAY_TOLERANCE_MM = 1e-9  # of the last step: Newton's method then stands at the limit of arithmetic
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
@@ -31,18 +31,31 @@ def _to_moving(R, t, x, y, z):
     )
 
 
-@numba.njit(cache=True)
-def _depth(family, parameters, R, t, c, n, start):
+@numba.njit(cache=True, inline="always")
+def _lower_bound(family, parameters, R, t, centres, extents, b):
+    """Least g that any point of box b (centre, half extents) can have.
+
+    g is convex, so it lies above its tangent plane at the centre: g >= g_c - |G|·extent.
+    """
+    qx, qy, qz = _to_moving(R, t, centres[b, 0], centres[b, 1], centres[b, 2])
+    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
+    for i in range(3):
+        g -= abs(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az) * extents[b, i]
+    return g
+
+
+@numba.njit(cache=True, inline="always")
+def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
     d = start
     gx = gy = gz = 0.0
     for _ in range(_RAY_ITERATIONS):
-        qx, qy, qz = _to_moving(R, t, c[0] - d * n[0], c[1] - d * n[1], c[2] - d * n[2])
+        qx, qy, qz = _to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
         g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
         gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
         gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
         gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
-        slope = min(gx * n[0] + gy * n[1] + gz * n[2], _STEEPEST_RAY_SLOPE)
+        slope = min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
         step = g / slope
         d += step
         if abs(step) < _RAY_TOLERANCE_MM:
@@ -53,40 +66,38 @@ def _depth(family, parameters, R, t, c, n, start):
 @numba.njit(cache=True)
 def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrench, stiffness, derivatives):
     """Add up one patch's wrench (6,) and, if asked, d wrench / d twist of the moving body about t (6, 6)."""
-    centres, normals, areas, blocks, block_centres, block_radii = elements
+    centres, normals, areas, blocks, block_centres, block_extents = elements
     wrench[:] = 0.0
     stiffness[:] = 0.0
     load_direction = np.empty(6)
     depth_slope = np.empty(6)
-    for b in range(len(block_radii)):
-        qx, qy, qz = _to_moving(R, t, block_centres[b, 0], block_centres[b, 1], block_centres[b, 2])
-        # g changes by at most 1 mm per mm: no point of a block farther off than its radius can lie inside the body.
-        if signed_distance(family, parameters, qx, qy, qz)[0] > block_radii[b]:
+    for b in range(len(block_extents)):
+        if _lower_bound(family, parameters, R, t, block_centres, block_extents, b) > 0.0:
             continue
         for e in range(blocks[b], blocks[b + 1]):
-            c = centres[e]
-            qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+            cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
+            qx, qy, qz = _to_moving(R, t, cx, cy, cz)
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g >= 0.0:
                 continue
-            n = normals[e]
-            d, gx, gy, gz = _depth(family, parameters, R, t, c, n, -g)
+            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
+            d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
             p, dp = pressure(law, modulus, thickness, d)
-            load_direction[0] = -n[0]
-            load_direction[1] = -n[1]
-            load_direction[2] = -n[2]
-            load_direction[3] = -(c[1] * n[2] - c[2] * n[1])
-            load_direction[4] = -(c[2] * n[0] - c[0] * n[2])
-            load_direction[5] = -(c[0] * n[1] - c[1] * n[0])
+            load_direction[0] = -nx
+            load_direction[1] = -ny
+            load_direction[2] = -nz
+            load_direction[3] = -(cy * nz - cz * ny)
+            load_direction[4] = -(cz * nx - cx * nz)
+            load_direction[5] = -(cx * ny - cy * nx)
             force = p * areas[e]
             for i in range(6):
                 wrench[i] += force * load_direction[i]
             if derivatives:
                 # g(p) = 0 at p = c - d·n moves with the body: dd/dt = -G/(G·n), dd/dω = -((p - t) × G)/(G·n).
-                rx = c[0] - d * n[0] - t[0]
-                ry = c[1] - d * n[1] - t[1]
-                rz = c[2] - d * n[2] - t[2]
-                scale = -dp * areas[e] / min(gx * n[0] + gy * n[1] + gz * n[2], _STEEPEST_RAY_SLOPE)
+                rx = cx - d * nx - t[0]
+                ry = cy - d * ny - t[1]
+                rz = cz - d * nz - t[2]
+                scale = -dp * areas[e] / min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
                 depth_slope[0] = scale * gx
                 depth_slope[1] = scale * gy
                 depth_slope[2] = scale * gz
@@ -101,19 +112,17 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
 @numba.njit(cache=True)
 def _patch_gap(family, parameters, elements, R, t, slope):
     """Smallest g over the elements, and its derivative by the twist of the moving body about t (6,)."""
-    centres, _, _, blocks, block_centres, block_radii = elements
-    bounds = np.empty(len(block_radii))
-    for b in range(len(block_radii)):
-        qx, qy, qz = _to_moving(R, t, block_centres[b, 0], block_centres[b, 1], block_centres[b, 2])
-        bounds[b] = signed_distance(family, parameters, qx, qy, qz)[0] - block_radii[b]
+    centres, _, _, blocks, block_centres, block_extents = elements
+    bounds = np.empty(len(block_extents))
+    for b in range(len(block_extents)):
+        bounds[b] = _lower_bound(family, parameters, R, t, block_centres, block_extents, b)
     best = np.inf
     nearest = -1
     for b in np.argsort(bounds):
         if bounds[b] >= best:
             break
         for e in range(blocks[b], blocks[b + 1]):
-            c = centres[e]
-            qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+            qx, qy, qz = _to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g < best:
                 best = g

@@ -12,8 +12,10 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.statics.equilibrium import Equilibrium, checked_start
 
-_STEP_LIMIT_MM = 5.0
-_DAMPING_START, _DAMPING_MIN, _DAMPING_MAX = 1e-6, 1e-14, 1e8
+_STEP_LIMIT_MM = 2.0
+_SMALLEST_STEP_MM = 1e-12
+_SMALLEST_FRACTION = 1e-6
+_DAMPING = 1e-11
 
 
 @dataclass(frozen=True)
@@ -65,25 +67,30 @@ def settle(
         return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
     columns, scales = list(equations.free), equations.free_scales
     r, slope, misfit = equations.residuals(poses, np.arange(count))
-    damping = np.full(count, _DAMPING_START)
+    fraction = np.ones(count)
     iterations = np.zeros(count, dtype=int)
     stalled = np.zeros(count, dtype=bool)
     for _ in range(max_iterations):
         rows = np.flatnonzero((equations.in_newtons(misfit) > tolerance) & ~stalled)
         if not len(rows):
             break
-        step = _step(r[rows], slope[rows], damping[rows])
+        inverse = _damped_inverse(slope[rows])
+        newton = -np.einsum("nit,nt->ni", inverse, r[rows])
+        length = np.abs(newton).max(axis=1)
+        reach = np.minimum(fraction[rows], _STEP_LIMIT_MM / np.maximum(length, 1e-300))
         trial = poses[rows]
-        trial[:, columns] += step * scales
+        trial[:, columns] += reach[:, None] * newton * scales
         r_new, slope_new, misfit_new = equations.residuals(trial, rows)
-        old, new = (r[rows] ** 2).sum(axis=1), (r_new**2).sum(axis=1)
-        better = new < old
+        # Natural monotonicity: the step that is left, measured with the old Jacobian, must shrink. Unlike a sum of
+        # squares this does not depend on how the residuals are scaled against one another.
+        left = np.abs(np.einsum("nit,nt->ni", inverse, r_new)).max(axis=1)
+        better = left <= (1.0 - 0.25 * reach) * length
         kept = rows[better]
         poses[kept], r[kept], slope[kept], misfit[kept] = (a[better] for a in (trial, r_new, slope_new, misfit_new))
         iterations[rows] += 1
-        damping[rows] = np.clip(np.where(better, damping[rows] * 0.1, damping[rows] * 30.0), _DAMPING_MIN, None)
+        fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.35 * reach)
         # Nothing left to gain: a local least-squares solution, or the limit of arithmetic.
-        stalled[rows] = (damping[rows] > _DAMPING_MAX) | (better & (old - new < 1e-14 * old))
+        stalled[rows] = (fraction[rows] < _SMALLEST_FRACTION) | (length < _SMALLEST_STEP_MM)
     residual = equations.in_newtons(misfit)
     converged = residual <= tolerance
     reason = _reasons(equations, converged, stalled, misfit)
@@ -91,15 +98,12 @@ def settle(
     return poses, SettleReport(converged, iterations, residual, misfits, reason)
 
 
-def _step(r: Array, slope: Array, damping: Array) -> Array:
-    """-(JᵀJ + μ·diag)⁻¹ Jᵀ r for every row, shortened to the step limit; steps in comparable mm."""
+def _damped_inverse(slope: Array) -> Array:
+    """(JᵀJ + μ·I)⁻¹ Jᵀ of every row, μ just large enough for a singular J (two patches off, say)."""
     normal = np.einsum("nti,ntj->nij", slope, slope)
-    gradient = np.einsum("nti,nt->ni", slope, r)
-    size = np.einsum("nii->n", normal) / normal.shape[1] + 1e-12
-    normal += (damping * size)[:, None, None] * np.eye(normal.shape[1])
-    step = -np.linalg.solve(normal, gradient[..., None])[..., 0]
-    longest = np.abs(step).max(axis=1, keepdims=True)
-    return step * np.minimum(1.0, _STEP_LIMIT_MM / np.maximum(longest, 1e-300))
+    size = np.einsum("nii->n", normal) + 1e-12
+    normal += (_DAMPING * size)[:, None, None] * np.eye(normal.shape[1])
+    return np.linalg.solve(normal, np.swapaxes(slope, 1, 2))
 
 
 def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray, misfit: Array) -> np.ndarray:
