@@ -7,10 +7,19 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array, as_poses, load_selection, pose_index
+from casadi_contact.conventions import (
+    WRENCH_NAMES,
+    Array,
+    angular_velocity_map,
+    as_poses,
+    load_selection,
+    pose_index,
+    rotation,
+)
 from casadi_contact.scenes import Scene
 
 _NORMAL = WRENCH_NAMES.index("Fy")
+_BISECTIONS = 12
 
 
 class ContactModel(Protocol):
@@ -43,9 +52,9 @@ def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[
 class CallableModel:
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
-    Derivatives are central differences (steps in mm and rad). Where a patch carries no load nothing is known of
-    its gap: the root load is then -gap_slope·approach_mm, falling along the scene's first sensitive pose
-    parameter, so that a solver approaches in steps of approach_mm until it finds contact.
+    Derivatives are central differences (steps in mm and rad). The user's function knows no gaps, so where a patch
+    carries no load its gap is found by moving down the scene's first sensitive pose parameter until the patch
+    loads: in steps of approach_mm as far as reach_mm, then by bisection.
     """
 
     def __init__(
@@ -56,6 +65,7 @@ class CallableModel:
         step_mm: float = 1e-4,
         step_rad: float = 1e-5,
         approach_mm: float = 0.25,
+        reach_mm: float = 15.0,
     ) -> None:
         self.scene = scene
         self.load_names = scene.load_names
@@ -63,6 +73,7 @@ class CallableModel:
         self._wrenches = wrenches
         self._steps = np.repeat([step_mm, step_rad], 3)
         self._approach_mm = approach_mm
+        self._reach_mm = reach_mm
         self._selection = load_selection(self.load_names, self.patch_names)
 
     def wrenches(self, poses: Array) -> Array:
@@ -89,12 +100,44 @@ class CallableModel:
         poses = as_poses(poses)
         return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
 
+    def gaps(self, poses: Array) -> Array:
+        """Travel (n, patches) [mm] until each patch loads: 0 in contact, reach_mm where it does not load within reach."""
+        poses = as_poses(poses)
+        axis = np.eye(6)[pose_index(self.scene.sensitive_pose[0])]
+
+        def loaded(travel: Array) -> np.ndarray:
+            return np.stack(
+                [self.wrenches(poses - d[:, None] * axis)[:, p, _NORMAL] < 0.0 for p, d in enumerate(travel.T)], axis=1
+            )
+
+        far = np.zeros((len(poses), len(self.patch_names)))
+        touching = loaded(far)
+        while not (touching | (far >= self._reach_mm)).all():
+            far = np.where(touching, far, far + self._approach_mm)
+            touching = loaded(far)
+        near = np.maximum(far - self._approach_mm, 0.0)
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (near + far)
+            touching = loaded(middle)
+            near, far = np.where(touching, near, middle), np.where(touching, middle, far)
+        return far
+
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root loads; see the class for what stands in for an unknown gap."""
+        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""
         poses = as_poses(poses)
         normal = -self.wrenches(poses)[..., _NORMAL]
         s, slope = root_of_normal(normal, -self._wrench_slopes(poses)[..., _NORMAL, :], self.scene.reference_load)
-        free = normal <= 0.0
-        away = np.zeros(6)
-        away[pose_index(self.scene.sensitive_pose[0])] = -self.scene.gap_slope
-        return np.where(free, -self.scene.gap_slope * self._approach_mm, s), np.where(free[..., None], away, slope)
+        rows = np.flatnonzero((normal <= 0.0).any(axis=1))
+        if len(rows):
+            free = normal[rows] <= 0.0
+            by_travel = np.zeros((*free.shape, 6))
+            by_travel[..., pose_index(self.scene.sensitive_pose[0])] = -self.scene.gap_slope
+            for p, anchor in enumerate(self.scene.anchors_mm):
+                # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
+                turn = angular_velocity_map(poses[rows, 3:])
+                arm = np.einsum("nij,j->ni", rotation(poses[rows, 3:]), anchor)
+                lift = np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :])[..., 1]
+                by_travel[:, p, 3:] = -self.scene.gap_slope * lift
+            s[rows] = np.where(free, -self.scene.gap_slope * self.gaps(poses[rows]), s[rows])
+            slope[rows] = np.where(free[..., None], by_travel, slope[rows])
+        return s, slope

@@ -1,0 +1,206 @@
+"""The elastic foundation against closed-form forces, symmetry, invariance and finite differences."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+
+CASES = [  # scene, overrides, overlap [mm], vertical force [N] (closed form), pose ty at that overlap
+    ("sphere_on_plane", {}, 0.05, 63.0103),
+    ("sphere_on_plane", {}, 0.1, 251.9012),
+    ("sphere_on_plane", {}, 0.2, 1006.4840),
+    ("sphere_on_plane", {}, 0.5, 6269.5098),
+    ("sphere_on_plane", {"law": "log"}, 0.05, 63.1420),
+    ("sphere_on_plane", {"law": "log"}, 0.1, 252.9577),
+    ("sphere_on_plane", {"law": "log"}, 0.2, 1014.9826),
+    ("sphere_on_plane", {"law": "log"}, 0.5, 6404.5580),
+    ("sphere_in_dish", {}, 0.1, 749.0413),
+    ("sphere_in_dish", {}, 0.2, 2966.6461),
+    ("sphere_in_dish", {"dish_radius": 33.0}, 0.1, 2652.6872),
+    ("cylinder_on_plane", {}, 0.1, 873.4519),
+]
+
+
+def at(ty, **others):
+    pose = {"tx": 0.0, "ty": ty, "tz": 0.0, "rx": 0.0, "ry": 0.0, "rz": 0.0} | others
+    return np.array([list(pose.values())])
+
+
+@pytest.mark.parametrize(("name", "overrides", "overlap", "force"), CASES)
+def test_closed_form_forces_hold_to_a_thousandth(name, overrides, overlap, force):
+    scene = cc.load_scene(name, **overrides)
+    model = cc.ElasticFoundation(scene, grid=(400, 400))
+    fy = model(at(scene.geometry["radius"] - overlap))[0, model.load_names.index("Fy")]
+    assert fy == pytest.approx(-force, rel=1e-3)
+
+
+def test_force_errors_fall_as_the_square_of_the_element_size():
+    """A quadrature of a contact with a free edge has a ragged error: compare its RMS over many positions."""
+    scene = cc.load_scene("sphere_on_plane")
+    rng = np.random.default_rng(0)
+    poses = np.repeat(at(29.8), 60, axis=0)
+    poses[:, [0, 2]] = rng.uniform(-0.5, 0.5, (60, 2))
+    grids = np.array([40, 80, 160, 320])
+    errors = [np.sqrt(np.mean((cc.ElasticFoundation(scene, (n, n))(poses)[:, 1] + 1006.4840) ** 2)) for n in grids]
+    order = -np.polyfit(np.log(grids), np.log(errors), 1)[0]
+    assert 1.7 < order < 3.0
+
+
+@pytest.mark.parametrize("law", ["linear", "log"])
+def test_flat_punch_is_exact_on_any_grid(law):
+    scene = cc.load_scene("punch_on_plane", law=law, area=77.0)
+    K, h, d = 267.5728 * 8.0, 8.0, 0.3
+    expected = 77.0 * (K * d / h if law == "linear" else -K * np.log(1 - d / h))
+    loads = cc.ElasticFoundation(scene, grid=(3, 5))(at(-d))[0]
+    assert loads[1] == pytest.approx(-expected, rel=1e-6)
+    np.testing.assert_allclose(loads[[0, 2, 3, 4, 5]], 0.0, atol=1e-9)
+
+
+def test_no_overlap_gives_exactly_zero_and_the_gap():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
+    poses = np.vstack([at(30.0 + gap) for gap in (1e-6, 0.1, 7.0)])
+    assert not model(poses).any()
+    assert not model.jacobian(poses)[1].any()
+    np.testing.assert_allclose(model.gaps(poses)[:, 0], [1e-6, 0.1, 7.0], atol=2e-4)
+
+
+def test_doubling_the_overlap_of_a_sphere_gives_four_times_the_force():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (400, 400))
+    small, large = model(np.vstack([at(30.0 - 0.1), at(30.0 - 0.2)]))[:, 1]
+    assert large / small == pytest.approx(4.0, rel=2e-3)
+
+
+def test_resultant_of_a_sphere_in_a_dish_passes_through_the_dish_centre():
+    scene = cc.load_scene("sphere_in_dish")
+    model = cc.ElasticFoundation(scene)
+    wrench = model.wrenches(at(14.85, tx=0.4, tz=-0.7))[0, 0]
+    about_centre = wrench[3:] - np.cross([0.0, scene.geometry["dish_radius"], 0.0], wrench[:3])
+    assert np.linalg.norm(about_centre) < 1e-9 * np.linalg.norm(wrench[3:])
+
+
+def knee_poses(n, seed=0):
+    """Poses over the walking range, from lightly lifted to 0.3 mm deep."""
+    rng = np.random.default_rng(seed)
+    scene = cc.load_scene("knee")
+    poses = np.c_[
+        rng.uniform(-4, 6, n),
+        np.full(n, 28.0),
+        rng.uniform(-1, 1, n),
+        rng.uniform(-0.01, 0.01, n),
+        rng.uniform(-0.15, 0.1, n),
+        rng.uniform(-1.3, 0.2, n),
+    ]
+    targets = {"Fy_med": -rng.uniform(5, 1500, n), "Fy_lat": -rng.uniform(5, 1500, n)}
+    settled, report = cc.settle(cc.ElasticFoundation(scene), poses, ("ty", "rx"), targets)
+    assert report.converged.all()
+    settled[::5, 3] += 0.02
+    return scene, settled
+
+
+def test_medial_and_lateral_forces_sum_to_the_total():
+    scene, poses = knee_poses(20)
+    wrenches = cc.ElasticFoundation(scene).wrenches(poses)
+    loads = cc.ElasticFoundation(scene)(poses)
+    np.testing.assert_allclose(loads[:, 0] + loads[:, 1], wrenches[:, :, 1].sum(axis=1), rtol=1e-13)
+
+
+def test_a_mirrored_pose_on_a_mirrored_knee_mirrors_the_loads():
+    text = cc.load_scene("knee").to_toml()
+    left, right = (
+        cc.ElasticFoundation(
+            cc.scenes.Scene.from_toml(
+                text.replace("[geometry]", f"[geometry]\n{side} = {{ frontal_radius = 21.0, plateau_width = 30.0 }}")
+            )
+        )
+        for side in ("med", "lat")
+    )
+    _, poses = knee_poses(20)
+    mirror = np.array([1, 1, -1, -1, -1, 1])  # z -> -z: tz, rx and ry change sign
+    wrenches, mirrored = left.wrenches(poses), right.wrenches(poses * mirror)
+    np.testing.assert_allclose(mirrored[:, ::-1], wrenches * [1, 1, -1, -1, -1, 1], atol=1e-6)
+
+
+def test_moving_both_bodies_together_leaves_loads_in_the_fixed_frame():
+    """On a plane, sliding the moving body along the plane moves the wrench's point of attack only."""
+    model = cc.ElasticFoundation(cc.load_scene("punch_on_plane"))
+    here, there = model(np.vstack([at(-0.2), at(-0.2, tx=5.0, tz=-3.0, ry=0.4)]))
+    np.testing.assert_allclose(here, there, atol=1e-9)
+    sphere = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
+    shift = 24.0 / 200  # one element
+    a, b = sphere.wrenches(np.vstack([at(29.9), at(29.9, tx=shift)]))[:, 0]
+    np.testing.assert_allclose(b[:3], a[:3], rtol=1e-10, atol=1e-9)
+    np.testing.assert_allclose(b[3:], a[3:] + np.cross([shift, 0, 0], a[:3]), atol=1e-8)
+
+
+def test_turning_a_sphere_about_its_centre_changes_nothing():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
+    a, b = model(np.vstack([at(29.8), at(29.8, rx=0.3, ry=-1.0, rz=2.0)]))
+    np.testing.assert_allclose(a, b, atol=1e-7)
+
+
+def test_analytic_jacobian_agrees_with_differences():
+    """Loads of a fixed set of loaded elements are smooth: steps small enough not to load another one."""
+    scene, poses = knee_poses(40)
+    model = cc.ElasticFoundation(scene, (40, 20))
+    loads, jacobian = model.jacobian(poses)
+    np.testing.assert_allclose(loads, model(poses), rtol=1e-12, atol=1e-12)
+    h = 1e-7
+    steps = h * np.eye(6)
+    differences = np.stack([(model(poses + s) - model(poses - s)) / (2 * h) for s in steps], axis=-1)
+    scale = np.abs(jacobian).max(axis=(0, 2), keepdims=True)
+    off = np.abs(jacobian - differences) / scale
+    assert np.quantile(off, 0.99) < 1e-6
+    assert off.max() < 1e-2  # where a step did load another element
+
+
+def test_root_loads_are_continuous_through_liftoff_with_their_slopes():
+    scene, _ = knee_poses(1)
+    model = cc.ElasticFoundation(scene, (320, 160))
+    ty = np.linspace(27.2, 27.8, 121)
+    poses = np.repeat(at(0.0, rz=-0.6), len(ty), axis=0)
+    poses[:, 1] = ty
+    s, slope = model.root_loads(poses)
+    assert s[0, 0] > 0 > s[-1, 0]
+    assert np.all(np.diff(s[:, 0]) < 0)
+    loaded = s[:, 0] > 0.1
+    np.testing.assert_allclose(slope[loaded, 0, 1], np.gradient(s[:, 0], ty)[loaded], rtol=0.03)
+    assert np.all(slope[s[:, 0] < 0, 0, 1] < -0.9 * scene.gap_slope)
+
+
+def test_culling_never_changes_the_result(monkeypatch):
+    """Blocks of one element each bound nothing but themselves: the plain sum over all elements."""
+    import casadi_contact.geometry.elements as elements
+
+    scene, poses = knee_poses(40)
+    poses[::3, 1] -= 1.0
+    culled = cc.ElasticFoundation(scene, (40, 20)).wrenches(poses)
+    monkeypatch.setattr(elements, "BLOCK_SIDE", 1)
+    np.testing.assert_allclose(cc.ElasticFoundation(scene, (40, 20)).wrenches(poses), culled, rtol=1e-12, atol=1e-9)
+    monkeypatch.setattr(elements, "BLOCK_SIDE", 64)
+    np.testing.assert_allclose(cc.ElasticFoundation(scene, (40, 20)).wrenches(poses), culled, rtol=1e-12, atol=1e-9)
+
+
+def test_deep_poses_stay_finite_under_the_logarithmic_law():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane", law="log"))
+    forces = -model(np.vstack([at(30.0 - d) for d in (7.0, 7.9, 8.5, 12.0)]))[:, 1]
+    assert np.isfinite(forces).all()
+    assert np.all(np.diff(forces) > 0)
+
+
+def test_a_users_own_callable_is_a_contact_model():
+    scene = cc.load_scene("sphere_on_plane")
+    reference = cc.ElasticFoundation(scene)
+    model = cc.CallableModel(scene, reference.wrenches)
+    poses = at(29.83, tx=0.2)
+    np.testing.assert_allclose(model(poses), reference(poses))
+    np.testing.assert_allclose(model.jacobian(poses)[1], reference.jacobian(poses)[1], rtol=1e-2, atol=2.0)
+    settled, report = cc.settle(model, at(33.0), ("ty",), {"Fy": -500.0})
+    assert report.converged.all()
+    assert reference(settled)[0, 1] == pytest.approx(-500.0, abs=1e-3)
+    with pytest.raises(ValueError, match=r"returned wrenches of shape \(1, 6\), expected \(1, 1, 6\)"):
+        cc.CallableModel(scene, lambda p: np.zeros((len(p), 6)))(poses)
+
+
+def test_bad_grids_are_refused():
+    with pytest.raises(ValueError, match="two positive whole numbers"):
+        cc.ElasticFoundation(cc.load_scene("knee"), grid=(80, 0))

@@ -1,0 +1,72 @@
+"""Scenes: readable, checked, and the same after a round trip."""
+
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.scenes import Scene, ready_scenes
+
+
+@pytest.mark.parametrize("name", ready_scenes())
+def test_every_ready_scene_survives_its_own_text(name):
+    scene = cc.load_scene(name)
+    again = Scene.from_toml(scene.to_toml())
+    assert again == scene
+    assert again.digest == scene.digest
+
+
+def test_keywords_replace_single_parameters_and_change_the_digest():
+    scene = cc.load_scene("sphere_on_plane", radius=20.0, law="log", fine=(30, 20))
+    assert scene.geometry["radius"] == 20.0
+    assert scene.material.law == "log"
+    assert scene.grids["fine"] == (30, 20)
+    assert scene.digest != cc.load_scene("sphere_on_plane").digest
+
+
+def test_a_scene_file_can_be_copied_edited_and_loaded(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(cc.load_scene("knee").to_toml().replace("youngs_modulus = 463.0", "youngs_modulus = 700.0"))
+    assert cc.load_scene(path).material.youngs_modulus == 700.0
+
+
+def test_one_side_of_a_knee_can_have_its_own_values():
+    text = cc.load_scene("knee").to_toml()
+    own = "[geometry]\nmed = { frontal_radius = 21.0, condyle_offset = 24.0 }"
+    knee = Scene.from_toml(text.replace("[geometry]", own))
+    assert knee.geometry_of("med")["frontal_radius"] == 21.0
+    assert knee.geometry_of("lat")["frontal_radius"] == 22.0
+    assert knee.anchors_mm[:, 2].tolist() == [24.0, -22.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "said"),
+    [
+        ("kneee", {}, "unknown scene 'kneee', expected one of .*knee"),
+        ("knee", {"radius": 3.0}, "unknown parameter 'radius'"),
+        ("knee", {"law": "cubic"}, "material.law = 'cubic', expected linear or log"),
+        ("knee", {"poissons_ratio": 0.5}, "material.poissons_ratio = 0.5"),
+        ("knee", {"youngs_modulus": "stiff"}, "material.youngs_modulus = 'stiff', expected a finite number"),
+        ("knee", {"thickness": float("nan")}, "material.thickness = nan"),
+        ("knee", {"fine": (0, 40)}, "grids.fine"),
+        ("knee", {"dish_frontal_radius": 20.0}, "geometry.dish_frontal_radius"),
+        ("knee", {"sagittal_radii": [30.0]}, "geometry.sagittal_junctions_deg"),
+        ("knee", {"sensitive": ["Fq"]}, "unknown load 'Fq'"),
+        ("sphere_in_dish", {"dish_radius": 20.0}, "geometry.dish_radius"),
+    ],
+)
+def test_bad_scenes_are_refused_with_the_key(name, overrides, said):
+    with pytest.raises(ValueError, match=said):
+        cc.load_scene(name, **overrides)
+
+
+def test_unknown_keys_newer_formats_and_text_that_is_no_toml_are_refused(tmp_path):
+    text = cc.load_scene("knee").to_toml()
+    with pytest.raises(ValueError, match=r"unknown key material\.colour"):
+        Scene.from_toml(text.replace("[material]", "[material]\ncolour = 1"))
+    with pytest.raises(ValueError, match=r"unknown key geometry\.med\.wheel"):
+        Scene.from_toml(text.replace("[geometry]", "[geometry]\nmed = { wheel = 1.0 }"))
+    with pytest.raises(ValueError, match="format = 9"):
+        Scene.from_toml(text.replace("format = 1", "format = 9"))
+    with pytest.raises(ValueError, match="not valid TOML"):
+        Scene.from_toml("format = = 1")
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        cc.load_scene(tmp_path / "none.toml")

@@ -1,0 +1,104 @@
+"""Static analyses: equilibrium is found from far away, honestly reported, and the same by either way (§2.4)."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from tests.contact.test_elastic_foundation import at
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.ElasticFoundation(cc.load_scene("knee"), (40, 20))
+
+
+def walking(n, seed=3):
+    rng = np.random.default_rng(seed)
+    poses = np.c_[
+        rng.uniform(-3, 5, n),
+        np.full(n, 27.8),
+        rng.uniform(-0.5, 0.5, n),
+        rng.uniform(-0.02, 0.02, n),
+        rng.uniform(-0.1, 0.1, n),
+        rng.uniform(-1.2, 0.15, n),
+    ]
+    return poses, {"Fy_med": -rng.uniform(30, 1500, n), "Fy_lat": -rng.uniform(30, 1500, n)}
+
+
+@pytest.mark.parametrize("lift_mm", [-2.0, 0.5, 3.0, 10.0])
+def test_wanted_forces_are_found_from_out_of_contact_and_from_too_deep(knee, lift_mm):
+    poses, targets = walking(60)
+    poses[:, 1] += lift_mm
+    settled, report = cc.settle(knee, poses, free=("ty", "rx"), targets=targets)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(knee(settled)[:, :2], np.column_stack(list(targets.values())), atol=1e-4)
+    locked = [0, 2, 4, 5]
+    np.testing.assert_array_equal(settled[:, locked], poses[:, locked])
+
+
+def test_four_free_parameters_meet_forces_and_centre_of_pressure(knee):
+    poses, targets = walking(40)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    names = ("Fy_med", "Fy_lat", "Tx", "Tz")
+    wanted = dict(zip(names, knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    start = truth.copy()
+    start[:, [0, 2]] = 0.0
+    start[:, 1] += 1.0
+    found, report = cc.settle(knee, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.mean() >= 0.95, report.reason
+    np.testing.assert_allclose(found[report.converged], truth[report.converged], atol=1e-3)
+
+
+def test_a_pulling_target_is_reported_not_hidden(knee):
+    poses, targets = walking(4)
+    targets["Fy_lat"][2] = 50.0
+    _, report = cc.settle(knee, poses, ("ty", "rx"), targets)
+    assert report.converged.tolist() == [True, True, False, True]
+    assert report.reason[2].startswith("no equilibrium: a wanted load pulls")
+    assert report.residual[2] > 1.0
+    assert "3 of 4" in str(report)
+
+
+def test_an_unreachable_load_ends_at_the_nearest_pose_with_a_reason():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
+    _, report = cc.settle(model, at(29.9), ("ty",), {"Fx": -100.0})  # a plane without friction carries no Fx
+    assert not report.converged[0]
+    assert "Fx is off by 100" in report.reason[0]
+
+
+def test_damped_dynamics_finds_the_same_equilibrium(knee):
+    poses, targets = walking(3)
+    newton, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    rest, report = cc.relax(knee, poses, ("ty", "rx"), targets)
+    assert report.converged.all(), report.reason
+    assert np.abs(knee(rest) - knee(newton))[:, :2].max() < 1e-3
+
+
+@pytest.mark.parametrize("method", ["BDF", "Radau"])
+def test_damped_dynamics_falls_into_contact(method):
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (50, 50))
+    rest, report = cc.relax(model, at(33.0), ("ty",), {"Fy": -400.0}, method=method)
+    assert report.converged[0]
+    assert model(rest)[0, 1] == pytest.approx(-400.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("free", "targets", "said"),
+    [
+        (("ty", "ty"), {"Fy_med": -1.0}, "each named once"),
+        (("up",), {"Fy_med": -1.0}, "unknown pose parameter 'up'"),
+        (("ty",), {}, "targets is empty"),
+        (("ty",), {"Fy": -1.0}, "unknown target 'Fy', expected one of Fy_med"),
+        (("ty",), {"Fy_med": np.nan}, "NaN"),
+        (("ty",), {"Fy_med": np.zeros(3)}, r"shape \(3,\), expected a number or \(4,\)"),
+    ],
+)
+def test_bad_requests_are_refused(knee, free, targets, said):
+    with pytest.raises(ValueError, match=said):
+        cc.settle(knee, walking(4)[0], free, targets)
+
+
+def test_no_poses_give_no_poses(knee):
+    settled, report = cc.settle(knee, np.zeros((0, 6)), ("ty",), {"Fy_med": -1.0})
+    assert settled.shape == (0, 6)
+    assert str(report) == "no poses"
