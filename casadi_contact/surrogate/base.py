@@ -1,0 +1,179 @@
+"""What both surrogate structures share: named networks, CasADi functions, file and description."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import casadi as ca
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import Array
+from casadi_contact.network import Network
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.file import Content, write_file
+from casadi_contact.surrogate.info import SurrogateInfo, describe
+from casadi_contact.transcription import export_c, function_with_derivatives
+from casadi_contact.transcription.expressions import Expressions
+
+
+class Surrogate(ABC):
+    """Networks and the scene they were trained for.
+
+    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values.
+    ``load_names`` are the scene's loads that the given networks are enough for.
+    """
+
+    structure: ClassVar[str]
+
+    def __init__(self, scene: Scene, networks: Mapping[str, Network], record: Mapping[str, Any] | None = None) -> None:
+        self.scene = scene
+        self.networks = dict(networks)
+        self.record = dict(record or {})
+        self.patch_names = scene.patch_names
+        known = self.network_inputs(scene)
+        for name, network in self.networks.items():
+            if name not in known:
+                raise ValueError(
+                    f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
+                    f"expected one of {', '.join(known)}"
+                )
+            if len(network.input_shift) != known[name]:
+                raise ValueError(f"network {name!r} has {len(network.input_shift)} inputs, expected {known[name]}")
+        self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
+        if not self.load_names:
+            raise ValueError(
+                f"networks {', '.join(networks) or '(none)'} are not enough for any load of scene "
+                f"{scene.name!r}, expected some of {', '.join(known)}"
+            )
+
+    @classmethod
+    @abstractmethod
+    def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        """Every network this structure can have for a scene, with its number of inputs."""
+
+    @abstractmethod
+    def needed_networks(self, loads: Sequence[str]) -> list[str]:
+        """Names of the networks that the loads need; raises ValueError for an unknown load."""
+
+    @abstractmethod
+    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
+        """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6)."""
+
+    @abstractmethod
+    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6): ``load_names``, or the loads asked for."""
+
+    @abstractmethod
+    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
+        """Signed root loads s (n, P), s = √(N/N0) in contact and negative outside, and ds/dpose (n, P, 6)."""
+
+    @abstractmethod
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions: ...
+
+    @abstractmethod
+    def _root_networks(self) -> list[str]: ...
+
+    @classmethod
+    def assemble(
+        cls, scene: Scene, networks: Mapping[str, Network], record: Mapping[str, Any] | None = None
+    ) -> Surrogate:
+        """Put trained networks together; the same as calling the class."""
+        return cls(scene, networks, record)
+
+    def _missing(self, loads: Sequence[str]) -> list[str]:
+        return [name for name in self.needed_networks(loads) if name not in self.networks]
+
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all of ``load_names``); ValueError where one is unknown or lacks a network."""
+        if loads is None:
+            return self.load_names
+        if isinstance(loads, str):
+            loads = (loads,)
+        names = tuple(loads)
+        if not names:
+            raise ValueError(f"no loads asked for, expected some of {', '.join(self.load_names)}")
+        for name in names:
+            missing = self._missing([name])
+            if missing:
+                raise ValueError(
+                    f"load {name!r} needs the network {', '.join(missing)} that this surrogate lacks, "
+                    f"it gives {', '.join(self.load_names)}"
+                )
+        return names
+
+    def _check_roots(self) -> None:
+        missing = [name for name in self._root_networks() if name not in self.networks]
+        if missing:
+            raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
+
+    def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads") -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), with exact, explicit first and second derivatives.
+
+        Only the networks that the loads need are in the graph. Works in ``map`` and in nlpsol.
+        """
+        pose = ca.MX.sym("pose", 6)
+        return function_with_derivatives(name, pose, self._outputs(pose, self.check_loads(loads), ("loads",)))
+
+    def root_function(self, name: str = "contact_roots") -> ca.Function:
+        """casadi.Function pose (6) -> signed root load of every patch (P), with exact derivatives."""
+        self._check_roots()
+        pose = ca.MX.sym("pose", 6)
+        return function_with_derivatives(name, pose, self._outputs(pose, (), ("roots",)))
+
+    def load_and_root_function(
+        self, loads: Iterable[str] | None = None, name: str = "contact_loads_and_roots"
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
+        names = self.check_loads(loads)
+        self._check_roots()
+        pose = ca.MX.sym("pose", 6)
+        return function_with_derivatives(name, pose, self._outputs(pose, names, ("loads", "roots")))
+
+    def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
+        pose = ca.MX.sym("pose", 6)
+        both = self._expressions(pose, self.check_loads(loads), 1).loads
+        inputs: list[Any] = [pose]
+        return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
+
+    def _outputs(
+        self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
+    ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
+        """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
+        graphs = [self._expressions(pose, loads, order) for order in range(3)]
+        outputs = {}
+        for key in wanted:
+            value, jacobian, second = (getattr(graph, key) for graph in graphs)
+            outputs[key] = (value.value, jacobian.jacobian, second.second)
+        return outputs
+
+    def export_c(
+        self,
+        folder: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        example_pose: Sequence[float] = (0.0,) * 6,
+    ) -> list[Path]:
+        """Write C source and header for loads and Jacobian, an example and a Makefile into folder; return paths."""
+        names = self.check_loads(loads)
+        name = name or f"{self.scene.name}_contact"
+        return export_c(
+            self.function(names),
+            self.jacobian_function(names),
+            folder,
+            name=name,
+            load_names=names,
+            example_pose=example_pose,
+            description=f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
+        )
+
+    def info(self) -> SurrogateInfo:
+        """What this surrogate is, what it was trained on and how wrong it is; print it."""
+        return describe(self.structure, self.scene, self.load_names, self.networks, self.record)
+
+    def save(self, path: str | Path) -> None:
+        """Write an HDF5 file that `load_surrogate` reads; raises OSError where it cannot be written."""
+        write_file(path, Content(self.structure, self.scene, self.networks, self.record))

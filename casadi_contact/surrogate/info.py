@@ -1,0 +1,99 @@
+"""What a surrogate says about itself.
+
+The record is plain JSON data that travels in the surrogate's file. These keys are known here and printed as tables;
+all others are kept and printed as they are:
+
+    samples          {"D1": 21600, ...}                             samples trained on, per domain
+    training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
+    test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
+    command, versions, seconds, seed, ...                           how it was made
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from casadi_contact.conventions import load_unit
+from casadi_contact.network import Network
+from casadi_contact.scenes.scene import Scene
+
+_TABLES = ("samples", "training_errors", "test_errors")
+
+
+@dataclass(frozen=True)
+class NetworkInfo:
+    """Size of one network."""
+
+    hidden: tuple[int, ...]
+    activation: str
+    parameters: int
+
+
+@dataclass(frozen=True)
+class SurrogateInfo:
+    """Structure, scene, networks, samples and errors of a surrogate; ``print`` it."""
+
+    structure: str
+    scene: str
+    scene_digest: str
+    loads: tuple[str, ...]
+    networks: Mapping[str, NetworkInfo]
+    record: Mapping[str, Any]
+
+    @property
+    def samples(self) -> Mapping[str, int]:
+        """Samples trained on, per domain."""
+        return self.record.get("samples", {})
+
+    @property
+    def training_errors(self) -> Mapping[str, float]:
+        """Root mean square error of each network's fit, N or N·mm."""
+        return self.record.get("training_errors", {})
+
+    @property
+    def test_errors(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+        """Per domain and load: ``rms`` and ``max`` on held-back samples, N or N·mm."""
+        return self.record.get("test_errors", {})
+
+    def __str__(self) -> str:
+        parameters = sum(network.parameters for network in self.networks.values())
+        lines = [
+            f"{self.structure} surrogate of scene {self.scene} ({self.scene_digest[:12]})",
+            f"loads: {', '.join(f'{load} [{load_unit(load)}]' for load in self.loads)}",
+            f"networks: {len(self.networks)}, {parameters} parameters",
+        ]
+        for name, network in self.networks.items():
+            size = "-".join(str(n) for n in network.hidden)
+            error = self.training_errors.get(name)
+            fit = "" if error is None else f"  fit {error:.3g}"
+            lines.append(f"  {name:<16} {size:<12} {network.activation}{fit}")
+        if self.samples:
+            counts = ", ".join(f"{domain} {count}" for domain, count in self.samples.items())
+            lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
+        else:
+            lines.append("trained on: not recorded")
+        lines += self._test_lines()
+        lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
+        return "\n".join(lines)
+
+    def _test_lines(self) -> list[str]:
+        if not self.test_errors:
+            return ["test errors: not recorded"]
+        loads = list(next(iter(self.test_errors.values())))
+        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>16}" for load in loads)]
+        for domain, errors in self.test_errors.items():
+            cells = [
+                f"{errors[load]['rms']:.3g} / {errors[load]['max']:.3g}" if load in errors else "-" for load in loads
+            ]
+            lines.append(f"  {domain:<7}" + "".join(f"{cell:>16}" for cell in cells))
+        return lines
+
+
+def describe(
+    structure: str, scene: Scene, loads: tuple[str, ...], networks: Mapping[str, Network], record: Mapping[str, Any]
+) -> SurrogateInfo:
+    """Collect a surrogate's description."""
+    sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
+    return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)

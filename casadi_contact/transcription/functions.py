@@ -1,0 +1,105 @@
+"""CasADi functions that carry their own Jacobian, on disk and in memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+RESERVED_NAMES = ("jac", "hess", "null")
+
+
+def check_name(name: str) -> str:
+    """A name that CasADi and C accept; raises ValueError otherwise."""
+    if not ca.Function.check_name(name) or name in RESERVED_NAMES:
+        raise ValueError(f"function name {name!r} is not usable, expected letters, digits and single underscores")
+    return name
+
+
+def _empty(name: str, like: ca.MX) -> ca.MX:
+    """CasADi hands a Jacobian also the outputs it belongs to; they are not needed here, so they hold no entries."""
+    return ca.MX.sym(name, ca.Sparsity(*like.shape))
+
+
+def _attached(jacobian: ca.Function) -> dict[str, Any]:
+    """Options that make CasADi use a Jacobian for every derivative; never inlined, so that it stays attached."""
+    return {
+        "custom_jacobian": jacobian,
+        "jac_penalty": 0,
+        "enable_forward": False,
+        "enable_reverse": False,
+        "never_inline": True,
+    }
+
+
+def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tuple[ca.MX, ca.MX, ca.MX]]) -> ca.Function:
+    """Function pose (6) -> outputs that carries its Jacobian, which in turn carries its own.
+
+    outputs gives by name value (m), Jacobian (m x 6) and second derivatives (m x 36, see `Output`), best as three
+    graphs that share nothing that is not needed. Every derivative CasADi asks for, forward or reverse, through
+    ``map`` and in nlpsol, is then a product with one of them: no seeds are pushed through the networks.
+    """
+    check_name(name)
+    outs: list[Any] = [_empty(f"out_{key}", value) for key, (value, _, _) in outputs.items()]
+    jac_outs: list[Any] = [_empty(f"out_jac_{key}", jacobian) for key, (_, jacobian, _) in outputs.items()]
+    out_names = [f"out_{key}" for key in outputs]
+    jac_names = [f"jac_{key}_pose" for key in outputs]
+
+    # Jacobian of the Jacobian: a row for each entry of its stacked columns. With (m x 36) stacked by columns of
+    # 6 x 6 blocks, that is a relabelling. It does not depend on the empty outputs.
+    seconds, second_names = [], []
+    for jac_name, (_, jacobian, second) in zip(jac_names, outputs.values(), strict=True):
+        seconds.append(ca.reshape(second, jacobian.numel(), 6))
+        second_names.append(f"jac_{jac_name}_pose")
+        for out, out_name in zip(outs, out_names, strict=True):
+            seconds.append(ca.MX(jacobian.numel(), out.numel()))
+            second_names.append(f"jac_{jac_name}_{out_name}")
+    second_function = ca.Function(
+        f"jac_jac_{name}",
+        [pose, *outs, *jac_outs],
+        seconds,
+        ["pose", *out_names, *(f"out_{jac_name}" for jac_name in jac_names)],
+        second_names,
+    )
+    jacobian_function = ca.Function(
+        f"jac_{name}",
+        [pose, *outs],
+        [jacobian for _, jacobian, _ in outputs.values()],
+        ["pose", *out_names],
+        jac_names,
+        _attached(second_function),
+    )
+    values: list[Any] = [value for value, _, _ in outputs.values()]
+    return ca.Function(name, [pose], values, ["pose"], list(outputs), _attached(jacobian_function))
+
+
+def save_function(function: ca.Function, path: str | Path) -> None:
+    """Write a ``.casadi`` file that `load_function` (or casadi.Function.load) reads, derivatives included."""
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        function.save(str(beside))
+        os.replace(beside, path)
+    except (RuntimeError, OSError) as error:
+        raise OSError(f"cannot write {path}: {str(error).splitlines()[-1]}") from None
+    finally:
+        with suppress(OSError):
+            beside.unlink()
+
+
+def load_function(path: str | Path) -> ca.Function:
+    """Read a ``.casadi`` file; FileNotFoundError if there is none, ValueError if it is not a CasADi function."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"CasADi file {path} does not exist")
+    try:
+        return ca.Function.load(str(path))
+    except Exception:  # CasADi raises bare errors of several kinds for foreign or damaged bytes
+        raise ValueError(
+            f"{path} is not a CasADi function that CasADi {ca.CasadiMeta.version()} can read, "
+            "expected a file written by save_function with this or an older version"
+        ) from None
