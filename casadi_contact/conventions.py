@@ -52,7 +52,9 @@ def as_poses(poses: ArrayLike) -> Array:
     finite = np.isfinite(array)
     if not finite.all():
         row, column = np.argwhere(~finite)[0]
-        raise ValueError(f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite numbers")
+        raise ValueError(
+            f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite numbers"
+        )
     return array
 
 

@@ -58,5 +58,5 @@ def test_named_loads_pick_a_patch_or_the_sum():
     np.testing.assert_array_equal(loads[:, 0], wrenches[:, 0, 1])
     np.testing.assert_array_equal(loads[:, 0] + loads[:, 1], loads[:, 2])
     np.testing.assert_array_equal(loads[:, 3], wrenches[:, :, 5].sum(axis=1))
-    with pytest.raises(ValueError, match="unknown load 'Fy_medial'.*Fy_med"):
+    with pytest.raises(ValueError, match=r"unknown load 'Fy_medial'.*Fy_med"):
         load_selection(("Fy_medial",), ("med", "lat"))

@@ -101,7 +101,7 @@ class CallableModel:
         return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
 
     def gaps(self, poses: Array) -> Array:
-        """Travel (n, patches) [mm] until each patch loads: 0 in contact, reach_mm where it does not load within reach."""
+        """Travel (n, patches) [mm] until each patch loads: 0 in contact, reach_mm where it does not within reach."""
         poses = as_poses(poses)
         axis = np.eye(6)[pose_index(self.scene.sensitive_pose[0])]
 

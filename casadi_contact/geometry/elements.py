@@ -7,6 +7,7 @@ square blocks with a bounding box each, for the elastic foundation's culling.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +68,7 @@ def _blocks(centres: Array, normals: Array, areas: Array) -> ElementGrid:
             starts.append(starts[-1] + order[-1].size)
     flat = np.concatenate(order)
     centres, normals, areas = centres.reshape(-1, 3)[flat], normals.reshape(-1, 3)[flat], areas.ravel()[flat]
-    spans = list(zip(starts[:-1], starts[1:], strict=True))
+    spans = list(itertools.pairwise(starts))
     low = np.array([centres[a:b].min(axis=0) for a, b in spans])
     high = np.array([centres[a:b].max(axis=0) for a, b in spans])
     starts_array = np.array(starts, dtype=np.int64)

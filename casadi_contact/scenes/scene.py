@@ -7,6 +7,7 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 import tomllib
 from collections.abc import Mapping
@@ -261,7 +262,7 @@ def _check_knee_side(side: str, values: Mapping[str, Any]) -> None:
             raise _fail(f"geometry.{key}", listed, "a list of numbers")
         for value in listed:
             _number(f"geometry.{key}", value, low=-60.0 if key.endswith("deg") else 0.0, high=180.0)
-    if len(junctions) != len(radii) - 1 or any(a >= b for a, b in zip(junctions, junctions[1:], strict=False)):
+    if len(junctions) != len(radii) - 1 or any(a >= b for a, b in itertools.pairwise(junctions)):
         raise _fail("geometry.sagittal_junctions_deg", junctions, f"{len(radii) - 1} rising angles between the arcs")
     for key in SHAPE_PARAMETERS["knee"][2:]:
         _number(f"geometry.{key}", values[key], low=0.0)

@@ -29,9 +29,7 @@ class Equilibrium:
     wanted: Array
 
     @classmethod
-    def of(
-        cls, model: ContactModel, count: int, free: Sequence[str], targets: Mapping[str, ArrayLike]
-    ) -> Equilibrium:
+    def of(cls, model: ContactModel, count: int, free: Sequence[str], targets: Mapping[str, ArrayLike]) -> Equilibrium:
         """Check names and shapes; raises ValueError for unknown or repeated names and for targets not finite."""
         if not free or len(set(free)) != len(free):
             raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
@@ -58,7 +56,7 @@ class Equilibrium:
     def pulls(self) -> np.ndarray:
         """True (n,) where a wanted load of a patch's sensitive direction would pull, which no contact can."""
         columns = [column for column, patch in enumerate(self._patch_of) if patch is not None]
-        return (self.wanted[:, columns] > 0.0).any(axis=1)
+        return np.asarray((self.wanted[:, columns] > 0.0).any(axis=1))
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
         """Named loads minus wanted loads (rows, targets) [N, N·mm]."""

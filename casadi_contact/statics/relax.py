@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, rotation
-from casadi_contact.statics.equilibrium import LEVER_MM, Equilibrium, checked_start
+from casadi_contact.statics.equilibrium import Equilibrium, checked_start
 from casadi_contact.statics.settle import SettleReport
 
 _MASS = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations

@@ -1,0 +1,150 @@
+"""Samples of a contact model, and their HDF5 file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from casadi_contact.conventions import Array, load_selection
+from casadi_contact.scenes import Scene
+
+DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
+TRAIN, VALIDATION, TEST = 0, 1, 2
+ROLES = ("train", "validation", "test")
+
+FORMAT_NAME = "casadi_contact samples"
+FORMAT_VERSION = 1
+COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Poses and what the contact model says there (one row per sample).
+
+    poses (n, 6) [mm, rad]; wrenches (n, patches, 6) on the fixed body [N, N·mm]; gaps (n, patches) [mm], NaN where
+    the model knows none; domain (n,) 1..7 for D1..D7; role (n,) TRAIN, VALIDATION or TEST; provenance says what
+    made them (settings, versions, plan digest, dropped samples with the reasons).
+    """
+
+    scene: Scene
+    poses: Array
+    wrenches: Array
+    gaps: Array
+    domain: np.ndarray
+    role: np.ndarray
+    provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        count, patches = len(self.poses), len(self.scene.patch_names)
+        shapes = {"poses": (count, 6), "wrenches": (count, patches, 6), "gaps": (count, patches)}
+        for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
+        if count and not (self.domain.min() >= 1 and self.domain.max() <= len(DOMAINS)):
+            raise ValueError(f"samples: domain holds numbers outside 1..{len(DOMAINS)}")
+        if count and self.role.max() >= len(ROLES):
+            raise ValueError(f"samples: role holds numbers outside 0..{len(ROLES) - 1}")
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def loads(self, names: Sequence[str] | None = None) -> Array:
+        """Named loads (n, loads), the scene's if no names are given; raises ValueError for an unknown name."""
+        names = self.scene.load_names if names is None else names
+        return np.einsum("lpk,npk->nl", load_selection(names, self.scene.patch_names), self.wrenches)
+
+    def select(
+        self, domain: str | int | Sequence[str | int] | None = None, role: int | Sequence[int] | None = None
+    ) -> Samples:
+        """The samples of these domains ("D1" or 1) and roles (TRAIN, VALIDATION, TEST); None takes all."""
+        rows = np.ones(len(self), dtype=bool)
+        if domain is not None:
+            wanted = [domain] if isinstance(domain, str | int | np.integer) else list(domain)
+            rows &= np.isin(self.domain, [_domain_number(d) for d in wanted])
+        if role is not None:
+            rows &= np.isin(self.role, role)
+        return Samples(self.scene, **{name: getattr(self, name)[rows] for name in COLUMNS}, provenance=self.provenance)
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Number of samples by domain name and role name."""
+        return {
+            name: {r: int(((self.domain == d) & (self.role == k)).sum()) for k, r in enumerate(ROLES)}
+            for d, name in enumerate(DOMAINS, start=1)
+        }
+
+
+def _domain_number(domain: str | int) -> int:
+    number = DOMAINS.index(domain) + 1 if domain in DOMAINS else domain
+    if isinstance(number, str) or not 1 <= number <= len(DOMAINS):
+        raise ValueError(f"unknown domain {domain!r}, expected one of {', '.join(DOMAINS)}")
+    return int(number)
+
+
+def partial_folder(path: str | Path) -> Path:
+    """The folder beside a samples file that holds it while it is being drawn."""
+    return Path(path).with_name(Path(path).name + ".partial")
+
+
+def write_samples(path: str | Path, samples: Samples) -> None:
+    """Write samples to an HDF5 file, beside and renamed; the same samples give the same bytes."""
+    path = Path(path)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with h5py.File(beside, "w") as file:
+            file.attrs["format"] = FORMAT_NAME
+            file.attrs["format_version"] = FORMAT_VERSION
+            file.attrs["scene_toml"] = samples.scene.to_toml()
+            file.attrs["provenance"] = json.dumps(samples.provenance, sort_keys=True)
+            for name in COLUMNS:
+                column = getattr(samples, name)
+                # Checksums: a flipped bit is found when the file is read, not in a network's error.
+                file.create_dataset(name, data=column, fletcher32=column.size > 0, track_times=False)
+        os.replace(beside, path)
+    except OSError as error:
+        raise OSError(f"cannot write samples to {path}: {error}") from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def read_samples(path: str | Path) -> Samples:
+    """Read a samples file.
+
+    Raises FileNotFoundError if it does not exist or is not complete yet, ValueError if it is damaged, is something
+    else, or was written by a newer version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        if partial_folder(path).is_dir():
+            raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
+        raise FileNotFoundError(f"samples file {path} does not exist")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != FORMAT_NAME:
+                raise ValueError(f"{path} is not a samples file of casadi_contact")
+            version = int(file.attrs["format_version"])
+            if version > FORMAT_VERSION:
+                raise ValueError(
+                    f"{path} has samples format {version}, expected at most {FORMAT_VERSION}: update casadi_contact"
+                )
+            scene = Scene.from_toml(str(file.attrs["scene_toml"]))
+            provenance = json.loads(str(file.attrs["provenance"]))
+            columns = {name: file[name][()] for name in COLUMNS}
+    except (OSError, KeyError, RuntimeError, TypeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        foreign = not h5py.is_hdf5(path)
+        what = "is damaged or not an HDF5 file" if foreign else "is damaged"
+        raise ValueError(f"{path} {what} ({_one_line(error)}): draw the samples again") from None
+    try:
+        return Samples(scene, **columns, provenance=provenance)
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged ({error}): draw the samples again") from None
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,112 @@
+"""The paper's tables for a scene: domain errors, and speed and accuracy on unseen walking (Tables 2 to 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+import numba
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array, is_force
+from casadi_contact.dataset import DOMAINS, TEST, Samples
+from casadi_contact.evaluation.errors import LoadErrors, LoadModel, domain_errors, load_errors
+from casadi_contact.evaluation.machine import machine_record
+from casadi_contact.evaluation.timing import compare, time_batch, time_single_calls
+from casadi_contact.evaluation.walking import unseen_walking
+from casadi_contact.sampling import ReferenceMotion
+from casadi_contact.surrogate.base import Surrogate
+
+CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
+
+
+def _grid_text(grid: tuple[int, int]) -> str:
+    return f"{grid[0]}×{grid[1]}"
+
+
+def _summary(errors: LoadErrors) -> dict[str, float]:
+    """RMS over all forces and over all torques."""
+    kinds = {"force": [e["rms"] for n, e in errors.items() if is_force(n)]}
+    kinds["torque"] = [e["rms"] for n, e in errors.items() if not is_force(n)]
+    return {kind: float(np.sqrt(np.mean(np.square(values)))) if values else 0.0 for kind, values in kinds.items()}
+
+
+def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:
+    """Errors of EF grids and surrogates against the fine and the converged EF, and their time per pose, in one run.
+
+    All on one core: EF as one batch of poses (its cheapest form), surrogates by single buffered calls of their
+    CasADi function.
+    """
+    scene = next(iter(surrogates.values())).scene
+    teacher = scene.grids["teacher"]
+    converged_grid = (CONVERGED_REFINEMENT * teacher[0], CONVERGED_REFINEMENT * teacher[1])
+    converged = ElasticFoundation(scene, converged_grid)(poses)
+    foundations = {
+        f"EF {_grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")
+    }
+    fine = foundations[f"EF {_grid_text(scene.grids['fine'])}"](poses)
+    measurements: dict[str, Callable[[], float]] = {
+        name: partial(time_batch, model, poses) for name, model in foundations.items()
+    }
+    measurements |= {
+        name: partial(time_single_calls, surrogate.function(), poses) for name, surrogate in surrogates.items()
+    }
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        timings = compare(measurements)
+    finally:
+        numba.set_num_threads(threads)
+    rows: dict[str, Any] = {}
+    models: dict[str, LoadModel] = {**foundations, **surrogates}
+    models[f"EF {_grid_text(teacher)} (teacher)"] = ElasticFoundation(scene, teacher)
+    for name, model in models.items():
+        names, loads = model.load_names, model(poses)
+        columns = [scene.load_names.index(load) for load in names]
+        errors = load_errors(names, loads, converged[:, columns])
+        rows[name] = {
+            "timing": asdict(timings[name]) if name in timings else None,
+            "converged": _summary(errors),
+            "fine": _summary(load_errors(names, loads, fine[:, columns])),
+            "loads": errors,
+        }
+    return {
+        "poses": len(poses),
+        "fine": _grid_text(scene.grids["fine"]),
+        "converged": _grid_text(converged_grid),
+        "models": rows,
+    }
+
+
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion) -> dict[str, Any]:
+    """Everything `report.evaluation_tables` shows, as plain JSON data.
+
+    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
+    samples' teacher grid; the walking sequence as in `evaluate_walking`.
+    """
+    if not surrogates:
+        raise ValueError("no surrogate to evaluate, expected at least one")
+    scene = samples.scene
+    for name, surrogate in surrogates.items():
+        if surrogate.scene.digest != scene.digest:
+            raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
+    grids = {f"EF {_grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")}
+    models: dict[str, LoadModel] = {**grids, **surrogates}
+    test = samples.select(role=TEST)
+    walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
+    return {
+        "format": "casadi_contact evaluation",
+        "format_version": 1,
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "machine": machine_record(),
+        "loads": list(scene.load_names),
+        "teacher": _grid_text(scene.grids["teacher"]),
+        "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
+        "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
+        "walking": evaluate_walking(surrogates, walking),
+        "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
+    }

@@ -1,0 +1,62 @@
+"""Time per evaluation, measured several times in turn so that models are compared within one run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import Array
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Microseconds per pose: median, lowest and highest of the repeated measurements."""
+
+    median_us: float
+    low_us: float
+    high_us: float
+
+    @classmethod
+    def of(cls, seconds_per_pose: list[float]) -> Timing:
+        us = 1e6 * np.array(seconds_per_pose)
+        return cls(float(np.median(us)), float(us.min()), float(us.max()))
+
+
+def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
+    """Seconds per pose of one call with all poses."""
+    start = time.perf_counter()
+    evaluate(poses)
+    return (time.perf_counter() - start) / len(poses)
+
+
+def time_single_calls(function: ca.Function, poses: Array) -> float:
+    """Seconds per pose of a CasADi function pose -> outputs, called pose by pose through its buffer.
+
+    Includes the copy of each pose into the buffer, as a simulation would make it.
+    """
+    buffer, call = function.buffer()
+    pose = np.zeros(6)
+    outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
+    buffer.set_arg(0, memoryview(pose))  # type: ignore[call-arg, arg-type]
+    for i, output in enumerate(outputs):
+        buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.perf_counter()
+    for row in poses:
+        pose[:] = row
+        call()
+    return (time.perf_counter() - start) / len(poses)
+
+
+def compare(measurements: dict[str, Callable[[], float]], repeats: int = 7) -> dict[str, Timing]:
+    """Run each measurement (which returns seconds per pose) once to warm up, then all in turn, `repeats` times."""
+    for measure in measurements.values():
+        measure()
+    seconds: dict[str, list[float]] = {name: [] for name in measurements}
+    for _ in range(repeats):
+        for name, measure in measurements.items():
+            seconds[name].append(measure())
+    return {name: Timing.of(values) for name, values in seconds.items()}

@@ -1,0 +1,60 @@
+"""Tables for the terminal, drawn from result files only."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from casadi_contact.conventions import load_unit
+
+
+def read_evaluation(path: str | Path) -> dict[str, Any]:
+    """The content of an ``evaluation.json``; ValueError if it is something else."""
+    try:
+        content = json.loads(Path(path).read_text("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is not an evaluation file ({error})") from None
+    if not isinstance(content, dict) or content.get("format") != "casadi_contact evaluation":
+        raise ValueError(f"{path} is not an evaluation file, expected one written by casadi-contact evaluate")
+    return content
+
+
+def evaluation_tables(content: dict[str, Any]) -> list[Table]:
+    """The paper's Tables 2, 3 and 4 from an ``evaluation.json``."""
+    loads = content["loads"]
+    tables = []
+    for key, title in (("rms", "RMS error per domain (Table 2)"), ("max", "Largest error per domain (Table 3)")):
+        table = Table(title=f"{title}, unseen samples against EF {content['teacher']}")
+        for column in ("model", "domain", "samples"):
+            table.add_column(column)
+        for load in loads:
+            table.add_column(f"{load} [{load_unit(load)}]", justify="right")
+        for model, domains in content["domain_errors"].items():
+            for domain, errors in domains.items():
+                cells = [f"{errors[load][key]:.3g}" if load in errors else "-" for load in loads]
+                table.add_row(model, domain, str(content["test_samples"][domain]), *cells)
+            table.add_section()
+        tables.append(table)
+    walking = content["walking"]
+    table = Table(title=f"Speed and accuracy on {walking['poses']} unseen walking poses inside D1 (Table 4)")
+    table.add_column("model")
+    for column in (
+        "time [µs]",
+        "low-high",
+        "RMS force [N]",
+        "RMS torque [N·mm]",
+        f"against EF {walking['fine']}: force",
+        "torque",
+    ):
+        table.add_column(column, justify="right")
+    for model, row in walking["models"].items():
+        timing = row["timing"]
+        span = f"{timing['low_us']:.1f}-{timing['high_us']:.1f}" if timing else "-"
+        time = f"{timing['median_us']:.1f}" if timing else "-"
+        cells = [f"{row[against][kind]:.3g}" for against in ("converged", "fine") for kind in ("force", "torque")]
+        table.add_row(model, time, span, *cells)
+    tables.append(table)
+    return tables

@@ -1,0 +1,27 @@
+"""Sampling: envelopes, domains D1 to D7, and drawing samples of a contact model (§2.2-2.4, §3.3)."""
+
+from casadi_contact.sampling.chunk import plan_chunks
+from casadi_contact.sampling.domains import Block, plan_domains
+from casadi_contact.sampling.draw import draw_samples, elastic_foundations
+from casadi_contact.sampling.envelopes import Envelopes
+from casadi_contact.sampling.hammersley import hammersley
+from casadi_contact.sampling.reference import ReferenceMotion, ReferenceReport, reference_motion, reference_poses
+from casadi_contact.sampling.sample_point import SamplePoint
+from casadi_contact.sampling.settings import PAPER_COUNTS, SamplingSettings
+
+__all__ = [
+    "PAPER_COUNTS",
+    "Block",
+    "Envelopes",
+    "ReferenceMotion",
+    "ReferenceReport",
+    "SamplePoint",
+    "SamplingSettings",
+    "draw_samples",
+    "elastic_foundations",
+    "hammersley",
+    "plan_chunks",
+    "plan_domains",
+    "reference_motion",
+    "reference_poses",
+]

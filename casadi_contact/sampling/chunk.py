@@ -1,0 +1,134 @@
+"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid (§2.4, §3.3)."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.dataset import DOMAINS
+from casadi_contact.sampling.domains import plan_domains
+from casadi_contact.sampling.liftoff import lift_all, lift_one
+from casadi_contact.sampling.reference import ReferenceMotion
+from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.scenes import Scene
+from casadi_contact.statics import settle
+
+_PULL_N = 1e-9
+
+
+class WrenchModel(Protocol):
+    """What samples are evaluated on; a method gaps(poses) -> (n, patches) is used where there is one."""
+
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6)."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Static analyses of one domain to be made together: start poses (n, 6) with the pose inputs in place, wanted
+    loads by name (n,), role (n,); lifted as in `Block`."""
+
+    domain: int
+    lifted: int
+    free: tuple[str, ...]
+    starts: Array
+    loads: dict[str, Array]
+    role: np.ndarray
+
+
+@dataclass(frozen=True)
+class DrawnChunk:
+    """Samples of one chunk, as in `Samples`, and the number dropped for each reason."""
+
+    poses: Array
+    wrenches: Array
+    gaps: Array
+    domain: np.ndarray
+    role: np.ndarray
+    dropped: Mapping[str, int]
+
+
+def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
+    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses."""
+    chunks = []
+    point = motion.point
+    for block in plan_domains(motion.envelopes, scene.sensitive_loads, scene.boundary_load, settings):
+        starts = motion.starts(block.inputs)
+        for k in range(0, len(block.inputs), settings.chunk_size):
+            rows = slice(k, k + settings.chunk_size)
+            loads = {name: block.inputs[rows, point.inputs.index(name)] for name in point.load_inputs}
+            chunks.append(Chunk(block.domain, block.lifted, point.free, starts[rows], loads, block.role[rows]))
+    return chunks
+
+
+def plan_digest(chunks: list[Chunk]) -> str:
+    """SHA-256 of everything that is asked of the workers."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(repr((chunk.domain, chunk.lifted, chunk.free, sorted(chunk.loads))).encode())
+        for array in (chunk.starts, *(chunk.loads[name] for name in sorted(chunk.loads)), chunk.role):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def draw_chunk(
+    settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
+) -> DrawnChunk:
+    """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
+    dropped: Counter[str] = Counter()
+    tolerance = settings.settle_tolerance_n
+    poses, report = settle(settle_model, chunk.starts, chunk.free, chunk.loads, tolerance=tolerance)
+    _count(dropped, "not settled", report.reason)
+    kept = report.converged
+    poses, role = poses[kept], chunk.role[kept]
+    domain = DOMAINS[chunk.domain - 1]
+    steps = settings.liftoff_steps
+    if domain == "D4":
+        lifted_load = settle_model.scene.sensitive_loads[chunk.lifted]
+        held = {name: load[kept] for name, load in chunk.loads.items() if name != lifted_load}
+        lifted, reason = lift_one(
+            settle_model,
+            poses,
+            chunk.lifted,
+            chunk.free,
+            held,
+            liftoff_mm=settings.liftoff_mm,
+            steps=steps,
+            tolerance_n=tolerance,
+        )
+        _count(dropped, "not settled after liftoff", reason.ravel())
+        settled = reason.ravel() == ""
+        poses, role = lifted.reshape(-1, 6)[settled], np.repeat(role, steps)[settled]
+    elif domain == "D5":
+        poses = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps).reshape(-1, 6)
+        role = np.repeat(role, steps)
+    wrenches = teacher.wrenches(poses)
+    gaps = teacher.gaps(poses) if hasattr(teacher, "gaps") else np.full(wrenches.shape[:2], np.nan)
+    normal = wrenches[..., WRENCH_NAMES.index("Fy")]
+    pulls = (normal > _PULL_N).any(axis=1)
+    touching = np.asarray((wrenches != 0.0).any(axis=2))
+    lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
+    touches = touching[:, lifted_patches].any(axis=1) & ~pulls
+    dropped["pulls"] += int(pulls.sum())
+    dropped["touches though lifted off"] += int(touches.sum())
+    good = ~(pulls | touches)
+    return DrawnChunk(
+        poses[good],
+        wrenches[good],
+        gaps[good],
+        np.full(int(good.sum()), chunk.domain, dtype=np.uint8),
+        role[good],
+        {reason: count for reason, count in dropped.items() if count},
+    )
+
+
+def _count(dropped: Counter[str], stage: str, reasons: np.ndarray) -> None:
+    """Count failed static analyses by the kind of their reason (the part before its numbers)."""
+    dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)

@@ -1,0 +1,162 @@
+"""The seven domains as plans of sample-point inputs (§3.3, Table 1), deterministic for a seed.
+
+    D1, D2  per time frame: the 2^k vertices of the expanded envelope's box, filled up with Hammersley points
+    D3      one big box: Hammersley points
+    D4      one patch at the contact boundary, later lifted off in steps: Hammersley points
+    D5      all patches at the contact boundary, later lifted off in steps: Hammersley points
+    D6, D7  one patch, all patches at the contact boundary: Hammersley points
+
+No input pulls: compressive loads end at the contact boundary. With one patch, one patch out of contact is all
+patches out of contact: D4 and D6 are then empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION
+from casadi_contact.sampling.envelopes import Envelopes
+from casadi_contact.sampling.hammersley import hammersley
+from casadi_contact.sampling.settings import SamplingSettings
+
+_LEAST_ROWS = 10
+_FILLING, _VERTICES, _ROLES = 0, 1, 2  # streams of random numbers within one domain
+
+
+@dataclass(frozen=True)
+class Block:
+    """Inputs (n, inputs) of one domain; role (n,).
+
+    lifted: number of the patch at the contact boundary in D4 and D6, -1 elsewhere; each row of D4 and D5 becomes
+    `liftoff_steps` samples, which share its role.
+    """
+
+    domain: int
+    lifted: int
+    inputs: Array
+    role: np.ndarray
+
+
+def plan_domains(
+    envelopes: Envelopes, sensitive_loads: Sequence[str], boundary_load: float, settings: SamplingSettings
+) -> list[Block]:
+    """The inputs of all domains, in domain order.
+
+    sensitive_loads: the compressive load of each patch, in patch order; boundary_load: compression [N] at the contact
+    boundary. Raises ValueError where D4 to D7 are wanted and a sensitive load is no input.
+    """
+    fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
+    tight = envelopes.expanded(settings.d1_fraction, settings.d1_offset, fixed[0])
+    loose = envelopes.expanded(settings.d2_fraction, settings.d2_offset, fixed[1])
+    box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
+    box = box.pushing(sensitive_loads, boundary_load)
+    patches = len(sensitive_loads)
+    missing = [name for name in sensitive_loads if name not in envelopes.names]
+    blocks = []
+    for domain, name in enumerate(DOMAINS, start=1):
+        count = _scaled(name, settings)
+        if not count:
+            continue
+        if domain >= 4 and missing:
+            raise ValueError(f"{name} needs {', '.join(missing)} as an input, expected it there or counts.{name} = 0")
+        if domain in (1, 2):
+            boxes = (tight if domain == 1 else loose).pushing(sensitive_loads, boundary_load)
+            parts = [(-1, _clustered(boxes, domain, count, settings))]
+        elif domain == 3:
+            parts = [(-1, _fill(box, [], count, None))]
+        elif domain in (4, 6):
+            parts = []
+            for p, n in enumerate(_shares(count, patches) if patches > 1 else ()):
+                shift = _rng(settings, domain, _FILLING, p).random(len(envelopes.names))
+                parts.append((p, _at_boundary(box, [sensitive_loads[p]], int(n), shift, boundary_load)))
+        else:
+            shift = _rng(settings, domain, _FILLING, 0).random(len(envelopes.names))
+            parts = [(-1, _at_boundary(box, sensitive_loads, count, shift, boundary_load))]
+        roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
+        for lifted, inputs in parts:
+            blocks.append(Block(domain, lifted, inputs, roles[: len(inputs)]))
+            roles = roles[len(inputs) :]
+    return blocks
+
+
+def _rng(settings: SamplingSettings, *stream: int) -> np.random.Generator:
+    return np.random.default_rng([settings.seed, *stream])
+
+
+def _scaled(name: str, settings: SamplingSettings) -> int:
+    """Rows of a domain's plan: its count times the scale, over liftoff_steps in D4 and D5, whose rows give as many.
+
+    A small scale leaves at least 10 rows (or all), so that every domain can still be tested.
+    """
+    per_row = settings.liftoff_steps if name in ("D4", "D5") else 1
+    rows = settings.counts[name] / per_row
+    return max(round(rows * settings.scale), min(_LEAST_ROWS, round(rows)), int(rows > 0))
+
+
+def _shares(total: int, parts: int) -> np.ndarray:
+    """total spread over parts as evenly as whole numbers allow."""
+    return np.diff(np.arange(parts + 1) * total // parts)
+
+
+def _vertices(lower: Array, upper: Array) -> Array:
+    """The 2^k vertices of a box with bounds (k,)."""
+    k = len(lower)
+    bits = (np.arange(2**k)[:, None] >> np.arange(k)) & 1
+    return np.where(bits == 1, upper, lower)
+
+
+def _clustered(boxes: Envelopes, domain: int, count: int, settings: SamplingSettings) -> Array:
+    """D1, D2: the vertices of each frame's box and a filling, each frame with another Cranley-Patterson shift.
+
+    At scale 1 each frame has all its vertices. A smaller plan keeps the proportion of vertices to filling, with
+    vertices chosen by the seed, a larger one has more filling; filling is never less than half.
+    """
+    frames, k = boxes.lower.shape
+    share = min(0.5, frames * 2**k / settings.counts[DOMAINS[domain - 1]])
+    vertex_count = min(frames * 2**k, round(share * count))
+    of_vertices = _shares(vertex_count, frames)
+    of_filling = _shares(count - vertex_count, frames)
+    rows = []
+    for f in range(frames):
+        corners = _vertices(boxes.lower[f], boxes.upper[f])
+        chosen = _rng(settings, domain, _VERTICES, f).permutation(len(corners))[: of_vertices[f]]
+        rows.append(corners[np.sort(chosen)])
+        shift = np.asarray(_rng(settings, domain, _FILLING, f).random(k))
+        frame = Envelopes(boxes.names, boxes.lower[f : f + 1], boxes.upper[f : f + 1])
+        rows.append(_fill(frame, [], int(of_filling[f]), shift))
+    return np.concatenate(rows)
+
+
+def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) -> Array:
+    """Hammersley points in a box's inputs; those held stay at their upper bound."""
+    inputs = np.tile(box.upper[0], (count, 1))
+    moving = [column for column, name in enumerate(box.names) if name not in held]
+    points = hammersley(count, len(moving), None if shift is None else shift[moving])
+    inputs[:, moving] = box.lower[0, moving] + points * (box.upper[0, moving] - box.lower[0, moving])
+    return inputs
+
+
+def _at_boundary(box: Envelopes, held: Sequence[str], count: int, shift: Array, boundary_load: float) -> Array:
+    """Hammersley points in a box's inputs, with the held loads at the contact boundary."""
+    inputs = _fill(box, held, count, shift)
+    inputs[:, [box.names.index(name) for name in held]] = -boundary_load
+    return inputs
+
+
+def _roles(count: int, domain: int, settings: SamplingSettings) -> np.ndarray:
+    """Test rows held back from the whole domain, validation rows from what is left (§3.3, §2.6).
+
+    Any domain of at least three rows has one of each, so that no row of an error table stays empty.
+    """
+    least = int(count >= 3)
+    test = max(least if settings.test_fraction else 0, round(settings.test_fraction * count))
+    validation = max(least if settings.validation_fraction else 0, round(settings.validation_fraction * (count - test)))
+    order = _rng(settings, domain, _ROLES).permutation(count)
+    role = np.full(count, TRAIN, dtype=np.uint8)
+    role[order[:test]] = TEST
+    role[order[test : test + validation]] = VALIDATION
+    return role

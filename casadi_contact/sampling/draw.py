@@ -1,0 +1,174 @@
+"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks (§2.4, §3.3).
+
+Chunks go through any `concurrent.futures.Executor`. A chunk's samples depend on nothing but its inputs, so the
+samples are the same for every executor and number of workers, and after a kill and a rerun.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+from casadi_contact.contact import ContactModel, ElasticFoundation
+from casadi_contact.dataset import COLUMNS, DOMAINS, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
+from casadi_contact.sampling.folder import ChunkFolder, refuse_other
+from casadi_contact.sampling.reference import ReferenceMotion
+from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.scenes import Scene
+
+# Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
+ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
+Progress = Callable[[int, int], None]
+
+
+def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """Elastic foundations on the settings' settle grid and teacher grid."""
+    return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
+
+
+def draw_samples(
+    scene: Scene,
+    motion: ReferenceMotion,
+    path: str | Path,
+    *,
+    settings: SamplingSettings | None = None,
+    executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
+    progress: Progress | None = None,
+) -> Samples:
+    """Draw the whole sampling plan into the HDF5 file `path`, or finish it where an earlier run was killed.
+
+    executor: any `concurrent.futures.Executor` (processes on all cores if left out); models: makes the two contact
+    models in each worker, an importable function; progress(done, all) is called after every chunk.
+
+    Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
+    the reason in provenance["dropped"]. Raises ValueError if `path` holds samples of another plan.
+    """
+    path = Path(path)
+    settings = SamplingSettings.from_scene(scene) if settings is None else settings
+    expected = settings.sample_point(scene)
+    if motion.point != expected:
+        raise ValueError(f"the reference motion has inputs {motion.point.inputs}, the settings {expected.inputs}")
+    chunks = plan_chunks(scene, motion, settings)
+    identity = {
+        "scene": scene.to_toml(),
+        "settings": settings.to_table(),
+        "models": f"{models.__module__}.{models.__qualname__}",
+        "package": _version("casadi_contact"),
+        "plan_digest": plan_digest(chunks),
+    }
+    if path.exists():
+        samples = read_samples(path)
+        refuse_other({**samples.provenance, "scene": samples.scene.to_toml()}, identity, path)
+        shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
+        return samples
+    folder = ChunkFolder(path, identity)
+    drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
+    if progress is not None:
+        progress(len(drawn), len(chunks))
+    missing = [number for number in range(len(chunks)) if number not in drawn]
+    if missing:
+        with _executor(executor) as workers:
+            job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+            futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
+            try:
+                for future in as_completed(futures):
+                    number = futures[future]
+                    drawn[number] = future.result()
+                    folder.write(number, drawn[number])
+                    if progress is not None:
+                        progress(len(drawn), len(chunks))
+            except BaseException:
+                for future in futures:
+                    future.cancel()
+                raise
+    samples = _gathered(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
+    write_samples(path, samples)
+    folder.remove()
+    return samples
+
+
+@contextmanager
+def _executor(executor: Executor | None) -> Iterator[Executor]:
+    """The caller's executor, left open, or one process per core of our own."""
+    if executor is not None:
+        yield executor
+        return
+    # Not forked: a fork of a process whose OpenMP threads have run is unsafe.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
+        yield pool
+
+
+def _end_with_parent() -> None:
+    """Make a worker process end when its parent is killed; left alone it would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What a worker needs to make its models, in hashable form."""
+
+    scene_toml: str
+    settings_json: str
+    models: ModelPair
+
+    def settings(self) -> SamplingSettings:
+        return SamplingSettings.from_table(json.loads(self.settings_json))
+
+
+@lru_cache(maxsize=2)
+def _models(job: _Job) -> tuple[ContactModel, WrenchModel]:
+    return job.models(Scene.from_toml(job.scene_toml), job.settings())
+
+
+def _draw(job: _Job, chunk: Chunk) -> DrawnChunk:
+    """Draw one chunk; runs in a worker, on one numba thread (the executor already uses all cores)."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        return draw_chunk(*_models(job), chunk, job.settings())
+    finally:
+        numba.set_num_threads(threads)
+
+
+def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
+    """All chunks as one set of samples, with provenance."""
+    dropped: dict[str, Counter[str]] = {}
+    for asked, got in zip(chunks, drawn, strict=True):
+        if got.dropped:
+            dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
+    columns = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
+    provenance = {key: value for key, value in identity.items() if key != "scene"}
+    versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
+    return Samples(scene, **columns, provenance={**provenance, "versions": versions, "dropped": dropped})
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

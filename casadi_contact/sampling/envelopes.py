@@ -1,0 +1,82 @@
+"""Reference envelopes: lower and upper bounds of each input at each time frame, and their expansions (§2.2, §3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import Array
+
+_ROUNDING = 1e-9  # a frame of exactly mean width is not narrow, whatever the last digit of the mean
+
+
+@dataclass(frozen=True)
+class Envelopes:
+    """lower, upper (frames, inputs): one box of inputs per time frame. A single box is an envelope of one frame."""
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def over(cls, names: Sequence[str], curves: ArrayLike) -> Envelopes:
+        """Bounds over the cycles of curves (cycles, frames, inputs); raises ValueError for another shape or NaN."""
+        array = np.asarray(curves, dtype=float)
+        if array.ndim != 3 or array.shape[2] != len(names) or 0 in array.shape:
+            raise ValueError(f"curves has shape {array.shape}, expected (cycles, frames, {len(names)})")
+        if not np.isfinite(array).all():
+            raise ValueError("curves holds NaN or infinity, expected finite numbers")
+        return cls(tuple(names), array.min(axis=0), array.max(axis=0))
+
+    @property
+    def widths(self) -> Array:
+        """upper - lower (frames, inputs)."""
+        return self.upper - self.lower
+
+    def expanded(self, fraction: float, offset_factor: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
+        """Every frame's box, expanded on both sides (D1: fraction 0.2, offset factor 0.5; D2: 1 and 2; §3.3).
+
+        By fraction·width; where the frame is narrower than the mean width over the frames, by
+        offset_factor·mean width; for an input with a fixed offset, by that offset in every frame.
+        Raises ValueError for an input known from a single curve (zero width in all frames) without a fixed offset.
+        """
+        mean = self.widths.mean(axis=0)
+        offsets = np.where(self.widths < mean * (1.0 - _ROUNDING), offset_factor * mean, fraction * self.widths)
+        for column, name in enumerate(self.names):
+            if name in fixed_offsets:
+                offsets[:, column] = fixed_offsets[name]
+            elif not self.widths[:, column].any():
+                raise ValueError(f"{name} has the same curve in all cycles, expected an entry in fixed_offsets for it")
+        return Envelopes(self.names, self.lower - offsets, self.upper + offsets)
+
+    def extremes(self, fraction: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
+        """One box: the extremes over all frames, expanded by fraction·range on both sides (D3, §3.3).
+
+        An input that never changes has no range: its fixed offset, if it has one, stands in.
+        """
+        lower, upper = self.lower.min(axis=0), self.upper.max(axis=0)
+        offsets = fraction * (upper - lower)
+        for column, name in enumerate(self.names):
+            if upper[column] == lower[column]:
+                offsets[column] = fixed_offsets.get(name, 0.0)
+        return Envelopes(self.names, (lower - offsets)[None], (upper + offsets)[None])
+
+    def at_least(self, widths: Mapping[str, float]) -> Envelopes:
+        """The same boxes, with the inputs named in widths [mm, rad or N] widened about their middle where narrower."""
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for column, name in enumerate(self.names):
+            grow = np.maximum(widths.get(name, 0.0) - self.widths[:, column], 0.0)
+            lower[:, column] -= 0.5 * grow
+            upper[:, column] += 0.5 * grow
+        return Envelopes(self.names, lower, upper)
+
+    def pushing(self, loads: Sequence[str], boundary_load: float) -> Envelopes:
+        """The same boxes without pulling surfaces: bounds of compressive loads end at -boundary_load [N] (§2.2)."""
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for column in (self.names.index(name) for name in loads if name in self.names):
+            lower[:, column] = np.minimum(lower[:, column], -boundary_load)
+            upper[:, column] = np.minimum(upper[:, column], -boundary_load)
+        return Envelopes(self.names, lower, upper)

@@ -1,0 +1,88 @@
+"""Out-of-contact poses made from poses at the contact boundary: one patch lifted off (D4), all patches (D5) (§3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.statics import settle
+
+
+def lift_one(
+    model: ContactModel,
+    poses: Array,
+    lifted: int,
+    free: tuple[str, ...],
+    held: Mapping[str, Array],
+    *,
+    liftoff_mm: float,
+    steps: int,
+    tolerance_n: float,
+) -> tuple[Array, np.ndarray]:
+    """Lift one patch off in equal increments of the second sensitive pose parameter (r_x); all other loads stay.
+
+    poses (n, 6): the patch `lifted` at the contact boundary, the loads held (n,) elsewhere. r_x changes by k/steps·Δ
+    for k = 1..steps; the other free parameters (t_y) are settled anew for each k so that the held loads stay. Δ is
+    such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
+    (by r_x, against by t_y), then corrected once by the gap that the prediction gives; the paper asks for
+    "approximately", and a model without gaps keeps the prediction.
+
+    Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
+    """
+    scene = model.scene
+    rise, turn = scene.sensitive_pose
+    tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
+    others = [pose_index(name) for name in rest]
+    s, ds = model.root_loads(poses)
+    # Along the held loads: dload/dothers·dothers/dtilt + dload/dtilt = 0.
+    by_pose = np.stack([_slope(model, name, poses, ds) for name in held], axis=1)
+    along = np.asarray(-np.linalg.solve(by_pose[:, :, others], by_pose[:, :, tilt, None])[..., 0])
+    slope = ds[:, lifted, tilt] + np.einsum("no,no->n", ds[:, lifted][:, others], along)
+    per_mm = np.abs(ds[:, lifted, pose_index(rise)])
+    total: Array = -(per_mm * liftoff_mm + np.maximum(s[:, lifted], 0.0)) / slope
+
+    def tilted(rows: Array, change: Array, drift: Array, loads: Mapping[str, Array]) -> tuple[Array, np.ndarray]:
+        start = rows.copy()
+        start[:, tilt] += change
+        start[:, others] += drift * change[:, None]
+        settled, report = settle(model, start, rest, loads, tolerance=tolerance_n)
+        return settled, report.reason
+
+    gaps = getattr(model, "gaps", None)
+    if gaps is not None:
+        trial, _ = tilted(poses, total, along, held)
+        before = gaps(poses)[:, lifted]
+        reached = gaps(trial)[:, lifted] - before
+        total = np.where(reached > 0.0, total * (liftoff_mm - before) / np.where(reached > 0.0, reached, 1.0), total)
+    fractions: Array = np.tile(np.arange(1, steps + 1) / steps, len(poses))
+    repeated = {name: np.repeat(load, steps) for name, load in held.items()}
+    lifted_poses, reason = tilted(
+        np.repeat(poses, steps, axis=0),
+        np.repeat(total, steps) * fractions,
+        np.repeat(along, steps, axis=0),
+        repeated,
+    )
+    return lifted_poses.reshape(-1, steps, 6), reason.reshape(-1, steps)
+
+
+def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> Array:
+    """Derivative (n, 6) by the pose of a named load, or of its root load where it is a patch's sensitive load."""
+    if name in model.scene.sensitive_loads:
+        return root_slopes[:, model.scene.sensitive_loads.index(name)]
+    return model.jacobian(poses)[1][:, model.load_names.index(name)]
+
+
+def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int) -> Array:
+    """Raise the first sensitive pose parameter (t_y) of poses at the contact boundary in equal steps to liftoff_mm.
+
+    Up is where the root loads fall. Returns poses (n, steps, 6).
+    """
+    column = pose_index(model.scene.sensitive_pose[0])
+    _, ds = model.root_loads(poses)
+    up = -np.sign(ds[..., column].sum(axis=1))
+    raised = np.repeat(poses[:, None, :], steps, axis=1)
+    raised[..., column] += up[:, None] * liftoff_mm * np.arange(1, steps + 1) / steps
+    return raised

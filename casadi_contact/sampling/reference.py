@@ -1,0 +1,192 @@
+"""The reference motion: cycles of pose parameters and loads that the envelopes are drawn around (§3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.sampling.envelopes import Envelopes
+from casadi_contact.sampling.sample_point import SamplePoint
+from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.statics import settle
+
+_ABOVE_MM = 1000.0
+_TOUCH_MM = 1e-3
+_TOUCH_STEPS = 200
+
+
+class Cycle(Protocol):
+    """A measured or synthetic cycle: curves (n,) over time; `scenes.LoadCycle` is one."""
+
+    name: str
+    time_s: Array
+    ry: Array
+    rz: Array
+
+    def targets(self) -> Mapping[str, Array]:
+        """Measured loads by name, each (n,) [N, N·mm]."""
+
+
+@dataclass(frozen=True)
+class ReferenceReport:
+    """What became of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
+
+    The pose of a frame that did not converge is interpolated between its neighbours that did.
+    """
+
+    names: tuple[str, ...]
+    converged: np.ndarray
+    residual: Array
+    reason: np.ndarray
+
+    def __str__(self) -> str:
+        lines = [f"{int(self.converged.sum())} of {self.converged.size} reference frames converged"]
+        for name, converged, reason in zip(self.names, self.converged, self.reason, strict=True):
+            failed = np.flatnonzero(~converged)
+            if len(failed):
+                frames = ", ".join(map(str, failed))
+                lines.append(f"{name}: frames {frames} interpolated ({reason[failed[0]]})")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class ReferenceMotion:
+    """curves (cycles, frames, inputs) of the sample-point inputs, and the poses (cycles, frames, 6) they belong to."""
+
+    point: SamplePoint
+    curves: Array
+    poses: Array
+
+    def __post_init__(self) -> None:
+        expected = (*self.poses.shape[:2], len(self.point.inputs))
+        if self.poses.ndim != 3 or self.poses.shape[2] != 6 or self.curves.shape != expected:
+            raise ValueError(
+                f"reference motion has curves {self.curves.shape} and poses {self.poses.shape}, "
+                f"expected (cycles, frames, {len(self.point.inputs)}) and (cycles, frames, 6)"
+            )
+
+    @property
+    def envelopes(self) -> Envelopes:
+        """The reference envelopes of the inputs."""
+        return Envelopes.over(self.point.inputs, self.curves)
+
+    def starts(self, inputs: Array) -> Array:
+        """Start poses (n, 6) for static analyses of inputs (n, inputs).
+
+        The free parameters are those of the reference pose nearest in the pose inputs, each measured in its range
+        over the reference motion.
+        """
+        columns = self.point.columns(self.point.pose_inputs)
+        curves = self.curves.reshape(-1, self.curves.shape[2])[:, columns]
+        scale = np.ptp(curves, axis=0)
+        scale[scale == 0.0] = 1.0
+        _, nearest = cKDTree(curves / scale).query(inputs[:, columns] / scale)
+        starts = self.poses.reshape(-1, 6)[nearest]
+        starts[:, [pose_index(name) for name in self.point.pose_inputs]] = inputs[:, columns]
+        return starts
+
+
+def reference_motion(
+    model: ContactModel, cycles: Sequence[Cycle], settings: SamplingSettings
+) -> tuple[ReferenceMotion, ReferenceReport]:
+    """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
+    loads from the measured ones.
+
+    Raises ValueError where an input is neither a pose parameter nor a load of the cycles; see `reference_poses`.
+    """
+    point = settings.sample_point(model.scene)
+    poses, report = reference_poses(model, cycles, frames=settings.frames)
+    targets = [_on_frames(cycle, settings.frames) for cycle in cycles]
+    for name in point.load_inputs:
+        if name not in targets[0]:
+            raise ValueError(f"the cycles hold no load {name}, only {', '.join(targets[0])}: change sampling.inputs")
+    columns = [
+        poses[..., pose_index(name)] if name in POSE_NAMES else np.stack([t[name] for t in targets])
+        for name in point.inputs
+    ]
+    return ReferenceMotion(point, np.stack(columns, axis=-1), poses), report
+
+
+def reference_poses(
+    model: ContactModel,
+    cycles: Sequence[Cycle],
+    *,
+    frames: int = 101,
+    start: Array | None = None,
+    tolerance_n: float = 1e-3,
+) -> tuple[Array, ReferenceReport]:
+    """Pose estimation of each cycle with ry and rz locked: the other pose parameters carry the measured loads (§3.3).
+
+    Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
+    first touch at tx = tz = rx = 0 (or a start pose (6,), needed for a model without gaps): first the sensitive
+    pose parameters alone under the sensitive loads, then all four.
+
+    Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
+    ValueError for no cycles and for a cycle of which no frame converges.
+    """
+    if not cycles:
+        raise ValueError("no cycles given, expected at least one for the reference motion")
+    free = tuple(name for name in POSE_NAMES if name not in ("ry", "rz"))
+    scene = model.scene
+    targets = [_on_frames(cycle, frames) for cycle in cycles]
+    wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
+    poses = np.zeros((len(cycles) * frames, 6))
+    if start is not None:
+        poses[:] = start
+    for name in ("ry", "rz"):
+        poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
+    if start is None:
+        poses = _touching(model, poses)
+    sensitive = {name: wanted[name] for name in scene.sensitive_loads if name in wanted}
+    if len(sensitive) == len(scene.sensitive_pose):
+        poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
+    poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
+    shape = (len(cycles), frames)
+    names = tuple(cycle.name for cycle in cycles)
+    report = ReferenceReport(
+        names, settled.converged.reshape(shape), settled.residual.reshape(shape), settled.reason.reshape(shape)
+    )
+    return _interpolated(poses.reshape(*shape, 6), report), report
+
+
+def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
+    """The cycle's targets, ry and rz, linearly interpolated on the percentage of the cycle."""
+    time = np.asarray(cycle.time_s, dtype=float)
+    percent = (time - time[0]) / (time[-1] - time[0])
+    curves = {"ry": cycle.ry, "rz": cycle.rz, **cycle.targets()}
+    return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
+
+
+def _touching(model: ContactModel, poses: Array) -> Array:
+    """Lower the moving body from far above (along the first sensitive pose parameter) until the first touch.
+
+    Steps of the smallest gap can never pass the surface (sphere tracing).
+    """
+    gaps = getattr(model, "gaps", None)
+    if gaps is None:
+        raise ValueError("this contact model has no gaps(poses): give reference_poses a start pose")
+    column = pose_index(model.scene.sensitive_pose[0])
+    poses = poses.copy()
+    poses[:, column] = _ABOVE_MM
+    for _ in range(_TOUCH_STEPS):
+        gap = gaps(poses).min(axis=1)
+        if gap.max() < _TOUCH_MM:
+            break
+        poses[:, column] -= gap
+    return poses
+
+
+def _interpolated(poses: Array, report: ReferenceReport) -> Array:
+    frames = np.arange(poses.shape[1])
+    for name, cycle, converged, reason in zip(report.names, poses, report.converged, report.reason, strict=True):
+        if not converged.any():
+            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
+        for column in range(6):
+            cycle[~converged, column] = np.interp(frames[~converged], frames[converged], cycle[converged, column])
+    return poses

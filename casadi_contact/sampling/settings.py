@@ -1,0 +1,143 @@
+"""Settings of a sampling plan; the defaults are the paper's (§3.3, Table 1)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.dataset import DOMAINS
+from casadi_contact.sampling.sample_point import SamplePoint
+from casadi_contact.scenes import Scene
+
+PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How many samples, from which boxes, on which grids.
+
+    counts: samples per domain at scale 1; d1_fraction and d1_offset (times the mean width, for narrow frames)
+    expand the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: width that D3 has at
+    least in an input [mm, rad or N] (empty in the paper; an input that hardly varies in the reference motion would
+    leave other motions and an optimiser's steps outside all domains); fixed_offsets: for an input known
+    from a single curve, its offset in D1 and in D2 [mm, rad or N] (the paper gives no number for ry: these are 1.1
+    and 3.4 degrees); settle_tolerance_n: largest force error of a static analysis; inputs: sample-point inputs,
+    the scene's if empty.
+    """
+
+    counts: Mapping[str, int] = field(default_factory=lambda: dict(PAPER_COUNTS))
+    scale: float = 1.0
+    seed: int = 2015
+    frames: int = 101
+    d1_fraction: float = 0.2
+    d1_offset: float = 0.5
+    d2_fraction: float = 1.0
+    d2_offset: float = 2.0
+    d3_fraction: float = 0.25
+    fixed_offsets: Mapping[str, tuple[float, float]] = field(default_factory=lambda: {"ry": (0.02, 0.06)})
+    d3_minimum_widths: Mapping[str, float] = field(default_factory=dict)
+    liftoff_mm: float = 2.0
+    liftoff_steps: int = 3
+    test_fraction: float = 0.1
+    validation_fraction: float = 0.1
+    settle_grid: tuple[int, int] = (40, 30)
+    teacher_grid: tuple[int, int] = (80, 40)
+    settle_tolerance_n: float = 1e-3
+    chunk_size: int = 500
+    inputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.counts, Mapping) or set(self.counts) - set(DOMAINS):
+            raise _bad("counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
+        for domain, count in self.counts.items():
+            _whole(f"counts.{domain}", count, least=0)
+        object.__setattr__(self, "counts", {d: self.counts.get(d, 0) for d in DOMAINS})
+        if not isinstance(self.fixed_offsets, Mapping):
+            raise _bad("fixed_offsets", self.fixed_offsets, "pairs (D1, D2) of offsets by input")
+        for name, pair in self.fixed_offsets.items():
+            if not isinstance(pair, list | tuple) or len(pair) != 2 or not 0.0 < float(pair[0]) <= float(pair[1]):
+                raise _bad(f"fixed_offsets.{name}", pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
+        offsets = {name: (float(a), float(b)) for name, (a, b) in self.fixed_offsets.items()}
+        object.__setattr__(self, "fixed_offsets", offsets)
+        if not isinstance(self.d3_minimum_widths, Mapping):
+            raise _bad("d3_minimum_widths", self.d3_minimum_widths, "widths by input")
+        widths = {name: _number(f"d3_minimum_widths.{name}", w) for name, w in self.d3_minimum_widths.items()}
+        object.__setattr__(self, "d3_minimum_widths", widths)
+        for name in ("scale", "liftoff_mm", "settle_tolerance_n"):
+            _number(name, getattr(self, name), positive=True)
+        for name in ("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"):
+            _number(name, getattr(self, name))
+        for name in ("test_fraction", "validation_fraction"):
+            if not 0.0 <= _number(name, getattr(self, name)) <= 0.5:
+                raise _bad(name, getattr(self, name), "a number from 0 to 0.5")
+        for name, least in (("seed", 0), ("frames", 2), ("liftoff_steps", 1), ("chunk_size", 1)):
+            _whole(name, getattr(self, name), least=least)
+        for name in ("settle_grid", "teacher_grid"):
+            grid = getattr(self, name)
+            if not isinstance(grid, list | tuple) or len(grid) != 2:
+                raise _bad(name, grid, "two whole numbers of elements")
+            object.__setattr__(self, name, tuple(_whole(name, n, least=1) for n in grid))
+        if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
+            raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        if self.inputs:
+            SamplePoint.of_inputs(self.inputs)
+
+    @classmethod
+    def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
+        """The paper's settings, the scene's grids, the scene's ``[sampling]`` table, then keyword overrides.
+
+        A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming an unknown key or a
+        bad value.
+        """
+        values: dict[str, Any] = {"settle_grid": scene.grids["settle"], "teacher_grid": scene.grids["teacher"]}
+        base = cls()
+        known = [f.name for f in fields(cls)]
+        for origin, table in (("sampling.", scene.sampling), ("", overrides)):
+            for key, value in table.items():
+                if key not in known:
+                    raise ValueError(f"unknown sampling setting {origin}{key}, expected one of {', '.join(known)}")
+                if key in ("counts", "fixed_offsets", "d3_minimum_widths") and isinstance(value, Mapping):
+                    value = {**values.get(key, getattr(base, key)), **value}
+                values[key] = value
+        return cls(**values)
+
+    def sample_point(self, scene: Scene) -> SamplePoint:
+        """The sample-point definition: these settings' inputs, or the scene's (§3.2)."""
+        point = SamplePoint.of_inputs(self.inputs) if self.inputs else SamplePoint.of_scene(scene)
+        for setting in ("fixed_offsets", "d3_minimum_widths"):
+            for name in getattr(self, setting):
+                if name not in (*POSE_NAMES, *point.inputs):
+                    raise _bad(setting, name, f"inputs among {', '.join(point.inputs)}")
+        return point
+
+    def to_table(self) -> dict[str, Any]:
+        """Plain numbers, lists and tables, as JSON keeps them."""
+        return json.loads(json.dumps(asdict(self)))
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> SamplingSettings:
+        """The settings that `to_table` wrote."""
+        return cls(**table)
+
+
+def _bad(name: str, got: object, expected: str) -> ValueError:
+    return ValueError(f"sampling setting {name} = {got!r}, expected {expected}")
+
+
+def _whole(name: str, value: object, *, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise _bad(name, value, f"a whole number >= {least}")
+    return value
+
+
+def _number(name: str, value: object, *, positive: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
+        raise _bad(name, value, "a number >= 0")
+    if positive and value == 0:
+        raise _bad(name, value, "a number > 0")
+    return float(value)

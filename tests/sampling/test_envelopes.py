@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from casadi_contact.sampling import Envelopes
+
+# Two cycles, two frames. tx: 0..1 and 0..3 (widths 1, 3; mean 2).
+# Fy_med: -100..-60 and -20..-20 (widths 40, 0; mean 20).
+CURVES = [[[0.0, -100.0], [3.0, -20.0]], [[1.0, -60.0], [0.0, -20.0]]]
+REFERENCE = Envelopes.over(("tx", "Fy_med"), CURVES)
+
+
+def test_bounds_over_the_cycles():
+    np.testing.assert_array_equal(REFERENCE.lower, [[0, -100], [0, -20]])
+    np.testing.assert_array_equal(REFERENCE.upper, [[1, -60], [3, -20]])
+
+
+def test_d1_by_hand():
+    """±20 % of the width; frames narrower than the mean width: ±0.5 times the mean width."""
+    d1 = REFERENCE.expanded(0.2, 0.5, {})
+    np.testing.assert_allclose(d1.lower, [[0 - 1.0, -100 - 8.0], [0 - 0.6, -20 - 10.0]])
+    np.testing.assert_allclose(d1.upper, [[1 + 1.0, -60 + 8.0], [3 + 0.6, -20 + 10.0]])
+
+
+def test_d2_by_hand():
+    """±100 % of the width; narrow frames: ±2 times the mean width."""
+    d2 = REFERENCE.expanded(1.0, 2.0, {})
+    np.testing.assert_allclose(d2.lower, [[0 - 4.0, -100 - 40.0], [0 - 3.0, -20 - 40.0]])
+    np.testing.assert_allclose(d2.upper, [[1 + 4.0, -60 + 40.0], [3 + 3.0, -20 + 40.0]])
+
+
+def test_d3_by_hand():
+    """The extremes 0..3 and -100..-20, ±25 % of their range."""
+    d3 = REFERENCE.extremes(0.25, {})
+    np.testing.assert_allclose(d3.lower, [[-0.75, -120.0]])
+    np.testing.assert_allclose(d3.upper, [[3.75, 0.0]])
+
+
+def test_no_bound_pulls():
+    """Fy_med of D2 reaches +20 N in frame 2 and -20 N in frame 1; 5 N of compression is the boundary."""
+    pushing = REFERENCE.expanded(1.0, 2.0, {}).pushing(["Fy_med", "Fy_lat"], 5.0)
+    np.testing.assert_allclose(pushing.upper, [[5.0, -20.0], [6.0, -5.0]])
+    np.testing.assert_allclose(pushing.lower, [[-4.0, -140.0], [-3.0, -60.0]])
+
+
+def test_a_single_curve_needs_a_fixed_offset():
+    single = Envelopes.over(("tx", "ry"), [[[0.0, 0.1], [2.0, 0.3]], [[1.0, 0.1], [3.0, 0.3]]])
+    with pytest.raises(ValueError, match=r"ry has the same curve in all cycles.*fixed_offsets"):
+        single.expanded(0.2, 0.5, {})
+    expanded = single.expanded(0.2, 0.5, {"ry": 0.02})
+    np.testing.assert_allclose(expanded.lower[:, 1], [0.08, 0.28])
+    np.testing.assert_allclose(expanded.upper[:, 1], [0.12, 0.32])
+    np.testing.assert_allclose(single.extremes(0.25, {"ry": 0.02}).upper[0], [3.75, 0.35])
+
+
+def test_a_declared_input_takes_its_offset_whatever_its_width():
+    np.testing.assert_allclose(REFERENCE.expanded(0.2, 0.5, {"tx": 0.25}).upper[:, 0], [1.25, 3.25])
+
+
+def test_frames_of_equal_width_are_not_narrow():
+    """The mean of 101 equal widths may differ in the last digit; ±20 % it stays."""
+    curves = np.stack([np.zeros((101, 1)), np.full((101, 1), 0.3)])
+    np.testing.assert_allclose(Envelopes.over(("tx",), curves).expanded(0.2, 0.5, {}).upper, 0.36)
+
+
+def test_an_input_that_never_changes():
+    still = Envelopes.over(("tx",), np.zeros((2, 3, 1)))
+    np.testing.assert_array_equal(still.extremes(0.25, {"tx": 0.5}).upper, [[0.5]])
+
+
+@given(
+    arrays(float, (3, 4, 2), elements=st.floats(-100, 100)).filter(lambda a: (np.ptp(a, axis=0) > 1e-6).any(0).all())
+)
+def test_the_envelope_lies_in_d1_and_d1_in_d2(curves):
+    reference = Envelopes.over(("tx", "tz"), curves)
+    d1, d2 = reference.expanded(0.2, 0.5, {}), reference.expanded(1.0, 2.0, {})
+    assert (d2.lower <= d1.lower).all()
+    assert (d1.lower <= reference.lower).all()
+    assert (reference.upper <= d1.upper).all()
+    assert (d1.upper <= d2.upper).all()
+
+
+def test_bad_curves_are_refused():
+    with pytest.raises(ValueError, match=r"shape \(2, 2\), expected \(cycles, frames, 2\)"):
+        Envelopes.over(("tx", "tz"), np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="NaN"):
+        Envelopes.over(("tx",), np.full((2, 2, 1), np.nan))
+
+
+def test_a_narrow_input_is_widened_about_its_middle_and_a_wide_one_is_kept():
+    box = Envelopes(("tx", "tz"), np.array([[-4.0, 0.1]]), np.array([[6.0, 0.3]])).at_least({"tz": 3.0, "tx": 1.0})
+    np.testing.assert_allclose(box.lower, [[-4.0, -1.3]])
+    np.testing.assert_allclose(box.upper, [[6.0, 1.7]])

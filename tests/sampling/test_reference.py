@@ -1,0 +1,101 @@
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from two_spheres import Cycle, TwoSpheres, cycles, knee
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.sampling import SamplingSettings, reference_motion, reference_poses
+
+SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
+MODEL = TwoSpheres(knee())
+
+
+def test_pose_estimation_finds_the_poses_the_loads_came_from():
+    made, wanted = cycles(MODEL)
+    poses, report = reference_poses(MODEL, made, frames=21)
+    assert report.converged.all()
+    np.testing.assert_allclose(poses, wanted, atol=1e-4)
+
+
+def test_cycles_are_resampled_on_their_own_time():
+    """A cycle of 21 unevenly timed frames gives, at 41 frames, ry and rz on its own percentage of the cycle."""
+    (cycle, *_), _ = cycles(MODEL, count=1)
+    stretched = replace(cycle, time_s=cycle.time_s**2 + 3.0)
+    poses, _ = reference_poses(MODEL, [stretched], frames=41)
+    percent = np.linspace(0.0, 1.0, 41)
+    np.testing.assert_allclose(poses[0, :, 5], np.interp(percent, cycle.time_s**2, cycle.rz), atol=1e-12)
+
+
+def test_a_frame_that_pulls_is_interpolated_and_reported():
+    made, wanted = cycles(MODEL, count=2)
+    loads = {name: load.copy() for name, load in made[1].loads.items()}
+    loads["Fy_lat"][7] = 50.0
+    poses, report = reference_poses(MODEL, [made[0], replace(made[1], loads=loads)], frames=21)
+    assert np.argwhere(~report.converged).tolist() == [[1, 7]]
+    assert "pulls" in report.reason[1, 7]
+    assert "cycle 1: frames 7 interpolated" in str(report)
+    np.testing.assert_allclose(poses[1, 7], 0.5 * (wanted[1, 6] + wanted[1, 8]), atol=1e-4)
+
+
+def test_a_cycle_without_any_pose_is_refused():
+    (cycle, *_), _ = cycles(MODEL)
+    pulling = replace(cycle, loads={name: np.abs(load) + 1.0 for name, load in cycle.loads.items()})
+    with pytest.raises(ValueError, match="cycle 0: no frame has a pose"):
+        reference_poses(MODEL, [pulling])
+    with pytest.raises(ValueError, match="no cycles"):
+        reference_poses(MODEL, [])
+
+
+def test_motion_holds_estimated_poses_and_measured_loads():
+    made, wanted = cycles(MODEL)
+    motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))
+    assert motion.point.inputs == ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
+    np.testing.assert_allclose(motion.curves[..., 0], wanted[..., 0], atol=1e-4)
+    np.testing.assert_allclose(motion.curves[2, :, 3], made[2].loads["Fy_lat"])
+    np.testing.assert_allclose(motion.envelopes.upper[:, 5], wanted[..., 5].max(axis=0))
+
+
+def test_starts_take_the_free_parameters_of_the_nearest_reference_pose():
+    made, _ = cycles(MODEL)
+    motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))
+    inputs = motion.curves[1, [3, 9]] + np.array([1e-4, -50.0, 1e-4, 80.0, 1e-5, 1e-5])
+    starts = motion.starts(inputs)
+    np.testing.assert_array_equal(starts[:, [1, 3]], motion.poses[1, [3, 9]][:, [1, 3]])
+    np.testing.assert_array_equal(starts[:, [0, 2, 4, 5]], inputs[:, [0, 2, 4, 5]])
+
+
+def test_loads_the_cycles_do_not_hold_are_refused():
+    made, _ = cycles(MODEL)
+    settings = SamplingSettings(frames=21, inputs=("tx", "Fy_med", "tz", "Ty", "ry", "rz"))
+    with pytest.raises(ValueError, match="the cycles hold no load Ty"):
+        reference_motion(MODEL, made, settings)
+
+
+@dataclass(frozen=True)
+class Column:
+    table: np.ndarray
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.table[name]
+
+
+def test_measured_cycles_have_a_pose_in_every_frame():
+    files = sorted((SHARED / "data" / "jw").glob("og*_loads.csv"))
+    if not files:
+        pytest.skip(f"no measured cycles under {SHARED}")
+    measured = []
+    for file in files:
+        t = Column(np.genfromtxt(file, delimiter=",", names=True))
+        fy = t["Fy_med_N"] + t["Fy_lat_N"]
+        loads = {
+            "Fy_med": t["Fy_med_N"],
+            "Fy_lat": t["Fy_lat_N"],
+            "Tx": -t["cop_ml_mm"] * fy,
+            "Tz": t["cop_ap_mm"] * fy,
+        }
+        measured.append(Cycle(file.stem, t["time_s"], t["rotation_ry_rad"], t["flexion_rz_rad"], loads))
+    _, report = reference_poses(ElasticFoundation(knee(), (80, 40)), measured)
+    assert report.converged.all(), str(report)

@@ -1,0 +1,154 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import two_spheres
+from test_draw import MOTION, SETTINGS, draw
+from two_spheres import knee
+
+from casadi_contact.dataset import partial_folder, read_samples
+from casadi_contact.sampling import ReferenceMotion, draw_samples
+
+SLOW_DRAW = """
+import sys, time
+from concurrent.futures import ThreadPoolExecutor
+sys.path.insert(0, sys.argv[2])
+from test_draw import draw
+with ThreadPoolExecutor(1) as executor:
+    draw(sys.argv[1], executor, progress=lambda done, total: time.sleep(0.2))
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The file of an uninterrupted draw."""
+    path = tmp_path_factory.mktemp("whole") / "samples.h5"
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor)
+    return path.read_bytes()
+
+
+def resume(path, **options):
+    """Finish the draw; returns how many chunks were there at the start, and how many there are."""
+    seen = []
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor, progress=lambda done, total: seen.append((done, total)), **options)
+    return seen[0]
+
+
+def chunks(path):
+    return sorted(partial_folder(path).glob("chunk-*.npz"))
+
+
+def test_a_killed_draw_goes_on_and_ends_with_the_same_bytes(tmp_path, whole):
+    path = tmp_path / "samples.h5"
+    process = subprocess.Popen([sys.executable, "-c", SLOW_DRAW, str(path), str(Path(__file__).parent)])
+    while len(chunks(path)) < 4:
+        assert process.poll() is None, "the draw ended before it could be killed"
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    there = len(chunks(path))
+    with pytest.raises(FileNotFoundError, match="not complete"):
+        read_samples(path)
+    started, total = resume(path)
+    assert there <= started < total  # no whole chunk was lost, and some were missing
+    assert path.read_bytes() == whole
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["samples.h5"]
+
+
+class StopError(Exception):
+    pass
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """A draw that ended with an error after three chunks."""
+
+    def stop(done, total):
+        if done == 3:
+            raise StopError
+
+    with pytest.raises(StopError), ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "samples.h5", executor, progress=stop)
+    assert len(chunks(tmp_path / "samples.h5")) == 3
+    return tmp_path / "samples.h5"
+
+
+def test_half_written_files_do_no_harm(stopped, whole):
+    """What a power cut may leave: a truncated chunk and a file not renamed yet."""
+    first = chunks(stopped)[0]
+    first.write_bytes(first.read_bytes()[:100])
+    (first.parent / "chunk-000009.npz.77.tmp").write_bytes(b"half")
+    assert resume(stopped)[0] == 2
+    assert stopped.read_bytes() == whole
+
+
+def test_a_complete_file_is_not_drawn_again(tmp_path, whole):
+    path = tmp_path / "samples.h5"
+    path.write_bytes(whole)
+    with ThreadPoolExecutor(1) as executor:
+        again = draw(path, executor, progress=lambda done, total: pytest.fail("drew again"))
+    assert len(again) == len(read_samples(path))
+
+
+def other_models(scene, settings):
+    return two_spheres.models(scene, settings)
+
+
+def begun_with_other_things():
+    moved = ReferenceMotion(MOTION.point, MOTION.curves, MOTION.poses + 1e-9)
+    return {
+        "seed = 5, now 6": {"settings": replace(SETTINGS, seed=6)},
+        "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
+        "another scene": {"scene": knee().with_overrides(frontal_radius=23.0)},
+        "another reference motion": {"motion": moved},
+        "models two_spheres.models": {"models": other_models},
+    }
+
+
+@pytest.mark.parametrize("message", begun_with_other_things())
+def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path, whole):
+    complete = tmp_path / "complete.h5"
+    complete.write_bytes(whole)
+    asked = {"scene": knee(), "motion": MOTION, "settings": SETTINGS, "models": two_spheres.models}
+    asked |= begun_with_other_things()[message]
+    scene, motion = asked.pop("scene"), asked.pop("motion")
+    for path in (stopped, complete):
+        before = sorted(p.name for p in tmp_path.rglob("*"))
+        with pytest.raises(ValueError, match=message) as error, ThreadPoolExecutor(1) as executor:
+            draw_samples(scene, motion, path, executor=executor, **asked)
+        assert "\n" not in str(error.value)
+        assert sorted(p.name for p in tmp_path.rglob("*")) == before
+
+
+def test_a_damaged_record_is_refused(stopped):
+    (partial_folder(stopped) / "plan.json").write_text("{")
+    with pytest.raises(ValueError, match=r"plan\.json is damaged: delete"):
+        resume(stopped)
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="cannot write samples to"):
+        resume(tmp_path / "file" / "samples.h5")
+    if os.geteuid() != 0:  # the superuser may write anywhere
+        tmp_path.chmod(0o500)
+        with pytest.raises(OSError, match="cannot write samples to"):
+            resume(tmp_path / "samples.h5")
+
+
+def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):
+    folder = partial_folder(stopped)
+    stopped.write_bytes(whole)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw(stopped, executor)
+    assert not folder.exists()
+    np.testing.assert_array_equal(samples.poses, read_samples(stopped).poses)

@@ -1,0 +1,106 @@
+"""A contact model in closed form: two spheres under the moving body's anchors on the plane y = 0.
+
+A sphere of radius r with its centre at c = t + R(q)·a carries N = k·max(r - c_y, 0)² at (c_x, 0, c_z).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.scenes import load_scene
+
+RADIUS_MM = 27.0
+STIFFNESS = 8.0e4  # N/mm²
+
+
+class TwoSpheres:
+    def __init__(self, scene):
+        self.scene = scene
+        self.load_names, self.patch_names = scene.load_names, scene.patch_names
+        self._selection = load_selection(self.load_names, self.patch_names)
+
+    def _centres(self, poses):
+        """Centres (n, P, 3) and their derivatives by the pose (n, P, 3, 6)."""
+        arms = np.einsum("nij,pj->npi", rotation(poses[:, 3:]), self.scene.anchors_mm)
+        slopes = np.zeros((*arms.shape, 6))
+        slopes[..., :3] = np.eye(3)
+        axes = angular_velocity_map(poses[:, 3:])
+        for k in range(3):
+            slopes[..., 3 + k] = np.cross(axes[:, None, :, k], arms)
+        return poses[:, None, :3] + arms, slopes
+
+    def _wrenches(self, poses):
+        c, dc = self._centres(as_poses(poses))
+        depth = np.maximum(RADIUS_MM - c[..., 1], 0.0)
+        n, dn = STIFFNESS * depth**2, -2.0 * STIFFNESS * depth[..., None] * dc[..., 1, :]
+        zero, dzero = np.zeros_like(n), np.zeros_like(dn)
+        x, z = c[..., 0], c[..., 2]
+        w = np.stack([zero, -n, zero, z * n, zero, -x * n], axis=-1)
+        dw = [
+            dzero,
+            -dn,
+            dzero,
+            z[..., None] * dn + n[..., None] * dc[..., 2, :],
+            dzero,
+            -x[..., None] * dn - n[..., None] * dc[..., 0, :],
+        ]
+        return w, np.stack(dw, axis=-2)
+
+    def wrenches(self, poses):
+        return self._wrenches(poses)[0]
+
+    def __call__(self, poses):
+        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+
+    def jacobian(self, poses):
+        w, dw = self._wrenches(poses)
+        return np.einsum("lpk,npk->nl", self._selection, w), np.einsum("lpk,npkj->nlj", self._selection, dw)
+
+    def gaps(self, poses):
+        return self._centres(as_poses(poses))[0][..., 1] - RADIUS_MM
+
+    def root_loads(self, poses):
+        c, dc = self._centres(as_poses(poses))
+        gap = c[..., 1] - RADIUS_MM
+        scale = np.where(gap < 0.0, np.sqrt(STIFFNESS / self.scene.reference_load), self.scene.gap_slope)
+        return -scale * gap, -scale[..., None] * dc[..., 1, :]
+
+
+def models(scene, settings):
+    """A pair of models for draw_samples, importable by worker processes."""
+    return TwoSpheres(scene), TwoSpheres(scene)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    name: str
+    time_s: np.ndarray
+    ry: np.ndarray
+    rz: np.ndarray
+    loads: dict
+
+    def targets(self):
+        return self.loads
+
+
+def cycles(model, count=3, frames=21):
+    """Cycles made from known poses (count, frames, 6): loads are the model's own at those poses."""
+    t = np.linspace(0.0, 1.0, frames)
+    made, poses = [], np.zeros((count, frames, 6))
+    for k in range(count):
+        p = poses[k]
+        p[:, 0] = 2.0 * np.sin(2 * np.pi * t + 0.3 * k) + 0.2 * k
+        p[:, 1] = RADIUS_MM - 0.08 - 0.01 * k + 0.02 * np.cos(2 * np.pi * t)
+        p[:, 2] = 0.5 * np.cos(2 * np.pi * t) * (1 + 0.2 * k)
+        p[:, 3] = 4e-4 * np.sin(4 * np.pi * t) * (1 + 0.1 * k)
+        p[:, 4] = 0.05 * np.sin(2 * np.pi * t)
+        p[:, 5] = -0.6 + 0.5 * np.cos(2 * np.pi * t) + 0.05 * k
+        loads = dict(zip(model.load_names, model(p).T, strict=True))
+        wanted = {name: loads[name] for name in ("Fy_med", "Fy_lat", "Tx", "Tz")}
+        made.append(Cycle(f"cycle {k}", t * (1.0 + 0.1 * k), p[:, 4], p[:, 5], wanted))
+    return made, poses
+
+
+def knee():
+    return load_scene("knee")

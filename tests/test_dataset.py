@@ -1,0 +1,131 @@
+import h5py
+import numpy as np
+import pytest
+
+from casadi_contact.dataset import TEST, TRAIN, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.scenes import load_scene
+
+
+def some_samples(count=20):
+    rng = np.random.default_rng(0)
+    return Samples(
+        load_scene("knee"),
+        rng.normal(size=(count, 6)),
+        rng.normal(size=(count, 2, 6)),
+        rng.normal(size=(count, 2)),
+        (np.arange(count) % 7 + 1).astype(np.uint8),
+        (np.arange(count) % 3).astype(np.uint8),
+        {"seed": 1, "dropped": {"D1": {"pulls": 2}}},
+    )
+
+
+@pytest.mark.parametrize("count", [0, 20])
+def test_a_file_gives_back_what_was_written(tmp_path, count):
+    samples = some_samples(count)
+    write_samples(tmp_path / "s.h5", samples)
+    back = read_samples(tmp_path / "s.h5")
+    assert back.scene == samples.scene
+    assert back.provenance == samples.provenance
+    for name in ("poses", "wrenches", "gaps", "domain", "role"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(samples, name))
+        assert getattr(back, name).dtype == getattr(samples, name).dtype
+    assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
+
+
+def test_the_same_samples_give_the_same_bytes(tmp_path):
+    for name in ("a.h5", "b.h5"):
+        write_samples(tmp_path / name, some_samples())
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_named_loads_come_from_the_wrenches():
+    samples = some_samples()
+    med, lat = samples.wrenches[:, 0], samples.wrenches[:, 1]
+    np.testing.assert_allclose(samples.loads(["Fy_lat", "Tx"]), np.column_stack([lat[:, 1], med[:, 3] + lat[:, 3]]))
+    assert samples.loads().shape == (20, 7)
+
+
+def test_selection_by_domain_and_role():
+    samples = some_samples()
+    chosen = samples.select(domain="D2", role=TEST)
+    rows = (samples.domain == 2) & (samples.role == TEST)
+    np.testing.assert_array_equal(chosen.poses, samples.poses[rows])
+    assert len(samples.select(domain=["D1", 3])) == ((samples.domain == 1) | (samples.domain == 3)).sum()
+    assert samples.counts()["D2"]["train"] == ((samples.domain == 2) & (samples.role == TRAIN)).sum()
+    with pytest.raises(ValueError, match="unknown domain 'D9'"):
+        samples.select(domain="D9")
+
+
+def test_mismatched_columns_are_refused():
+    with pytest.raises(ValueError, match=r"wrenches has shape \(3, 1, 6\), expected \(3, 2, 6\)"):
+        Samples(load_scene("knee"), np.zeros((3, 6)), np.zeros((3, 1, 6)), np.zeros((3, 2)), np.ones(3), np.zeros(3))
+
+
+@pytest.fixture
+def file(tmp_path):
+    write_samples(tmp_path / "s.h5", some_samples())
+    return tmp_path / "s.h5"
+
+
+def refused(path, message):
+    with pytest.raises(ValueError, match=message) as error:
+        read_samples(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_truncated(file):
+    file.write_bytes(file.read_bytes()[:-700])
+    refused(file, "is damaged")
+
+
+def test_flipped_bit(file):
+    content = bytearray(file.read_bytes())
+    place = content.find(some_samples().poses.tobytes())
+    assert place > 0
+    content[place + 100] ^= 1
+    file.write_bytes(content)
+    refused(file, "is damaged")
+
+
+def test_not_hdf5(file):
+    file.write_text("name,poses\n")
+    refused(file, "not an HDF5 file")
+
+
+def test_foreign_hdf5(tmp_path):
+    with h5py.File(tmp_path / "f.h5", "w") as foreign:
+        foreign["poses"] = np.zeros((2, 6))
+    refused(tmp_path / "f.h5", "is not a samples file")
+
+
+def test_newer_format(file):
+    with h5py.File(file, "a") as samples:
+        samples.attrs["format_version"] = 99
+    refused(file, "samples format 99, expected at most 1")
+
+
+def test_missing_column(file):
+    with h5py.File(file, "a") as samples:
+        del samples["gaps"]
+    refused(file, "is damaged")
+
+
+def test_columns_of_different_length(file):
+    with h5py.File(file, "a") as samples:
+        del samples["role"]
+        samples["role"] = np.zeros(3, dtype=np.uint8)
+    refused(file, r"role has shape \(3,\)")
+
+
+def test_absent_and_incomplete(tmp_path):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_samples(tmp_path / "s.h5")
+    partial_folder(tmp_path / "s.h5").mkdir()
+    with pytest.raises(FileNotFoundError, match="is not complete"):
+        read_samples(tmp_path / "s.h5")
+
+
+def test_a_folder_that_is_not_there_is_one_line(tmp_path):
+    with pytest.raises(OSError, match="cannot write samples to"):
+        write_samples(tmp_path / "none" / "s.h5", some_samples())

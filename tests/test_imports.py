@@ -1,0 +1,69 @@
+"""Imports flow one way, from the foundations up (DESIGN: rooms), and only `training` needs torch."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "casadi_contact"
+ROOMS = [
+    *("conventions", "scenes", "geometry", "contact", "statics"),
+    *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
+    *("evaluation", "report", "pipeline", "cli"),
+]
+
+
+def imported_rooms(path: Path) -> set[str]:
+    """Rooms of casadi_contact that a file imports, anywhere in it, type checking aside."""
+    tree = ast.parse(path.read_text("utf-8"))
+    only_types = {
+        id(child)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for child in ast.walk(node)
+    }
+    found = set()
+    for node in ast.walk(tree):
+        if id(node) in only_types:
+            continue
+        if isinstance(node, ast.Import):
+            modules = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            modules = [node.module or ""]
+        else:
+            continue
+        for module in modules:
+            parts = module.split(".")
+            if parts[0] == "casadi_contact" and len(parts) > 1:
+                found.add(parts[1])
+            assert parts[0] != "problems", f"{path} imports problems"
+    return found
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
+    for path in PACKAGE.rglob("*.py"):
+        room = room_of(path)
+        if room == "__init__":
+            continue
+        assert room in ROOMS, f"{path} is in no room"
+        later = {other for other in imported_rooms(path) if ROOMS.index(other) > ROOMS.index(room)}
+        assert not later, f"{path} imports from {later}, which comes after {room}"
+
+
+def test_only_training_imports_torch():
+    for path in PACKAGE.rglob("*.py"):
+        if room_of(path) != "training":
+            assert "import torch" not in path.read_text("utf-8"), path
+
+
+def test_using_the_library_does_not_load_torch_or_matplotlib():
+    code = (
+        "import sys, casadi_contact, problems.pose_estimation\n"
+        "print([m for m in ('torch', 'matplotlib') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert out.stdout.strip() == "[]"
