@@ -14,7 +14,7 @@ from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
-from casadi_contact.statics import settle
+from casadi_contact.statics import SettleReport, settle
 
 _ABOVE_MM = 1000.0
 _TOUCH_MM = 1e-3
@@ -147,12 +147,21 @@ def reference_poses(
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
-    shape = (len(cycles), frames)
+    report = _report(cycles, settled)
+    interpolated = _interpolated(poses.reshape(len(cycles), frames, 6), report)
+    if report.converged.all():
+        return interpolated, report
+    # Once more from between the neighbours that did converge.
+    poses, settled = settle(model, interpolated.reshape(-1, 6), free, wanted, tolerance=tolerance_n)
+    report = _report(cycles, settled)
+    return _interpolated(poses.reshape(len(cycles), frames, 6), report), report
+
+
+def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
+    shape = (len(cycles), -1)
     names = tuple(cycle.name for cycle in cycles)
-    report = ReferenceReport(
-        names, settled.converged.reshape(shape), settled.residual.reshape(shape), settled.reason.reshape(shape)
-    )
-    return _interpolated(poses.reshape(*shape, 6), report), report
+    parts = (settled.converged, settled.residual, settled.reason)
+    return ReferenceReport(names, *(part.reshape(shape) for part in parts))
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:

@@ -91,8 +91,8 @@ class SamplingSettings:
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
         """The paper's settings, the scene's grids, the scene's ``[sampling]`` table, then keyword overrides.
 
-        A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming an unknown key or a
-        bad value.
+        A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming
+        an unknown key or a bad value.
         """
         values: dict[str, Any] = {"settle_grid": scene.grids["settle"], "teacher_grid": scene.grids["teacher"]}
         base = cls()

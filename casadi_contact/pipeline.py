@@ -1,0 +1,257 @@
+"""The stages from a scene to a surrogate, each restarting alone from the files of the one before it.
+
+cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.dataset import DOMAINS, TEST, Samples, read_samples
+from casadi_contact.evaluation import domain_errors, machine_record
+from casadi_contact.evaluation import evaluate as evaluate_models
+from casadi_contact.network import Regression
+from casadi_contact.presets import PRESETS, Preset
+from casadi_contact.sampling import (
+    ReferenceMotion,
+    ReferenceReport,
+    SamplePoint,
+    SamplingSettings,
+    draw_samples,
+    reference_motion,
+)
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.scenes.motion import reference_cycles
+from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.transcription import save_function
+
+STRUCTURES: dict[str, type[PatchSurrogate] | type[TwoStageSurrogate]] = {
+    "patch": PatchSurrogate,
+    "two_stage": TwoStageSurrogate,
+}
+Update = Callable[[str, float, float, str], None]
+
+
+@dataclass(frozen=True)
+class Project:
+    """A scene, a preset and the folder that holds everything made from them."""
+
+    scene: Scene
+    preset_name: str
+    folder: Path
+
+    @classmethod
+    def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
+        """Check the names and make the folder (results/SCENE-PRESET if left out).
+
+        Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
+        """
+        loaded = load_scene(scene)
+        if preset not in PRESETS:
+            raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
+        folder = Path("results") / f"{loaded.name}-{preset}" if folder is None else Path(folder)
+        writable_folder(folder)
+        return cls(loaded, preset, folder)
+
+    @property
+    def preset(self) -> Preset:
+        return PRESETS[self.preset_name]
+
+    @property
+    def samples_path(self) -> Path:
+        return self.folder / "samples.h5"
+
+    @property
+    def motion_path(self) -> Path:
+        return self.folder / "motion.npz"
+
+    def surrogate_path(self, structure: str) -> Path:
+        return self.folder / f"{structure}.h5"
+
+    def samples(self) -> Samples:
+        """The drawn samples; raises ValueError if they belong to another scene."""
+        samples = read_samples(self.samples_path)
+        if samples.scene.digest != self.scene.digest:
+            raise ValueError(
+                f"{self.samples_path} holds samples of another scene than {self.scene.name} as it is now: "
+                "choose another --out, or remove that folder"
+            )
+        return samples
+
+
+def writable_folder(folder: Path) -> None:
+    """Make a folder and try to write in it; raises OSError in one line if either fails."""
+    probe = folder / f".writable-{os.getpid()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
+
+
+def _write_beside(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file under another name and rename it, so that a reader never sees half of it."""
+    beside = path.with_name(f".{os.getpid()}-{path.name}")
+    try:
+        write(beside)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _workers() -> Executor:
+    """One spawned process per core (a fork after numba's threads have run is unsafe)."""
+    return ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn"))
+
+
+def sample(
+    project: Project,
+    cycle_files: Sequence[Path] = (),
+    progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
+) -> tuple[Samples, ReferenceReport]:
+    """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
+
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty.
+    """
+    cycles = [read_cycle(path) for path in cycle_files] or reference_cycles()
+    settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
+    model = ElasticFoundation(project.scene, project.scene.grids["settle"])
+    motion, report = reference_motion(model, cycles, settings)
+    samples = draw_samples(
+        project.scene, motion, project.samples_path, settings=settings, executor=executor, progress=progress
+    )
+
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            np.savez(file, inputs=np.array(motion.point.inputs), curves=motion.curves, poses=motion.poses)
+
+    _write_beside(project.motion_path, write)
+    return samples, report
+
+
+def read_motion(project: Project) -> ReferenceMotion:
+    """The reference motion that the samples were drawn around."""
+    try:
+        with np.load(project.motion_path, allow_pickle=False) as content:
+            point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
+            return ReferenceMotion(point, content["curves"], content["poses"])
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
+    except (ValueError, KeyError, OSError) as error:
+        raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
+
+
+def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
+    """A random subset of a regression's rows (§3.5 fits a random subset of the samples)."""
+    if rows is None or len(regression.targets) <= rows:
+        return regression
+    kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
+    columns = {name: getattr(regression, name)[kept] for name in ("inputs", "targets", "weights", "validation")}
+    return replace(regression, **columns)
+
+
+def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
+    """Train the preset's structures side by side on all cores, and write a surrogate file for each.
+
+    Goes on from checkpoints where an earlier run stopped. Raises ModuleNotFoundError without the extra ``train``.
+    """
+    from casadi_contact.training import TrainingSettings, fit_all
+
+    samples = project.samples()
+    paths = []
+    for structure in project.preset.efforts:
+        kind = STRUCTURES[structure]
+        regressions, settings = [], {}
+        for regression in kind.regressions(samples):
+            effort = project.preset.effort(structure, regression.name)
+            regressions.append(_at_most(regression, effort.max_rows, seed=0))
+            settings[regression.name] = TrainingSettings(
+                sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
+            )
+
+        def progress(name: str, used: float, allotted: float, rms: float, hidden: Any, kind: str = structure) -> None:
+            if update is not None:
+                size = "-".join(map(str, hidden))
+                update(f"{kind} {name}", used, allotted, f"{size} RMS {rms:.3g}")
+
+        folder = project.folder / "training" / structure
+        pool = executor or _workers()
+        try:
+            fits = fit_all(regressions, settings, pool, folder, progress)
+        finally:
+            if executor is None:
+                pool.shutdown(cancel_futures=True)
+        surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
+        record = _record(project, samples, surrogate, fits)
+        kind(project.scene, surrogate.networks, record).save(project.surrogate_path(structure))
+        paths.append(project.surrogate_path(structure))
+    return paths
+
+
+def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any]) -> dict[str, Any]:
+    """What the surrogate's file says of how it was made (see `surrogate.info`)."""
+    counts = {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, start=1)}
+    return {
+        "samples": counts,
+        "training_errors": {name: fit.rms for name, fit in fits.items()},
+        "test_errors": domain_errors(surrogate, samples),
+        "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",
+        "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
+        "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
+        "machine": machine_record(),
+    }
+
+
+def trained(project: Project) -> dict[str, Surrogate]:
+    """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
+    paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
+    if not paths:
+        raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
+    return {structure: load_surrogate(path) for structure, path in paths.items()}
+
+
+def evaluate(project: Project) -> Path:
+    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); returns the former."""
+    content = evaluate_models(trained(project), project.samples(), read_motion(project))
+    path = project.folder / "evaluation.json"
+
+    def write_csv(csv_path: Path) -> None:
+        with csv_path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("model", "domain", "load", "rms", "max", "mean"))
+            for model, domains in content["domain_errors"].items():
+                for domain, errors in domains.items():
+                    for load, error in errors.items():
+                        writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
+
+    _write_beside(project.folder / "evaluation.csv", write_csv)
+    _write_beside(path, lambda p: p.write_text(json.dumps(content, indent=1), "utf-8") and None)
+    return path
+
+
+def export(project: Project) -> list[Path]:
+    """Write each surrogate as a ``.casadi`` file and as C source with header and example."""
+    written = []
+    middle = read_motion(project).poses[0]
+    for structure, surrogate in trained(project).items():
+        folder = project.folder / "export" / structure
+        writable_folder(folder)
+        path = folder / f"{project.scene.name}.casadi"
+        save_function(surrogate.function(), path)
+        written += [path, *surrogate.export_c(folder, example_pose=list(middle[len(middle) // 4]))]
+    return written

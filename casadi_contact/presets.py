@@ -1,0 +1,64 @@
+"""Presets: how much to sample and how long to train, from a quick look to the paper's own effort."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Training of one kind of network: sizes to grow through, seconds allotted, activation, samples used at most."""
+
+    sizes: tuple[tuple[int, ...], ...]
+    seconds: float
+    activation: str = "algebraic"
+    max_rows: int | None = None
+
+
+@dataclass(frozen=True)
+class Preset:
+    """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
+    network's name, the longest fitting start winning ("" fits all)."""
+
+    sampling_scale: float
+    efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
+
+    def effort(self, structure: str, network: str) -> Effort:
+        """The effort for one network of a structure."""
+        fitting = [start for start in self.efforts[structure] if network.startswith(start)]
+        return self.efforts[structure][max(fitting, key=len)]
+
+
+_PAPER_NETWORK = ((30, 30, 30, 30),)
+
+PRESETS: dict[str, Preset] = {
+    "quick": Preset(
+        sampling_scale=0.08,
+        efforts={
+            "patch": {
+                "root": Effort(((8, 8), (12, 12), (16, 16)), 70.0),
+                "ratio": Effort(((6, 6), (10, 10)), 9.0),
+            }
+        },
+    ),
+    "standard": Preset(
+        sampling_scale=0.3,
+        efforts={
+            "patch": {
+                "root": Effort(((28, 28),), 1500.0),
+                "ratio": Effort(((16, 16),), 230.0),
+            },
+            "two_stage": {"": Effort(_PAPER_NETWORK, 240.0, "tanh", max_rows=12_000)},
+        },
+    ),
+    "paper": Preset(
+        sampling_scale=1.0,
+        efforts={
+            "patch": {
+                "root": Effort(((16, 16), (24, 24), (32, 32), (40, 40)), 3 * 3600.0),
+                "ratio": Effort(((10, 10), (16, 16), (24, 24)), 3600.0),
+            },
+            "two_stage": {"": Effort(_PAPER_NETWORK, 6 * 3600.0, "tanh", max_rows=80_000)},
+        },
+    ),
+}

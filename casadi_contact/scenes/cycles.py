@@ -1,0 +1,137 @@
+"""Measured cycles of a loaded joint: what a cycle holds, and how it is read from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+
+# Column of the file for each curve of a cycle; other columns are ignored.
+COLUMNS = {
+    "time_s": "time_s",
+    "rz": "flexion_rz_rad",
+    "ry": "rotation_ry_rad",
+    "fy_med": "Fy_med_N",
+    "fy_lat": "Fy_lat_N",
+    "cop_ap_mm": "cop_ap_mm",
+    "cop_ml_mm": "cop_ml_mm",
+}
+_LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
+_LARGEST_COP_MM = 200.0
+
+
+@dataclass(frozen=True)
+class LoadCycle:
+    """Loads and measured rotations over one cycle, each (n,): time_s [s]; rz (flexion is negative) and ry [rad];
+    fy_med, fy_lat [N], compression negative; centre of pressure cop_ap_mm = Tz/Fy, cop_ml_mm = -Tx/Fy."""
+
+    name: str
+    time_s: Array
+    rz: Array
+    ry: Array
+    fy_med: Array
+    fy_lat: Array
+    cop_ap_mm: Array
+    cop_ml_mm: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.time_s)
+        if count < 2:
+            raise ValueError(f"cycle {self.name} has {count} frames, expected at least 2")
+        for key in COLUMNS:
+            curve = np.asarray(getattr(self, key), dtype=float)
+            if curve.shape != (count,) or not np.isfinite(curve).all():
+                raise ValueError(f"cycle {self.name}: {key} is not {count} finite numbers")
+            object.__setattr__(self, key, curve)
+        if np.any(np.diff(self.time_s) <= 0.0):
+            frame = int(np.argmax(np.diff(self.time_s) <= 0.0)) + 1
+            raise ValueError(f"cycle {self.name}: time does not rise at frame {frame}, expected rows sorted by time")
+        for key in ("fy_med", "fy_lat"):
+            if getattr(self, key).max() > 0.0:
+                frame = int(np.argmax(getattr(self, key)))
+                raise ValueError(
+                    f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}, expected "
+                    "compression as negative numbers (contact cannot pull)"
+                )
+        for key in ("rz", "ry"):
+            largest = float(np.abs(getattr(self, key)).max())
+            if largest > _LARGEST_ANGLE_RAD:
+                raise ValueError(
+                    f"cycle {self.name}: {COLUMNS[key]} reaches {largest:g}, expected radians: is it in degrees?"
+                )
+        if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
+            raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+    def targets(self) -> dict[str, Array]:
+        """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""
+        fy = self.fy_med + self.fy_lat
+        return {
+            "Fy_med": self.fy_med,
+            "Fy_lat": self.fy_lat,
+            "Tx": -self.cop_ml_mm * fy,
+            "Tz": self.cop_ap_mm * fy,
+        }
+
+    def resampled(self, frames: int) -> LoadCycle:
+        """The cycle at `frames` equal steps of its time, linearly interpolated."""
+        time = np.linspace(self.time_s[0], self.time_s[-1], frames)
+        curves = {key: np.interp(time, self.time_s, getattr(self, key)) for key in COLUMNS if key != "time_s"}
+        return replace(self, time_s=time, **curves)
+
+
+def read_cycle(path: str | Path) -> LoadCycle:
+    """Read a cycle from a CSV file with at least the columns of `COLUMNS`, in any order.
+
+    Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing columns, text
+    among the numbers, ragged rows, NaN, fewer than 2 frames, unsorted time, pulling forces or suspected wrong units.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"cycle file {path} does not exist")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path} is not a CSV text file ({error})") from None
+    if not rows:
+        raise ValueError(f"{path} is empty, expected a header and at least 2 frames")
+    header = [name.strip() for name in rows[0][1]]
+    missing = [column for column in COLUMNS.values() if column not in header]
+    if missing:
+        raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(header)}")
+    repeated = [column for column in COLUMNS.values() if header.count(column) > 1]
+    if repeated:
+        raise ValueError(f"{path} has the column {repeated[0]} more than once")
+    curves: dict[str, list[float]] = {key: [] for key in COLUMNS}
+    for line, row in rows[1:]:
+        if len(row) != len(header):
+            raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")
+        for key, column in COLUMNS.items():
+            text = row[header.index(column)]
+            try:
+                value = float(text)
+            except ValueError:
+                raise ValueError(f"{path} line {line}, {column}: got {text!r}, expected a number") from None
+            if not math.isfinite(value):
+                raise ValueError(f"{path} line {line}, {column}: got {text.strip()}, expected a finite number")
+            curves[key].append(value)
+    try:
+        return LoadCycle(path.stem, **{key: np.array(values) for key, values in curves.items()})
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+assert [f.name for f in fields(LoadCycle)][1:] == list(COLUMNS)
