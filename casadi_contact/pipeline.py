@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.dataset import DOMAINS, TEST, Samples, read_samples
+from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples
 from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.network import Regression
@@ -208,6 +209,10 @@ def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict
     counts = {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, start=1)}
     return {
         "samples": counts,
+        "pose_range": {
+            name: [float(column.min()), float(column.max())]
+            for name, column in zip(POSE_NAMES, samples.select(role=(TRAIN, VALIDATION)).poses.T, strict=True)
+        },
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",

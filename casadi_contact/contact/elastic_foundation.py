@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.kernels import gap_many, wrench_many
+from casadi_contact.contact.kernels import gap_many, touches_many, wrench_many
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.contact.pressure import LAW_CODES, layer_modulus
 from casadi_contact.conventions import (
@@ -40,9 +40,10 @@ class ElasticFoundation:
         self.patch_names = scene.patch_names
         self._selection = load_selection(self.load_names, self.patch_names)
         self._surfaces = build_surfaces(scene)
+        grids = build_elements(scene, self.grid)
+        self._edges = [e.edge_centres_mm for e in grids]
         self._elements = [
-            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
-            for e in build_elements(scene, self.grid)
+            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm) for e in grids
         ]
         material = scene.material
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
@@ -68,6 +69,16 @@ class ElasticFoundation:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
         poses = as_poses(poses)
         return self._gaps(poses, rotation(poses[:, 3:]))[0]
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
+        poses = as_poses(poses)
+        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
+        touched = [
+            touches_many(s.family, s.parameters, edge, rotations, translations)
+            for s, edge in zip(self._surfaces, self._edges, strict=True)
+        ]
+        return np.stack(touched, axis=1)
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).

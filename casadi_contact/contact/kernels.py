@@ -174,3 +174,17 @@ def gap_many(family, parameters, elements, rotations, translations):
     for k in numba.prange(count):
         gaps[k] = _patch_gap(family, parameters, elements, rotations[k], translations[k], slopes[k])
     return gaps, slopes
+
+
+@numba.njit(cache=True, parallel=True)
+def touches_many(family, parameters, centres, rotations, translations):
+    """True (n,) for the poses at which any of the points lies inside the moving body."""
+    count = len(translations)
+    touched = np.zeros(count, dtype=np.bool_)
+    for k in numba.prange(count):
+        for e in range(len(centres)):
+            qx, qy, qz = _to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
+            if signed_distance(family, parameters, qx, qy, qz)[0] < 0.0:
+                touched[k] = True
+                break
+    return touched

@@ -22,13 +22,14 @@ BLOCK_SIDE = 4  # elements per block edge: measured best between 4 and 16 on gri
 class ElementGrid:
     """Elements of one patch in block order, fixed frame.
 
-    centres_mm, normals (m, 3); areas_mm2 (m,); blocks (b + 1,) first element of each block;
+    centres_mm, normals (m, 3); areas_mm2 (m,); edge_centres_mm (k, 3) of the outermost elements; blocks (b + 1,) first element of each block;
     block_centres_mm (b, 3); block_extents_mm (b, 3) half the size of the box about each block's element centres.
     """
 
     centres_mm: Array
     normals: Array
     areas_mm2: Array
+    edge_centres_mm: Array
     blocks: np.ndarray
     block_centres_mm: Array
     block_extents_mm: Array
@@ -67,12 +68,15 @@ def _blocks(centres: Array, normals: Array, areas: Array) -> ElementGrid:
             order.append(index[i : i + BLOCK_SIDE, k : k + BLOCK_SIDE].ravel())
             starts.append(starts[-1] + order[-1].size)
     flat = np.concatenate(order)
+    inner = np.zeros((nx, nz), dtype=bool)
+    inner[1:-1, 1:-1] = True
+    edge = centres[~inner]
     centres, normals, areas = centres.reshape(-1, 3)[flat], normals.reshape(-1, 3)[flat], areas.ravel()[flat]
     spans = list(itertools.pairwise(starts))
     low = np.array([centres[a:b].min(axis=0) for a, b in spans])
     high = np.array([centres[a:b].max(axis=0) for a, b in spans])
     starts_array = np.array(starts, dtype=np.int64)
-    return ElementGrid(centres, normals, areas, starts_array, 0.5 * (low + high), 0.5 * (high - low))
+    return ElementGrid(centres, normals, areas, edge, starts_array, 0.5 * (low + high), 0.5 * (high - low))
 
 
 def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:

@@ -24,7 +24,7 @@ _PULL_N = 1e-9
 
 
 class WrenchModel(Protocol):
-    """What samples are evaluated on; a method gaps(poses) -> (n, patches) is used where there is one."""
+    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where there are any."""
 
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6)."""
@@ -118,7 +118,10 @@ def draw_chunk(
     touches = touching[:, lifted_patches].any(axis=1) & ~pulls
     dropped["pulls"] += int(pulls.sum())
     dropped["touches though lifted off"] += int(touches.sum())
-    good = ~(pulls | touches)
+    # Contact that runs off the elements is cut where the grid happens to end: no part of the joint (§2.2).
+    edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
+    dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
+    good = ~(pulls | touches | edge)
     return DrawnChunk(
         poses[good],
         wrenches[good],

@@ -180,6 +180,12 @@ def test_culling_never_changes_the_result(monkeypatch):
     np.testing.assert_allclose(cc.ElasticFoundation(scene, (40, 20)).wrenches(poses), culled, rtol=1e-12, atol=1e-9)
 
 
+def test_contact_at_the_edge_of_the_elements_is_seen():
+    scene = cc.load_scene("sphere_on_plane")
+    poses = np.vstack([at(29.9), at(29.9, tx=11.9), at(30.1, tx=12.0), at(29.9, tz=-11.95)])
+    assert cc.ElasticFoundation(scene).at_edge(poses)[:, 0].tolist() == [False, True, False, True]
+
+
 def test_deep_poses_stay_finite_under_the_logarithmic_law():
     model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane", law="log"))
     forces = -model(np.vstack([at(30.0 - d) for d in (7.0, 7.9, 8.5, 12.0)]))[:, 1]

@@ -1,0 +1,112 @@
+"""Arrays on the device that trains: NumPy on the CPU, torch on a GPU, behind the few names both share.
+
+NumPy and torch name matmul, multiply, sqrt, einsum, ... alike, so the network is written once with ``xp``. On the
+CPU, NumPy's matrix products are 1.7 times (JᵀJ: 2 times) faster than torch's in double precision; torch is only
+imported for another device.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from scipy.linalg.blas import dsyrk
+
+
+class NumpyArrays:
+    """float64 arrays of NumPy, linear algebra of SciPy."""
+
+    xp: Any = np
+
+    def array(self, values: Any) -> Any:
+        """A contiguous float64 array on the device."""
+        return np.ascontiguousarray(values, dtype=np.float64)
+
+    def empty(self, *shape: int) -> Any:
+        return np.empty(shape)
+
+    def zeros(self, *shape: int) -> Any:
+        return np.zeros(shape)
+
+    def numpy(self, array: Any) -> Any:
+        """The array in the computer's memory."""
+        return array
+
+    def new_gram(self, size: int) -> Any:
+        """Zeros (size, size) for `add_gram`; only the upper triangle is ever filled or read."""
+        return np.zeros((size, size), order="F")
+
+    def add_gram(self, gram: Any, rows: Any) -> Any:
+        """gram + rowsᵀ·rows in place: rowsᵀ is a view in Fortran order, which dsyrk reads without a copy."""
+        return dsyrk(1.0, rows.T, beta=1.0, c=gram, overwrite_c=1)
+
+    def diagonal(self, gram: Any) -> Any:
+        return np.diagonal(gram)
+
+    def factor(self, gram: Any, shift: float) -> Any | None:
+        """Cholesky factor of gram + shift·I, None where that is not positive definite."""
+        shifted = gram.copy(order="F")
+        shifted[np.diag_indices(len(gram))] += shift
+        try:
+            return scipy.linalg.cho_factor(shifted, lower=False, overwrite_a=True, check_finite=False)
+        except scipy.linalg.LinAlgError:
+            return None
+
+    def solve(self, factor: Any, right: Any) -> Any:
+        return scipy.linalg.cho_solve(factor, right, check_finite=False)
+
+
+class TorchArrays:
+    """float64 tensors of torch on one device."""
+
+    def __init__(self, device: str) -> None:
+        import torch
+
+        self.xp: Any = torch
+        self.device = torch.device(device)
+
+    def array(self, values: Any) -> Any:
+        return self.xp.as_tensor(values, dtype=self.xp.float64, device=self.device).contiguous()
+
+    def empty(self, *shape: int) -> Any:
+        return self.xp.empty(shape, dtype=self.xp.float64, device=self.device)
+
+    def zeros(self, *shape: int) -> Any:
+        return self.xp.zeros(shape, dtype=self.xp.float64, device=self.device)
+
+    def numpy(self, array: Any) -> Any:
+        return array.detach().cpu().numpy()
+
+    def new_gram(self, size: int) -> Any:
+        return self.zeros(size, size)
+
+    def add_gram(self, gram: Any, rows: Any) -> Any:
+        return gram.addmm_(rows.T, rows)
+
+    def diagonal(self, gram: Any) -> Any:
+        return self.xp.diagonal(gram)
+
+    def factor(self, gram: Any, shift: float) -> Any | None:
+        shifted = gram.clone()
+        shifted.diagonal().add_(shift)
+        factor, info = self.xp.linalg.cholesky_ex(shifted)
+        return None if int(info) else factor
+
+    def solve(self, factor: Any, right: Any) -> Any:
+        return self.xp.cholesky_solve(right[:, None], factor)[:, 0]
+
+
+def arrays_for(device: str) -> NumpyArrays | TorchArrays:
+    """"cpu" trains with NumPy; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
+    if device == "cpu":
+        return NumpyArrays()
+    try:
+        arrays = TorchArrays(device)
+        arrays.zeros(1)
+    except ImportError:
+        raise ValueError(f"device is {device!r} but torch is not installed, expected 'cpu' or extra [train]") from None
+    except (RuntimeError, AssertionError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"device {device!r} cannot be used ({reason}), expected 'cpu' or a torch device") from None
+    return arrays

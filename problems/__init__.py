@@ -1,0 +1,1 @@
+"""Optimisation problems on contact surrogates, each with build(...), solve(...) and main()."""

@@ -1,0 +1,278 @@
+"""Pose estimation: the poses of a cycle that carry measured medial and lateral forces and centres of pressure (§3.3).
+
+ry and rz are locked to the measured curves; tx, ty, tz and rx of every frame are free. All frames stand in one IPOPT
+problem with exact Hessian:
+
+    min ½ Σ |e|² + ½ smoothness·Σ |q_{k+1} - q_k|²    subject to    r_k(q_k) = e_k
+
+    r = ( 2·√(N0·N*_med)·(s_med - s*_med),  2·√(N0·N*_lat)·(s_lat - s*_lat),
+          (Tz - cop_ap*·Fy)/L,  (Tx + cop_ml*·Fy)/L )    [N]
+
+with starred values wanted, s = √(N/N0) the signed root load, Fy the surrogate's own total, and L = 10 mm. Forces are
+compared as root loads because those are nearly linear in the pose and keep their slope out of contact (near the
+solution the residual is the force error); the centre of pressure is written without dividing by the load. Writing
+the residuals as constraints with their own variables e keeps IPOPT's steps those of Newton's method on r.
+
+Run ``python -m problems.pose_estimation --help``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+import typer
+
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.scenes.cycles import LoadCycle, read_cycle
+from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.statics import settle
+from casadi_contact.surrogate import Surrogate, load_surrogate
+
+FREE = ("tx", "ty", "tz", "rx")
+LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
+FORCE_TOLERANCE_N = 1.0
+COP_TOLERANCE_MM = 0.1
+_LEVER_MM = 10.0
+_SCALES = np.array([1.0, 1.0, 1.0, 25.0])  # variables in mm: rx times 25 mm
+_FREE_COLUMNS = [POSE_NAMES.index(name) for name in FREE]
+
+
+@dataclass(frozen=True)
+class PoseEstimation:
+    """A problem that can be looked at unsolved: CasADi's nlp, bounds on its variables, and what it came from."""
+
+    surrogate: Surrogate
+    cycle: LoadCycle
+    nlp: dict[str, ca.MX]
+    lower: Array
+    upper: Array
+    residuals: ca.Function
+
+    def start_poses(self, offsets: Array | None = None) -> Array:
+        """Start poses (n, 6): the middle of the learned range at ry and rz of the cycle, plus offsets (n, 4) of the
+        free parameters; tx, tz and rx are brought into the learned range."""
+        low, high = _pose_bounds(self.surrogate)
+        poses = np.zeros((len(self.cycle), 6))
+        middle = np.where(np.isfinite(low + high), 0.5 * (low + high), 0.0)
+        poses[:, _FREE_COLUMNS] = middle + (0.0 if offsets is None else offsets)
+        for column, name in zip(_FREE_COLUMNS, FREE, strict=True):
+            if name != "ty":
+                poses[:, column] = np.clip(poses[:, column], low[FREE.index(name)], high[FREE.index(name)])
+        poses[:, POSE_NAMES.index("ry")], poses[:, POSE_NAMES.index("rz")] = self.cycle.ry, self.cycle.rz
+        return poses
+
+
+@dataclass(frozen=True)
+class PoseResult:
+    """Poses (n, 6), surrogate loads there (n, 4) as in `LOADS`, and what became of each frame."""
+
+    poses: Array
+    loads: Array
+    force_error_n: Array
+    cop_error_mm: Array
+    converged: np.ndarray
+    reason: np.ndarray
+    ipopt_status: str
+    iterations: int
+    seconds: float
+
+
+def cop(loads: Array) -> Array:
+    """Centre of pressure (n, 2): (Tz/Fy, -Tx/Fy) [mm], NaN without load, for loads (n, 4) as in `LOADS`."""
+    fy = loads[:, 0] + loads[:, 1]
+    fy = np.where(fy < 0.0, fy, np.nan)
+    return np.column_stack([loads[:, LOADS.index("Tz")] / fy, -loads[:, LOADS.index("Tx")] / fy])
+
+
+def _pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:
+    """Range of the free parameters that the surrogate was trained on, unbounded where it does not say."""
+    ranges = surrogate.record.get("pose_range", {})
+    pairs = [ranges.get(name, (-np.inf, np.inf)) for name in FREE]
+    return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+
+
+def _residual_function(surrogate: Surrogate) -> ca.Function:
+    """(q (4), wanted (8): ry, rz, N_med, N_lat, cop_ap, cop_ml and two weights) -> residuals (4) [N]."""
+    q, wanted = ca.MX.sym("q", 4), ca.MX.sym("wanted", 8)
+    ry, rz, s_med, s_lat, cop_ap, cop_ml, w_med, w_lat = ca.vertsplit(wanted)
+    tx, ty, tz, rx = ca.vertsplit(q / _SCALES)
+    loads, roots = surrogate.load_and_root_function(LOADS)(ca.vertcat(tx, ty, tz, rx, ry, rz))
+    fy = loads[0] + loads[1]
+    residuals = ca.vertcat(
+        w_med * (roots[0] - s_med),
+        w_lat * (roots[1] - s_lat),
+        (loads[3] - cop_ap * fy) / _LEVER_MM,
+        (loads[2] + cop_ml * fy) / _LEVER_MM,
+    )
+    return ca.Function("residuals", [q, wanted], [residuals])
+
+
+def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0) -> PoseEstimation:
+    """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
+
+    Raises ValueError for a negative smoothness or a surrogate without the needed loads.
+    """
+    if not smoothness >= 0.0:
+        raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
+    count, n0 = len(cycle), surrogate.scene.reference_load
+    least = surrogate.scene.boundary_load
+    roots = np.sqrt(np.column_stack([-cycle.fy_med, -cycle.fy_lat]) / n0)
+    weights = 2.0 * n0 * np.maximum(roots, np.sqrt(least / n0))
+    wanted = np.column_stack([cycle.ry, cycle.rz, roots, cycle.cop_ap_mm, cycle.cop_ml_mm, weights]).T
+    residual = _residual_function(surrogate)
+    q, e = ca.MX.sym("q", 4, count), ca.MX.sym("e", 4, count)
+    objective = 0.5 * ca.sumsqr(e)
+    if smoothness > 0.0 and count > 1:
+        objective += 0.5 * smoothness * ca.sumsqr(q[:, 1:] - q[:, :-1])
+    r = residual.map(count)(q, ca.DM(wanted))
+    nlp = {"x": ca.vertcat(ca.vec(q), ca.vec(e)), "f": objective, "g": ca.vec(r - e)}
+    low, high = _pose_bounds(surrogate)
+    free = np.full(4 * count, np.inf)
+    lower = np.concatenate([np.tile(low * _SCALES, count), -free])
+    upper = np.concatenate([np.tile(high * _SCALES, count), free])
+    residuals = ca.Function("all_residuals", [q], [residual.map(count)(q, ca.DM(wanted))])
+    return PoseEstimation(surrogate, cycle, nlp, lower, upper, residuals)
+
+
+def solve(
+    problem: PoseEstimation, start: Array | None = None, max_iterations: int = 300, print_level: int = 0
+) -> PoseResult:
+    """Settle ty and rx of the start under the wanted forces, then solve with IPOPT.
+
+    start: poses (n, 6), `PoseEstimation.start_poses` if left out. Never raises for frames that do not converge:
+    each is reported with its errors and the reason.
+    """
+    cycle, surrogate = problem.cycle, problem.surrogate
+    began = time.perf_counter()
+    poses = problem.start_poses() if start is None else as_poses(start).copy()
+    if len(poses) != len(cycle):
+        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(cycle)} frames")
+    forces = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat}
+    poses, _ = settle(surrogate, poses, ("ty", "rx"), forces, tolerance=0.1, max_iterations=30)
+    q0 = (poses[:, _FREE_COLUMNS] * _SCALES).T
+    q0 = np.clip(q0.ravel("F"), problem.lower[: q0.size], problem.upper[: q0.size]).reshape(q0.shape, order="F")
+    e0 = np.asarray(problem.residuals(q0))
+    options = {
+        "ipopt": {
+            "print_level": print_level,
+            "sb": "yes",
+            "max_iter": max_iterations,
+            "tol": 1e-7,
+            "hessian_approximation": "exact",
+        },
+        "print_time": False,
+    }
+    solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
+    x0 = np.concatenate([q0.ravel("F"), e0.ravel("F")])
+    answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
+    stats = solver.stats()
+    q = np.asarray(answer["x"]).ravel()[: q0.size].reshape(4, -1, order="F")
+    poses[:, _FREE_COLUMNS] = q.T / _SCALES
+    return _judged(problem, poses, str(stats["return_status"]), int(stats["iter_count"]), time.perf_counter() - began)
+
+
+def _judged(problem: PoseEstimation, poses: Array, status: str, iterations: int, seconds: float) -> PoseResult:
+    """Errors of each frame, and whether it carries the wanted loads."""
+    cycle = problem.cycle
+    loads = problem.surrogate(poses, LOADS)
+    force_error = loads[:, :2] - np.column_stack([cycle.fy_med, cycle.fy_lat])
+    cop_error = cop(loads) - np.column_stack([cycle.cop_ap_mm, cycle.cop_ml_mm])
+    force_ok = np.abs(force_error).max(axis=1) <= FORCE_TOLERANCE_N
+    cop_ok = np.abs(cop_error).max(axis=1) <= COP_TOLERANCE_MM  # False for NaN: no load, no centre of pressure
+    solved = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+    converged = force_ok & cop_ok & solved
+    reason = np.full(len(cycle), "", dtype=object)
+    for k in np.flatnonzero(~converged):
+        if not solved:
+            reason[k] = f"IPOPT stopped: {status}"
+        else:
+            reason[k] = (
+                f"no pose in the learned range carries these loads: forces off by {np.abs(force_error[k]).max():.3g} N, "
+                f"centre of pressure by {np.abs(cop_error[k]).max():.3g} mm at the nearest"
+            )
+    return PoseResult(poses, loads, force_error, cop_error, converged, reason, status, iterations, seconds)
+
+
+@dataclass(frozen=True)
+class StartReport:
+    """Share of random starts that reach the reference solution, and IPOPT iterations of each start."""
+
+    reached: np.ndarray
+    iterations: np.ndarray
+
+    def __str__(self) -> str:
+        return (
+            f"{int(self.reached.sum())} of {len(self.reached)} random starts reach the same solution "
+            f"({100 * self.reached.mean():.1f} %), median {np.median(self.iterations):.0f} IPOPT iterations"
+        )
+
+
+def _one_start(surrogate_path: str, cycle: LoadCycle, reference: Array, seed: tuple[int, int]) -> tuple[bool, int]:
+    """Solve from one random start: every frame up to 3 mm lifted or 1 mm too deep, tx and tz off by up to 4 mm."""
+    problem = build(load_surrogate(surrogate_path), cycle)
+    rng = np.random.default_rng(seed)
+    count = len(cycle)
+    start = reference.copy()
+    shift = np.zeros((count, 6))
+    shift[:, POSE_NAMES.index("tx")] = rng.uniform(-4.0, 4.0, count)
+    shift[:, POSE_NAMES.index("tz")] = rng.uniform(-4.0, 4.0, count)
+    shift[:, POSE_NAMES.index("ty")] = rng.uniform(-1.0, 3.0, count)
+    low, high = _pose_bounds(problem.surrogate)
+    start += shift
+    for name in ("tx", "tz"):
+        column = POSE_NAMES.index(name)
+        start[:, column] = np.clip(start[:, column], low[FREE.index(name)], high[FREE.index(name)])
+    result = solve(problem, start)
+    same = np.abs(result.poses - reference) * np.repeat([1.0, 25.0], 3)
+    return bool(result.converged.all() and same.max() < 0.01), result.iterations
+
+
+def random_starts(surrogate_path: str, cycle: LoadCycle, count: int = 200, seed: int = 1) -> StartReport:
+    """Solve a cycle from `count` random starts on all cores; reached: every frame within 0.01 mm and 0.4 mrad."""
+    reference = solve(build(load_surrogate(surrogate_path), cycle)).poses
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(_one_start, surrogate_path, cycle, reference, (seed, k)) for k in range(count)]
+        outcomes = [job.result() for job in jobs]
+    return StartReport(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def run(
+    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the reference cycle if left out")] = None,
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .png and summary.json")] = Path("results"),
+    smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
+    starts: Annotated[int, typer.Option(help="also solve from this many random starts")] = 0,
+) -> None:
+    """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""
+    from problems.pose_estimation_report import report  # draws with matplotlib: not needed to solve
+
+    measured = reference_cycle() if cycle is None else read_cycle(cycle)
+    problem = build(load_surrogate(surrogate), measured, smoothness)
+    result = solve(problem)
+    report(problem, result, out, random_starts(surrogate, measured, starts) if starts else None)
+    if not result.converged.all():
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1; unsolved frames are exit status 2."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        sys.exit(f"pose_estimation: {error}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""Pose estimation: golden numbers on the shipped surrogate, honest reports, outputs, one line for a mistake."""
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.scenes.motion import reference_cycle
+from problems import pose_estimation
+from tests.shared_data import shared_file
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+@pytest.fixture(scope="module")
+def solved(knee):
+    problem = pose_estimation.build(knee, reference_cycle())
+    return problem, pose_estimation.solve(problem)
+
+
+def test_reference_cycle_converges_in_every_frame_and_the_elastic_foundation_agrees(solved):
+    problem, result = solved
+    assert result.converged.all(), result.reason
+    assert np.abs(result.force_error_n).max() < 1.0
+    assert np.abs(result.cop_error_mm).max() < 0.1
+    foundation = cc.ElasticFoundation(problem.surrogate.scene, problem.surrogate.scene.grids["teacher"])
+    difference = foundation(result.poses)[:, :2] - result.loads[:, :2]
+    assert np.sqrt(np.mean(difference**2)) < 3.0
+
+
+def test_reference_cycle_has_its_golden_poses(solved):
+    _, result = solved
+    golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
+    for frame, pose in golden.items():
+        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.01)
+
+
+@pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
+def test_measured_cycles_converge_in_every_frame(knee, name):
+    cycle = read_cycle(shared_file(f"data/jw/{name}_loads.csv"))
+    result = pose_estimation.solve(pose_estimation.build(knee, cycle))
+    assert result.converged.all(), result.reason[~result.converged]
+
+
+def test_random_starts_reach_the_same_solution(knee, solved):
+    _, result = solved
+    outcomes = [pose_estimation._one_start("knee", reference_cycle(), result.poses, (7, k)) for k in range(5)]
+    assert all(reached for reached, _ in outcomes)
+
+
+def test_a_problem_can_be_inspected_unsolved(knee):
+    cycle = reference_cycle(frames=5)
+    problem = pose_estimation.build(knee, cycle, smoothness=2.0)
+    assert problem.nlp["x"].numel() == 2 * 4 * 5
+    assert problem.nlp["g"].numel() == 4 * 5
+    np.testing.assert_array_equal(problem.start_poses()[:, 5], cycle.rz)
+
+
+def test_smoothness_trades_tracking_for_steadier_poses(knee, solved):
+    rough = solved[1]
+    smooth = pose_estimation.solve(pose_estimation.build(knee, reference_cycle(), smoothness=1e6))
+    steps = [np.abs(np.diff(r.poses[:, [0, 2]], axis=0)).sum() for r in (rough, smooth)]
+    assert steps[1] < steps[0]
+    assert np.abs(smooth.force_error_n).max() > np.abs(rough.force_error_n).max()
+
+
+def test_loads_no_pose_can_carry_are_named_frame_by_frame(knee):
+    cycle = reference_cycle(frames=11)
+    outside = cycle.cop_ml_mm.copy()
+    outside[4] = 60.0  # outside the insert
+    result = pose_estimation.solve(pose_estimation.build(knee, replace(cycle, cop_ml_mm=outside)))
+    assert not result.converged[4]
+    assert "no pose in the learned range carries these loads" in result.reason[4]
+    assert np.delete(result.converged, 4).all()
+
+
+def test_wrong_requests_are_refused(knee):
+    with pytest.raises(ValueError, match="smoothness is -1"):
+        pose_estimation.build(knee, reference_cycle(), smoothness=-1.0)
+    with pytest.raises(ValueError, match="start has 3 poses, expected one for each of 101 frames"):
+        pose_estimation.solve(pose_estimation.build(knee, reference_cycle()), np.zeros((3, 6)))
+
+
+def command(*arguments, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "problems.pose_estimation", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+        env=None,
+    )
+
+
+def test_the_command_writes_table_csv_summary_and_picture(tmp_path):
+    done = command("--out", tmp_path / "results", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "101 of 101 frames converged" in done.stdout
+    rows = list(csv.DictReader((tmp_path / "results" / "pose_estimation.csv").open()))
+    assert len(rows) == 101
+    assert abs(float(rows[30]["Fy_med_got_N"]) - float(rows[30]["Fy_med_wanted_N"])) < 1.0
+    summary = json.loads((tmp_path / "results" / "summary.json").read_text())
+    assert summary["converged"] == 101
+    assert summary["machine"]["casadi"]
+    assert (tmp_path / "results" / "pose_estimation.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--surrogate", "hip"), "unknown surrogate 'hip'"),
+        (("--cycle", "none.csv"), "cycle file none.csv does not exist"),
+        (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
+    ],
+)
+def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, tmp_path):
+    done = command(*arguments, cwd=tmp_path)
+    assert done.returncode != 0
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,146 @@
+"""The whole chain at small scale: sample, train, transcribe, evaluate, export, solve; and mistakes on the command line."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import pipeline
+from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.scenes.motion import reference_cycle
+from problems import pose_estimation
+
+pytest.importorskip("torch", reason="training needs the extra train")
+
+SMALL = Preset(
+    sampling_scale=0.02,
+    efforts={
+        "patch": {"root": Effort(((12, 12),), 12.0), "ratio": Effort(((6, 6),), 2.0)},
+        "two_stage": {"": Effort(((8,),), 1.0, "tanh", max_rows=500)},
+    },
+)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A project with everything built in it, its scene with coarser grids than the real one."""
+    folder = tmp_path_factory.mktemp("small")
+    text = cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml()
+    (folder / "knee.toml").write_text(text)
+    PRESETS["small"] = SMALL
+    try:
+        made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
+        pipeline.sample(made)
+        pipeline.train(made)
+        pipeline.evaluate(made)
+        pipeline.export(made)
+        yield made
+    finally:
+        del PRESETS["small"]
+
+
+def test_the_surrogate_learned_its_elastic_foundation(project):
+    content = read_evaluation(project.folder / "evaluation.json")
+    patch = content["domain_errors"]["patch"]
+    assert patch["D1"]["Fy_med"]["rms"] < 30.0
+    assert patch["D5"]["Fy_med"]["max"] == 0.0
+    assert patch["D5"]["Tz"]["max"] == 0.0
+    assert {"EF 40×30", "EF 80×40", "patch", "two_stage"} <= set(content["walking"]["models"])
+    assert content["machine"]["processor"]
+    assert len(evaluation_tables(content)) == 3
+
+
+def test_its_casadi_file_gives_the_same_loads(project):
+    surrogate = cc.load_surrogate(project.surrogate_path("patch"))
+    pose = project.samples().poses[7]
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
+    np.testing.assert_allclose(np.asarray(function(pose)).ravel(), surrogate(pose[None])[0], rtol=1e-10, atol=1e-9)
+
+
+def test_ipopt_finds_the_poses_of_the_reference_cycle_on_it(project):
+    surrogate = cc.load_surrogate(project.surrogate_path("patch"))
+    result = pose_estimation.solve(pose_estimation.build(surrogate, reference_cycle(frames=21)))
+    assert result.converged.mean() > 0.9, result.reason
+
+
+def test_it_says_what_it_was_trained_on(project):
+    info = cc.load_surrogate(project.surrogate_path("patch")).info()
+    assert info.samples["D1"] > 100
+    assert info.test_errors["D1"]["Fy_med"]["rms"] > 0.0
+    assert "casadi-contact build knee" in str(info)
+
+
+def test_a_rerun_keeps_what_is_done(project):
+    before = project.surrogate_path("patch").read_bytes(), project.samples_path.read_bytes()
+    pipeline.sample(project)
+    pipeline.train(project)
+    again = cc.load_surrogate(project.surrogate_path("patch"))
+    assert project.samples_path.read_bytes() == before[1]
+    np.testing.assert_array_equal(
+        again(project.samples().poses[:50]),
+        cc.load_surrogate(project.surrogate_path("patch"))(project.samples().poses[:50]),
+    )
+
+
+def test_samples_of_another_scene_are_refused(project, tmp_path):
+    shutil.copytree(project.folder, tmp_path / "out")
+    other = pipeline.Project.open("knee", "quick", tmp_path / "out")
+    with pytest.raises(ValueError, match="holds samples of another scene"):
+        pipeline.train(other)
+    with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
+        pipeline.trained(pipeline.Project.open("knee", "quick", tmp_path / "empty"))
+
+
+def cli(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "casadi_contact.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "COLUMNS": "300"},
+        cwd=Path(__file__).parents[1],
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("build", "elbow"), "unknown scene 'elbow'"),
+        (("build", "knee", "--preset", "huge"), "unknown preset 'huge', expected one of quick, standard, paper"),
+        (("build", "knee", "--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
+        (("info", "elbow"), "unknown surrogate 'elbow'"),
+    ],
+)
+def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said):
+    done = cli(*arguments)
+    assert done.returncode != 0
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_missing_damaged_and_foreign_files_are_one_line_too(tmp_path):
+    done = cli("train", "knee", "--out", tmp_path / "none")
+    assert done.returncode != 0
+    assert "does not exist" in done.stderr
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "samples.h5").write_bytes(b"not samples")
+    done = cli("train", "knee", "--out", tmp_path / "bad")
+    assert done.returncode != 0
+    assert "damaged or not an HDF5 file" in done.stderr
+    cycle = tmp_path / "cycle.csv"
+    cycle.write_text("time_s\n0\n")
+    done = cli("sample", "knee", "--cycles", cycle, "--out", tmp_path / "new")
+    assert done.returncode != 0
+    assert "lacks the columns" in done.stderr
+    (tmp_path / "evaluation.json").write_text(json.dumps({"a": 1}))
+    with pytest.raises(ValueError, match="is not an evaluation file"):
+        read_evaluation(tmp_path / "evaluation.json")
