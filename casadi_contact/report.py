@@ -31,7 +31,7 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
         for column in ("model", "domain", "samples"):
             table.add_column(column)
         for load in loads:
-            table.add_column(f"{load} [{load_unit(load)}]", justify="right")
+            table.add_column(f"{load} ({load_unit(load)})", justify="right")
         for model, domains in content["domain_errors"].items():
             for domain, errors in domains.items():
                 cells = [f"{errors[load][key]:.3g}" if load in errors else "-" for load in loads]
@@ -42,10 +42,10 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     table = Table(title=f"Speed and accuracy on {walking['poses']} unseen walking poses inside D1 (Table 4)")
     table.add_column("model")
     for column in (
-        "time [µs]",
+        "time (µs)",
         "low-high",
-        "RMS force [N]",
-        "RMS torque [N·mm]",
+        "RMS force (N)",
+        "RMS torque (N·mm)",
         f"against EF {walking['fine']}: force",
         "torque",
     ):

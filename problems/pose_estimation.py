@@ -195,7 +195,8 @@ def _judged(problem: PoseEstimation, poses: Array, status: str, iterations: int,
             reason[k] = f"IPOPT stopped: {status}"
         else:
             reason[k] = (
-                f"no pose in the learned range carries these loads: forces off by {np.abs(force_error[k]).max():.3g} N, "
+                "no pose in the learned range carries these loads: "
+                f"forces off by {np.abs(force_error[k]).max():.3g} N, "
                 f"centre of pressure by {np.abs(cop_error[k]).max():.3g} mm at the nearest"
             )
     return PoseResult(poses, loads, force_error, cop_error, converged, reason, status, iterations, seconds)

@@ -54,7 +54,7 @@ def report(problem: PoseEstimation, result: PoseResult, out: Path, starts: Start
     for name, unit in zip(QUANTITIES, UNITS, strict=True):
         row = errors[name]
         cells = [row[key] for key in ("tracking_rms", "tracking_max", "ef_rms", "ef_max")]
-        table.add_row(f"{name} [{unit}]", *(f"{cell:.3g}" for cell in cells))
+        table.add_row(f"{name} ({unit})", *(f"{cell:.3g}" for cell in cells))
     console.print(table)
     frames = len(problem.cycle)
     console.print(
