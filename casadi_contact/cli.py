@@ -108,7 +108,7 @@ def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee)
 
 def _sample(project: Project, cycle_files: list[Path]) -> None:
     with _bars() as update:
-        samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total))
+        samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
     if report is not None:
         console.print(str(report), highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)

@@ -114,6 +114,10 @@ def _write_beside(path: Path, write: Callable[[Path], None]) -> None:
         beside.unlink(missing_ok=True)
 
 
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=1), "utf-8")
+
+
 def _workers() -> Executor:
     """One spawned process per core (a fork after numba's threads have run is unsafe)."""
     return ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn"))
@@ -180,7 +184,8 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         regressions, settings = [], {}
         for regression in kind.regressions(samples):
             effort = project.preset.effort(structure, regression.name)
-            regressions.append(_at_most(regression, effort.max_rows, seed=0))
+            wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
+            regressions.append(_at_most(wanted, effort.max_rows, seed=0))
             settings[regression.name] = TrainingSettings(
                 sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
             )
@@ -245,7 +250,7 @@ def evaluate(project: Project) -> Path:
                         writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
 
     _write_beside(project.folder / "evaluation.csv", write_csv)
-    _write_beside(path, lambda p: p.write_text(json.dumps(content, indent=1), "utf-8") and None)
+    _write_beside(path, lambda p: _write_json(p, content))
     return path
 
 

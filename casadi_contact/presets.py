@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Effort:
-    """Training of one kind of network: sizes to grow through, seconds allotted, activation, samples used at most."""
+    """Training of one kind of network: sizes to grow through, seconds allotted, activation, samples used at most, and
+    the wanted error as a share of the scene's tolerance (below 1, all the time is used to get better than needed)."""
 
     sizes: tuple[tuple[int, ...], ...]
     seconds: float
     activation: str = "algebraic"
     max_rows: int | None = None
+    tolerance_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -42,13 +44,13 @@ PRESETS: dict[str, Preset] = {
         },
     ),
     "standard": Preset(
-        sampling_scale=0.3,
+        sampling_scale=0.4,
         efforts={
             "patch": {
-                "root": Effort(((28, 28),), 1500.0),
-                "ratio": Effort(((16, 16),), 230.0),
+                "root": Effort(((20, 20, 20),), 720.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 110.0, tolerance_share=0.2),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 240.0, "tanh", max_rows=12_000)},
+            "two_stage": {"": Effort(_PAPER_NETWORK, 180.0, "tanh", max_rows=12_000)},
         },
     ),
     "paper": Preset(

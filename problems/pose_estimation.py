@@ -24,7 +24,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
@@ -51,7 +51,7 @@ class PoseEstimation:
 
     surrogate: Surrogate
     cycle: LoadCycle
-    nlp: dict[str, ca.MX]
+    nlp: dict[str, Any]
     lower: Array
     upper: Array
     residuals: ca.Function
@@ -160,7 +160,7 @@ def solve(
     q0 = (poses[:, _FREE_COLUMNS] * _SCALES).T
     q0 = np.clip(q0.ravel("F"), problem.lower[: q0.size], problem.upper[: q0.size]).reshape(q0.shape, order="F")
     e0 = np.asarray(problem.residuals(q0))
-    options = {
+    options: dict[str, Any] = {
         "ipopt": {
             "print_level": print_level,
             "sb": "yes",

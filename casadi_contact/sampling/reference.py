@@ -24,10 +24,17 @@ _TOUCH_STEPS = 200
 class Cycle(Protocol):
     """A measured or synthetic cycle: curves (n,) over time; `scenes.LoadCycle` is one."""
 
-    name: str
-    time_s: Array
-    ry: Array
-    rz: Array
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def time_s(self) -> Array: ...
+
+    @property
+    def ry(self) -> Array: ...
+
+    @property
+    def rz(self) -> Array: ...
 
     def targets(self) -> Mapping[str, Array]:
         """Measured loads by name, each (n,) [N, N·mm]."""

@@ -98,7 +98,7 @@ class TorchArrays:
 
 
 def arrays_for(device: str) -> NumpyArrays | TorchArrays:
-    """"cpu" trains with NumPy; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
+    """ "cpu" trains with NumPy; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
     if device == "cpu":
         return NumpyArrays()
     try:

@@ -22,10 +22,10 @@ from casadi_contact.conventions import Array
 from casadi_contact.training.mlp import Mlp
 
 _ROWS_PER_PARAMETER = 3.0
-_ASSEMBLIES_WORTH = 3.0
-_ACCURACY = 0.25  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
+_ASSEMBLIES_WORTH = 1.5
+_ACCURACY = 0.1  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
 _MAX_PRODUCTS = 60
-_REFACTOR_RATIO = 1.5
+_REFACTOR_RATIO = 3.0
 _SHORTER = 0.4
 _TRIALS = 4
 _MIN_DAMPING, _MAX_DAMPING = 1e-15, 1e8
@@ -41,6 +41,7 @@ class State:
     assembled_at: Array  # parameters at which the preconditioner was assembled
     assemblies: int
     products: int  # spent on the preconditioner since
+    factored_damping: float  # λ at which it was factored, NaN if it is not
 
 
 class LevenbergMarquardt:
@@ -53,18 +54,21 @@ class LevenbergMarquardt:
         self._factor: Any = None
         self._factored = np.nan
         self.exhausted = False
-        if state is not None:
-            self._move_to(state.assembled_at)
-            self._assemblies = state.assemblies - 1
-            self._assemble()
-            self._products, self.damping, self._growth = state.products, state.damping, state.damping_growth
-            parameters = state.parameters
-        self._move_to(parameters)
         if state is None:
+            self._move_to(parameters, solve_output=True)
             self._assemble()
+            return
+        self._move_to(state.assembled_at, solve_output=False)
+        self._assemblies = state.assemblies - 1
+        self._assemble()
+        self._products, self.damping, self._growth = state.products, state.damping, state.damping_growth
+        if np.isfinite(state.factored_damping):
+            self._factored = state.factored_damping
+            self._factor = mlp.arrays.factor(self._gram, self._factored * self._unit)
+        self._move_to(state.parameters, solve_output=False)
 
-    def _move_to(self, parameters: Array) -> None:
-        self._parameters, self.loss = self.mlp.evaluate(self.mlp.arrays.array(parameters))
+    def _move_to(self, parameters: Array, *, solve_output: bool) -> None:
+        self._parameters, self.loss = self.mlp.evaluate(self.mlp.arrays.array(parameters), solve_output=solve_output)
         if not np.isfinite(self.loss):
             raise ValueError("the residuals at the starting weights are not finite numbers, expected finite data")
         self._gradient = self.mlp.accept(self._parameters)
@@ -82,7 +86,13 @@ class LevenbergMarquardt:
     def state(self) -> State:
         """What a later `LevenbergMarquardt` continues from, bit for bit on one thread."""
         return State(
-            self.parameters, self.damping, self._growth, self._assembled_at, self._assemblies, self._products
+            self.parameters,
+            self.damping,
+            self._growth,
+            self._assembled_at,
+            self._assemblies,
+            self._products,
+            self._factored,
         )
 
     def _assemble(self) -> None:
@@ -101,7 +111,7 @@ class LevenbergMarquardt:
         # A product costs about 4 floating-point operations per row and parameter at a third of the speed of JᵀJ.
         self._allowance = _ASSEMBLIES_WORTH * 0.1 * self.mlp.parameter_count * len(drawn) / rows
         self._assembled_at, self._assemblies, self._products = self.parameters, self._assemblies + 1, 0
-        self._factor = None
+        self._factor, self._factored = None, np.nan
 
     def _precondition(self) -> None:
         """A Cholesky factor for a damping near the present one; rounding may ask for more damping."""

@@ -1,0 +1,76 @@
+"""A fit's state in one .npz file: what a later run continues from.
+
+A checkpoint that cannot be read is not worth stopping for: the fit starts again, with one logged warning. One that
+belongs to other data or settings is refused, because it may be hours of somebody's work that must not be overwritten.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.network import Regression
+from casadi_contact.training.settings import TrainingSettings
+
+FORMAT = 1
+# More time or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
+_NOT_IN_DIGEST = ("max_time_s", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
+
+_log = logging.getLogger(__name__)
+
+
+def digest(regression: Regression, settings: TrainingSettings) -> str:
+    """Hex name of the data and of the settings that shape the result (not of limits and machine)."""
+    chosen = {key: value for key, value in asdict(settings).items() if key not in _NOT_IN_DIGEST}
+    head = json.dumps([FORMAT, regression.name, float(regression.tolerance), chosen], sort_keys=True)
+    name = hashlib.sha256(head.encode())
+    for array in (regression.inputs, regression.targets, regression.weights, regression.validation):
+        array = np.ascontiguousarray(array)
+        name.update(f"{array.dtype.str}{array.shape}".encode())
+        name.update(array.data)
+    return name.hexdigest()
+
+
+def write(path: Path, identity: str, content: dict[str, Any]) -> None:
+    """Write the arrays and numbers beside ``path``, then rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("wb") as file:
+            np.savez(file, format=FORMAT, digest=identity, **content)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
+    """The content, or None where there is none to go on from (absent, or damaged: a warning is logged).
+
+    Raises ValueError for a checkpoint of a newer format, or of other data or settings.
+    """
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {key: file[key] for key in file.files}
+    except (OSError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        _log.warning("checkpoint %s is damaged (%s); the fit starts again", path, error)
+        return None
+    if not {"format", "digest"} <= content.keys():
+        raise ValueError(f"{path} is not a checkpoint of a fit; choose another file, so that it is not overwritten")
+    version, owner = int(content.pop("format")), str(content.pop("digest"))
+    if version > FORMAT:
+        raise ValueError(f"checkpoint {path} has format {version}, expected at most {FORMAT}: update casadi_contact")
+    if owner != identity:
+        raise ValueError(
+            f"checkpoint {path} belongs to other data or settings; delete it or choose another folder to train anew"
+        )
+    return content

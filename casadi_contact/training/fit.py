@@ -1,0 +1,119 @@
+"""Fit one network to one regression: grow, restart, stop, and go on from where an earlier run ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from casadi_contact.conventions import Array
+from casadi_contact.network import Network, Regression
+from casadi_contact.training import checkpoint as checkpoint_file
+from casadi_contact.training.search import Search
+from casadi_contact.training.settings import TrainingSettings
+
+# name, seconds used, seconds allotted, training RMS, hidden layers
+Progress = Callable[[str, float, float, float, tuple[int, ...]], None]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted network. rms, validation_rms: root-mean-square weighted residual of ``network`` on training and
+    validation rows [N or N·mm], the latter NaN without validation rows. history: training_rms, validation_rms,
+    seconds and size (index into the settings' sizes), one entry an iteration. stop_reason: see `stopping`."""
+
+    network: Network
+    history: dict[str, Array]
+    stop_reason: str
+    rms: float
+    validation_rms: float
+    seconds: float
+
+    @property
+    def parameter_count(self) -> int:
+        """Number of weights and biases."""
+        return self.network.parameter_count
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons per hidden layer."""
+        return self.network.hidden
+
+
+def check(regression: Regression) -> None:
+    """Raises ValueError, naming the regression, for what no fit can repair."""
+    name, rows = regression.name, len(regression.inputs)
+    if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
+        raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
+    for column in ("targets", "weights", "validation"):
+        shape = np.shape(getattr(regression, column))
+        if shape != (rows,):
+            raise ValueError(f"regression {name}: {column} has shape {shape}, expected ({rows},) like the inputs")
+    for column in ("inputs", "targets", "weights"):
+        values = np.asarray(getattr(regression, column), dtype=float)
+        bad = ~np.isfinite(values)
+        if bad.any():
+            raise ValueError(
+                f"regression {name}: {column} holds {values[bad][0]} at row {np.argwhere(bad)[0][0]}, "
+                "expected finite numbers"
+            )
+    if np.asarray(regression.validation).dtype != bool:
+        raise ValueError(f"regression {name}: validation is {regression.validation.dtype}, expected True or False")
+    training = ~regression.validation
+    if (regression.weights < 0.0).any() or not (regression.weights[training] > 0.0).any():
+        raise ValueError(f"regression {name}: expected weights of 0 or more, and above 0 in some training row")
+    if not regression.tolerance >= 0.0:
+        raise ValueError(f"regression {name}: tolerance is {regression.tolerance!r}, expected 0 or more")
+
+
+def fit(
+    regression: Regression,
+    settings: TrainingSettings | None = None,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit a network within the settings' limits; the best found is returned, whatever the reason to stop.
+
+    With a ``checkpoint`` path the state is written there every ``checkpoint_every_s`` and on Ctrl-C; a later call
+    with the same regression and settings goes on from it (its allotted time too), or returns a finished fit at once.
+    More ``max_time_s`` or ``max_iterations`` than before continues a fit that those had ended.
+
+    Raises ValueError for a regression that cannot be fitted (NaN, shapes) and for a checkpoint of other data.
+    """
+    settings = settings or TrainingSettings()
+    check(regression)
+    identity = checkpoint_file.digest(regression, settings) if checkpoint else ""
+    saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
+    with threadpool_limits(settings.threads):
+        search = Search(regression, settings, saved)
+        snapshot, written = search.snapshot(), time.monotonic()
+        began = time.monotonic() - search.seconds
+        try:
+            while not search.stop_reason:
+                search.iterate(lambda: time.monotonic() - began)
+                snapshot = search.snapshot()
+                if checkpoint and time.monotonic() - written >= settings.checkpoint_every_s:
+                    checkpoint_file.write(checkpoint, identity, search.content(snapshot))
+                    written = time.monotonic()
+                if progress:
+                    hidden = settings.sizes[search.level]
+                    progress(regression.name, search.seconds, settings.max_time_s, search.training_rms, hidden)
+        finally:  # on Ctrl-C too: the snapshot is that of the last whole iteration
+            if checkpoint:
+                checkpoint_file.write(checkpoint, identity, search.content(snapshot))
+        return _result(regression, search)
+
+
+def _result(regression: Regression, search: Search) -> Fit:
+    network = search.best_network()
+    weighted = regression.weights * (network.value(regression.inputs) - regression.targets)
+    rms = {
+        chosen: float(np.sqrt(np.mean(weighted[rows] ** 2))) if rows.any() else np.nan
+        for chosen, rows in ((False, ~regression.validation), (True, regression.validation))
+    }
+    history = search.history.arrays()
+    return Fit(network, history, search.stop_reason, rms[False], rms[True], search.seconds)

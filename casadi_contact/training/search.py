@@ -1,0 +1,190 @@
+"""The course of one fit: iterate, judge, grow or restart, remember the best. Its whole state fits in a checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.network import Network, Regression
+from casadi_contact.training import stopping
+from casadi_contact.training.arrays import arrays_for
+from casadi_contact.training.growth import grow, will_reach
+from casadi_contact.training.history import History
+from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
+from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
+from casadi_contact.training.settings import TrainingSettings
+
+# A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
+_SHARE_FOR_ANOTHER = 0.2
+_LEAST_ITERATIONS = 20
+_LIMITS = (stopping.TIME_USED, stopping.ITERATION_LIMIT)
+
+
+class Search:
+    """One fit in progress; `iterate` until ``stop_reason`` is set."""
+
+    def __init__(self, regression: Regression, settings: TrainingSettings, saved: dict[str, Any] | None = None) -> None:
+        self.regression, self.settings = regression, settings
+        self._arrays = arrays_for(settings.device)
+        self._training, self._validation = ~regression.validation, regression.validation
+        self.history = History()
+        self.level = self.attempt = self.began = 0
+        self.stop_reason = ""
+        self._best_level, self._best_score = 0, np.inf
+        if saved is None:
+            self._start(self._fresh())
+            self._best = self._lm.parameters
+        else:
+            self._restore(saved)
+
+    # --- where it stands
+
+    @property
+    def seconds(self) -> float:
+        """Time used so far, that of interrupted runs included."""
+        return self.history.seconds[-1] if len(self.history) else 0.0
+
+    @property
+    def training_rms(self) -> float:
+        """Error of the present network on the training rows."""
+        return self._lm.rms
+
+    def best_network(self) -> Network:
+        """The network that met the tolerance; else the one of the least validation error (training error without)."""
+        return unflatten(self._best, self._fresh(self._best_level))
+
+    def snapshot(self) -> dict[str, Any]:
+        """The present state, to be stored by `content`; cheap, and untouched by later iterations."""
+        return {
+            **{f"lm_{name}": value for name, value in asdict(self._lm.state()).items()},
+            "level": self.level,
+            "attempt": self.attempt,
+            "began": self.began,
+            "stop_reason": self.stop_reason,
+            "best": self._best,
+            "best_level": self._best_level,
+            "best_score": self._best_score,
+            "entries": len(self.history),
+        }
+
+    def content(self, snapshot: dict[str, Any]) -> dict[str, Any]:
+        """Everything that `__init__` needs to go on from a snapshot, as arrays and numbers."""
+        history = self.history.arrays(snapshot["entries"])
+        return {**snapshot, **{f"history_{name}": column for name, column in history.items()}}
+
+    def _restore(self, saved: dict[str, Any]) -> None:
+        self.history = History.from_arrays({k[8:]: v for k, v in saved.items() if k.startswith("history_")})
+        self.level, self.attempt, self.began = (int(saved[k]) for k in ("level", "attempt", "began"))
+        self._best, self._best_level = saved["best"], int(saved["best_level"])
+        self._best_score = float(saved["best_score"])
+        lm = {k[3:]: v if v.ndim else v.item() for k, v in saved.items() if k.startswith("lm_")}
+        self.stop_reason = str(saved["stop_reason"])
+        self._start(self._fresh(), State(**lm))
+        if self.stop_reason in _LIMITS:
+            self.stop_reason = self._limit_reached()
+
+    # --- one iteration
+
+    def iterate(self, clock: Callable[[], float]) -> None:
+        """One step of Levenberg-Marquardt, then what §2.6 says to do about it."""
+        self._lm.step()
+        validation_rms = self._validation_rms()
+        self.history.add(self._lm.rms, validation_rms, clock(), self.level)
+        score = self._lm.rms if np.isnan(validation_rms) else validation_rms
+        reached = stopping.error_reached(self._lm.rms, validation_rms, self.regression.tolerance)
+        if reached or score < self._best_score:
+            self._best, self._best_level, self._best_score = self._lm.parameters, self.level, score
+        if reached:
+            self.stop_reason = stopping.ERROR_REACHED
+        elif reason := self._limit_reached():
+            self.stop_reason = reason
+        elif stopping.validation_rising(self._phase("validation_rms"), self.settings.max_validation_rises):
+            self.stop_reason = stopping.VALIDATION_RISING
+        elif self._stands_still():
+            if self._can_begin_another() and self._larger():
+                self._grow()
+            elif self._can_begin_another() and self.attempt < self.settings.restarts:
+                self.attempt += 1
+                self.began = len(self.history)
+                self._start(self._fresh())
+            else:
+                self.stop_reason = stopping.STALLED
+        elif self._can_begin_another() and self._larger() and self._trend_misses():
+            self._grow()
+
+    def _limit_reached(self) -> str:
+        if self.settings.max_iterations is not None and len(self.history) >= self.settings.max_iterations:
+            return stopping.ITERATION_LIMIT
+        return stopping.TIME_USED if stopping.time_used(self.seconds, self.settings.max_time_s) else ""
+
+    def _phase(self, column: str) -> list[float]:
+        """Entries since the present network began."""
+        return getattr(self.history, column)[self.began :]
+
+    def _stands_still(self) -> bool:
+        settings = self.settings
+        return self._lm.exhausted or stopping.stalled(
+            self._phase("training_rms"), settings.stall_window, settings.stall_improvement
+        )
+
+    def _effort(self) -> tuple[np.ndarray, float]:
+        """Effort at each entry of the history and at the end: iterations if these are limited (so that growth does
+        not depend on the machine's speed), else seconds."""
+        if self.settings.max_iterations is not None:
+            return np.arange(1.0, len(self.history) + 1.0), float(self.settings.max_iterations)
+        return np.array(self.history.seconds), self.settings.max_time_s
+
+    def _can_begin_another(self) -> bool:
+        effort, end = self._effort()
+        return end - effort[-1] >= _SHARE_FOR_ANOTHER * end
+
+    def _larger(self) -> bool:
+        return self.level + 1 < len(self.settings.sizes)
+
+    def _trend_misses(self) -> bool:
+        if len(self.history) % 10:
+            return False
+        effort, end = self._effort()
+        before = effort[self.began - 1] if self.began else 0.0
+        own = effort[self.began :] - before
+        if len(own) < _LEAST_ITERATIONS or own[-1] < self.settings.growth_share * end:
+            return False
+        return not will_reach(own, self._phase("training_rms"), end - before, self.regression.tolerance)
+
+    # --- networks
+
+    def _seed(self, level: int) -> list[int]:
+        return [self.settings.seed, level, self.attempt]
+
+    def _fresh(self, level: int | None = None) -> Network:
+        """A random network of one size, scaled by the training rows alone."""
+        level = self.level if level is None else level
+        rows, regression = self._training, self.regression
+        sizes, activation = self.settings.sizes[level], self.settings.activation
+        return initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
+
+    def _grow(self) -> None:
+        present = unflatten(self._lm.parameters, self._fresh())
+        self.level += 1
+        self.began = len(self.history)
+        self._start(grow(present, self.settings.sizes[self.level], self._seed(self.level)))
+
+    def _start(self, network: Network, state: State | None = None) -> None:
+        regression, settings = self.regression, self.settings
+
+        def mlp(rows: np.ndarray) -> Mlp:
+            columns = (regression.inputs[rows], regression.targets[rows], regression.weights[rows])
+            return Mlp(network, *columns, self._arrays, settings.chunk_rows)
+
+        seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
+        self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), seed, state)
+        self._validation_mlp = mlp(self._validation) if self._validation.any() else None
+
+    def _validation_rms(self) -> float:
+        if self._validation_mlp is None:
+            return np.nan
+        residuals = self._validation_mlp.weighted_residuals(self._arrays.array(self._lm.parameters))
+        return float(np.sqrt(np.mean(residuals**2)))

@@ -1,0 +1,61 @@
+"""What a fit may use and how it grows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from casadi_contact.network import ACTIVATIONS
+from casadi_contact.training.growth import check_ladder
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Settings of one network's fit.
+
+    sizes: hidden layers to grow through, smallest first; a single entry trains that size without growth. On roots of
+    contact loads three layers reach a given error sooner than two of as many weights.
+    max_time_s: allotted time, shared by all sizes and restarts. max_iterations: an end that does not depend on the
+    machine's speed; with it growth and stalls depend on iterations only, so that weights are reproducible.
+    max_validation_rises: criterion 3 of §2.6. restarts: how often a stalled fit begins again from another seed.
+    stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
+    growth_share: share of the allotment a size gets before its trend may be judged.
+    device: "cpu" (NumPy) or a torch device such as "cuda". chunk_rows: rows worked on at once (cache).
+    checkpoint_every_s: a killed fit loses at most so much. threads: BLAS threads; 1 keeps weights reproducible.
+    """
+
+    sizes: tuple[tuple[int, ...], ...] = ((8,), (12, 12), (16, 16, 16), (20, 20, 20), (24, 24, 24))
+    activation: str = "algebraic"
+    max_time_s: float = 600.0
+    max_iterations: int | None = None
+    max_validation_rises: int = 20
+    seed: int = 0
+    restarts: int = 2
+    stall_window: int = 60
+    stall_improvement: float = 2e-3
+    growth_share: float = 0.05
+    device: str = "cpu"
+    chunk_rows: int = 1000
+    checkpoint_every_s: float = 20.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sizes", check_ladder(self.sizes))
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"activation is {self.activation!r}, expected one of {', '.join(ACTIVATIONS)}")
+        if not self.max_time_s > 0.0 or math.isnan(self.max_time_s):
+            raise ValueError(f"max_time_s is {self.max_time_s!r}, expected seconds above 0")
+        if self.max_iterations is None and math.isinf(self.max_time_s):
+            raise ValueError("max_time_s is infinite and max_iterations None, expected an end to the fit")
+        for name, least in (
+            ("max_iterations", 1), ("max_validation_rises", 1), ("seed", 0), ("restarts", 0), ("stall_window", 1),
+            ("chunk_rows", 1), ("threads", 1),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
+                raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more")
+        for name in ("stall_improvement", "growth_share"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected a share from 0 to below 1")
+        if not self.checkpoint_every_s >= 0.0:
+            raise ValueError(f"checkpoint_every_s is {self.checkpoint_every_s!r}, expected seconds of 0 or more")

@@ -1,0 +1,126 @@
+"""Independent networks train side by side through any ``concurrent.futures.Executor``.
+
+A worker tells how far it is by a small JSON file beside its checkpoint, which the parent reads; that works across
+threads, processes and machines that share a folder, and a lost file costs nothing but a line of progress.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import quote
+
+from casadi_contact.network import Regression
+from casadi_contact.training.fit import Fit, Progress, check, fit
+from casadi_contact.training.settings import TrainingSettings
+
+_TELL_EVERY_S = 0.5
+
+SettingsOf = Mapping[str, TrainingSettings] | Callable[[Regression], TrainingSettings]
+
+
+def fit_all(
+    regressions: Sequence[Regression],
+    settings: SettingsOf,
+    executor: Executor | None = None,
+    checkpoint_folder: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Fit]:
+    """Fit every regression, the one with the longest allotted time first; returns the fits by name, in given order.
+
+    settings: by the regression's name, or a function of the regression. executor: None fits one after the other
+    here. checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
+    progress: called here as ``progress(name, seconds_used, seconds_allotted, rms, hidden)``.
+
+    Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits still waiting are
+    then cancelled, those running go on in their workers until the executor is shut down.
+    """
+    chosen = _settings_by_name(regressions, settings)
+    for regression in regressions:
+        check(regression)
+    order = sorted(regressions, key=lambda r: -chosen[r.name].max_time_s)
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
+        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
+        if executor is None:
+            fits = {r.name: fit(r, chosen[r.name], checkpoints[r.name], progress) for r in order}
+        else:
+            reports = {r.name: _beside(folder, r.name, "progress.json") for r in order}
+            futures = {
+                r.name: executor.submit(_fit_and_tell, r, chosen[r.name], checkpoints[r.name], reports[r.name])
+                for r in order
+            }
+            fits = _collect(futures, reports, progress)
+    return {regression.name: fits[regression.name] for regression in regressions}
+
+
+def _settings_by_name(regressions: Sequence[Regression], settings: SettingsOf) -> dict[str, TrainingSettings]:
+    names = [regression.name for regression in regressions]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"regressions share the name {twice[0]!r}, expected names that differ")
+    if callable(settings):
+        return {regression.name: settings(regression) for regression in regressions}
+    missing = [name for name in names if name not in settings]
+    if missing:
+        raise ValueError(f"no settings for regression {missing[0]!r}, expected one for each of {', '.join(names)}")
+    return {name: settings[name] for name in names}
+
+
+def _beside(folder: Path, name: str, ending: str) -> Path:
+    return folder / f"{quote(name, safe='')}.{ending}"
+
+
+def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint: Path | None, report: Path) -> Fit:
+    """In the worker: fit, and write the progress file now and then."""
+    told = -_TELL_EVERY_S
+
+    def tell(name: str, used_s: float, allotted_s: float, rms: float, hidden: tuple[int, ...]) -> None:
+        nonlocal told
+        if time.monotonic() - told < _TELL_EVERY_S:
+            return
+        told = time.monotonic()
+        beside = report.with_name(f"{report.name}.{os.getpid()}.part")
+        with suppress(OSError):  # progress is a courtesy: a full or unreachable disc must not end hours of training
+            beside.write_text(json.dumps([name, used_s, allotted_s, rms, hidden]), "utf-8")
+            os.replace(beside, report)
+
+    try:
+        return fit(regression, settings, checkpoint, tell)
+    finally:
+        with suppress(OSError):
+            report.unlink(missing_ok=True)
+
+
+def _collect(futures: dict[str, Future[Fit]], reports: dict[str, Path], progress: Progress | None) -> dict[str, Fit]:
+    waiting = set(futures.values())
+    told: dict[str, object] = {}
+    try:
+        while waiting:
+            done, waiting = wait(waiting, timeout=_TELL_EVERY_S, return_when=FIRST_EXCEPTION)
+            for future in done:
+                future.result()
+            for name, report in reports.items() if progress else ():
+                line = _last_report(report)
+                if line and told.get(name) != line:
+                    told[name] = line
+                    progress(*line)  # type: ignore[misc]
+    finally:
+        for future in waiting:
+            future.cancel()
+    return {name: future.result() for name, future in futures.items()}
+
+
+def _last_report(report: Path) -> tuple[str, float, float, float, tuple[int, ...]] | None:
+    try:
+        name, used_s, allotted_s, rms, hidden = json.loads(report.read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    return name, used_s, allotted_s, rms, tuple(hidden)
