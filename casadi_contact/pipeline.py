@@ -9,9 +9,8 @@ import csv
 import json
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.network import Regression
 from casadi_contact.presets import PRESETS, Preset
+from casadi_contact.report import draw_speed_accuracy, read_evaluation
 from casadi_contact.sampling import (
     ReferenceMotion,
     ReferenceReport,
@@ -38,6 +38,7 @@ from casadi_contact.scenes.motion import reference_cycles
 from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.transcription import save_function
+from casadi_contact.workers import worker_pool
 
 STRUCTURES: dict[str, type[PatchSurrogate] | type[TwoStageSurrogate]] = {
     "patch": PatchSurrogate,
@@ -118,11 +119,6 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
     path.write_text(json.dumps(content, indent=1), "utf-8")
 
 
-def _workers() -> Executor:
-    """One spawned process per core (a fork after numba's threads have run is unsafe)."""
-    return ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn"))
-
-
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
@@ -196,12 +192,8 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
                 update(f"{kind} {name}", used, allotted, f"{size} RMS {rms:.3g}")
 
         folder = project.folder / "training" / structure
-        pool = executor or _workers()
-        try:
-            fits = fit_all(regressions, settings, pool, folder, progress)
-        finally:
-            if executor is None:
-                pool.shutdown(cancel_futures=True)
+        with worker_pool(executor) as workers:
+            fits = fit_all(regressions, settings, workers, folder, progress)
         surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
         record = _record(project, samples, surrogate, fits)
         kind(project.scene, surrogate.networks, record).save(project.surrogate_path(structure))
@@ -236,7 +228,10 @@ def trained(project: Project) -> dict[str, Surrogate]:
 
 
 def evaluate(project: Project) -> Path:
-    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); returns the former."""
+    """Write ``evaluation.json`` (Tables 2 to 4), ``evaluation.csv`` (the domain errors) and a speed-accuracy chart.
+
+    Returns the path of the first, which the tables and the chart are drawn from.
+    """
     content = evaluate_models(trained(project), project.samples(), read_motion(project))
     path = project.folder / "evaluation.json"
 
@@ -251,6 +246,7 @@ def evaluate(project: Project) -> Path:
 
     _write_beside(project.folder / "evaluation.csv", write_csv)
     _write_beside(path, lambda p: _write_json(p, content))
+    draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
     return path
 
 

@@ -38,7 +38,7 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.08,
         efforts={
             "patch": {
-                "root": Effort(((8, 8), (12, 12), (16, 16)), 70.0),
+                "root": Effort(((8, 8), (12, 12), (14, 14, 14)), 70.0),
                 "ratio": Effort(((6, 6), (10, 10)), 9.0),
             }
         },
@@ -47,18 +47,20 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "patch": {
-                "root": Effort(((20, 20, 20),), 720.0, tolerance_share=0.2),
-                "ratio": Effort(((14, 14),), 110.0, tolerance_share=0.2),
+                "root": Effort(((20, 20, 20),), 1100.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 100.0, tolerance_share=0.2),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 180.0, "tanh", max_rows=12_000)},
+            "two_stage": {"": Effort(_PAPER_NETWORK, 120.0, "tanh", max_rows=12_000)},
         },
     ),
     "paper": Preset(
         sampling_scale=1.0,
         efforts={
             "patch": {
-                "root": Effort(((16, 16), (24, 24), (32, 32), (40, 40)), 3 * 3600.0),
-                "ratio": Effort(((10, 10), (16, 16), (24, 24)), 3600.0),
+                "root": Effort(
+                    ((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)), 3 * 3600.0, tolerance_share=0.1
+                ),
+                "ratio": Effort(((10, 10), (14, 14), (20, 20)), 3600.0, tolerance_share=0.1),
             },
             "two_stage": {"": Effort(_PAPER_NETWORK, 6 * 3600.0, "tanh", max_rows=80_000)},
         },

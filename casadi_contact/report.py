@@ -1,8 +1,9 @@
-"""Tables for the terminal, drawn from result files only."""
+"""Tables for the terminal and a speed-accuracy chart, drawn from result files only."""
 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -52,9 +53,41 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
         table.add_column(column, justify="right")
     for model, row in walking["models"].items():
         timing = row["timing"]
-        span = f"{timing['low_us']:.1f}-{timing['high_us']:.1f}" if timing else "-"
-        time = f"{timing['median_us']:.1f}" if timing else "-"
+        span = f"{timing['low_us']:.1f}-{timing['high_us']:.1f}"
+        time = f"{timing['median_us']:.1f}"
         cells = [f"{row[against][kind]:.3g}" for against in ("converged", "fine") for kind in ("force", "torque")]
         table.add_row(model, time, span, *cells)
     tables.append(table)
     return tables
+
+
+def draw_speed_accuracy(content: dict[str, Any], path: Path) -> None:
+    """Time per pose against RMS error on the unseen walking sequence, for force and for torque, as a PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    walking = content["walking"]
+    families = (("EF ", "elastic foundation", "o", "#D55E00"), ("", "surrogate, CasADi MX", "s", "#0072B2"))
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axis, (kind, unit) in zip(figure.subplots(1, 2), (("force", "N"), ("torque", "N·mm")), strict=True):
+        left = dict(walking["models"])
+        for start, label, marker, color in families:
+            mine = {name: left.pop(name) for name in list(left) if name.startswith(start)}
+            times = [row["timing"]["median_us"] for row in mine.values()]
+            errors = [row["converged"][kind] for row in mine.values()]
+            low = [row["timing"]["median_us"] - row["timing"]["low_us"] for row in mine.values()]
+            high = [row["timing"]["high_us"] - row["timing"]["median_us"] for row in mine.values()]
+            joined = {"ls": "-" if start else "none", "lw": 0.8}
+            axis.errorbar(times, errors, xerr=[low, high], marker=marker, color=color, label=label, **joined)
+            for name, time, error in zip(mine, times, errors, strict=True):
+                place = {"textcoords": "offset points", "xytext": (6, 5), "fontsize": 8}
+                axis.annotate(name.removeprefix("EF "), (time, error), **place)
+        axis.set(xscale="log", yscale="log", xlabel="time per pose, one core [µs]", ylabel=f"RMS {kind} error [{unit}]")
+        axis.grid(alpha=0.3, which="both")
+    figure.axes[0].legend(fontsize=8)
+    title = f"{content['scene']}: {walking['poses']} unseen walking poses, errors against EF {walking['converged']}"
+    figure.suptitle(f"{title}; {content['machine']['processor']}", fontsize=10)
+    beside = path.with_name(f".{os.getpid()}-{path.name}")
+    figure.savefig(beside, dpi=110, format="png")
+    os.replace(beside, path)

@@ -20,9 +20,7 @@ from __future__ import annotations
 
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,6 +33,7 @@ from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.workers import worker_pool
 
 FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -239,7 +238,7 @@ def _one_start(surrogate_path: str, cycle: LoadCycle, reference: Array, seed: tu
 def random_starts(surrogate_path: str, cycle: LoadCycle, count: int = 200, seed: int = 1) -> StartReport:
     """Solve a cycle from `count` random starts on all cores; reached: every frame within 0.01 mm and 0.4 mrad."""
     reference = solve(build(load_surrogate(surrogate_path), cycle)).poses
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+    with worker_pool() as pool:
         jobs = [pool.submit(_one_start, surrogate_path, cycle, reference, (seed, k)) for k in range(count)]
         outcomes = [job.result() for job in jobs]
     return StartReport(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))

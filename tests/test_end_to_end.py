@@ -1,4 +1,4 @@
-"""The whole chain at small scale: sample, train, transcribe, evaluate, export, solve; and mistakes on the command line."""
+"""The whole chain at small scale: sample, train, transcribe, evaluate, export, solve; mistakes on the command line."""
 
 import json
 import os

@@ -7,9 +7,9 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("conventions", "scenes", "geometry", "contact", "statics"),
+    *("workers", "conventions", "scenes", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
-    *("evaluation", "report", "pipeline", "cli"),
+    *("evaluation", "report", "presets", "pipeline", "cli"),
 ]
 
 

@@ -21,6 +21,7 @@ from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.surrogate.base import Surrogate
 
 CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
+FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
 
 
 def _grid_text(grid: tuple[int, int]) -> str:
@@ -44,9 +45,8 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     teacher = scene.grids["teacher"]
     converged_grid = (CONVERGED_REFINEMENT * teacher[0], CONVERGED_REFINEMENT * teacher[1])
     converged = ElasticFoundation(scene, converged_grid)(poses)
-    foundations = {
-        f"EF {_grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")
-    }
+    grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
+    foundations = {f"EF {_grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
     fine = foundations[f"EF {_grid_text(scene.grids['fine'])}"](poses)
     measurements: dict[str, Callable[[], float]] = {
         name: partial(time_batch, model, poses) for name, model in foundations.items()
@@ -62,13 +62,12 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
         numba.set_num_threads(threads)
     rows: dict[str, Any] = {}
     models: dict[str, LoadModel] = {**foundations, **surrogates}
-    models[f"EF {_grid_text(teacher)} (teacher)"] = ElasticFoundation(scene, teacher)
     for name, model in models.items():
         names, loads = model.load_names, model(poses)
         columns = [scene.load_names.index(load) for load in names]
         errors = load_errors(names, loads, converged[:, columns])
         rows[name] = {
-            "timing": asdict(timings[name]) if name in timings else None,
+            "timing": asdict(timings[name]),
             "converged": _summary(errors),
             "fine": _summary(load_errors(names, loads, fine[:, columns])),
             "loads": errors,

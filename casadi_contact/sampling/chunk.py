@@ -24,7 +24,7 @@ _PULL_N = 1e-9
 
 
 class WrenchModel(Protocol):
-    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where there are any."""
+    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where it has them."""
 
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6)."""

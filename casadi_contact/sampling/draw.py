@@ -7,14 +7,10 @@ samples are the same for every executor and number of workers, and after a kill 
 from __future__ import annotations
 
 import json
-import multiprocessing
-import os
 import shutil
-import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -31,6 +27,7 @@ from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
+from casadi_contact.workers import worker_pool
 
 # Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
 ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
@@ -84,7 +81,7 @@ def draw_samples(
         progress(len(drawn), len(chunks))
     missing = [number for number in range(len(chunks)) if number not in drawn]
     if missing:
-        with _executor(executor) as workers:
+        with worker_pool(executor) as workers:
             job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
             futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
             try:
@@ -102,30 +99,6 @@ def draw_samples(
     write_samples(path, samples)
     folder.remove()
     return samples
-
-
-@contextmanager
-def _executor(executor: Executor | None) -> Iterator[Executor]:
-    """The caller's executor, left open, or one process per core of our own."""
-    if executor is not None:
-        yield executor
-        return
-    # Not forked: a fork of a process whose OpenMP threads have run is unsafe.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
-        yield pool
-
-
-def _end_with_parent() -> None:
-    """Make a worker process end when its parent is killed; left alone it would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,252 @@
+"""Whole fits: what ends them, what is kept, what a kill costs, and what bad data gets."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.network import Regression
+from casadi_contact.training import TrainingSettings, fit, search
+from casadi_contact.training.mlp import flatten
+from tests.training.regressions import smooth
+
+FIXED = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=40)
+GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_time_s=300.0, max_iterations=160)
+
+
+def sizes_in_order(result, settings):
+    return [settings.sizes[k] for k in dict.fromkeys(result.history["size"])]
+
+
+def test_the_error_reached_ends_a_fit():
+    data = smooth(tolerance=2.0)
+    result = fit(data, FIXED)
+    assert result.stop_reason == "error reached"
+    assert result.rms <= 2.0
+    assert result.validation_rms <= 2.0
+    assert len(result.history["seconds"]) < 40
+    weighted = data.weights * (result.network.value(data.inputs) - data.targets)
+    assert result.rms == pytest.approx(np.sqrt(np.mean(weighted[~data.validation] ** 2)))
+    assert result.parameter_count == result.network.parameter_count == (4 * 6) + (7 * 5) + 6
+
+
+def test_iterations_end_a_fit():
+    result = fit(smooth(), FIXED)
+    assert result.stop_reason == "iteration limit"
+    assert len(result.history["training_rms"]) == 40
+
+
+def test_time_ends_a_fit():
+    result = fit(smooth(), replace(FIXED, max_time_s=1e-9, max_iterations=None))
+    assert result.stop_reason == "time used"
+    assert len(result.history["training_rms"]) == 1
+
+
+def noise(rows=60):
+    """Nothing to learn: a large network learns the training rows by heart, and validation must suffer."""
+    rng = np.random.default_rng(2)
+    validation = np.arange(rows) % 2 == 0
+    return Regression("noise", rng.normal(size=(rows, 3)), rng.normal(size=rows), np.ones(rows), validation, 0.0)
+
+
+def test_validation_rising_ends_a_fit_and_the_best_weights_are_kept():
+    settings = TrainingSettings(sizes=((12, 12),), max_time_s=300.0, max_iterations=400, max_validation_rises=4)
+    result = fit(noise(), settings)
+    assert result.stop_reason == "validation error rising"
+    assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
+    assert result.validation_rms < result.history["validation_rms"][-1]
+
+
+def test_validation_rows_do_not_steer_the_weights():
+    data = smooth()
+    settings = replace(FIXED, max_validation_rises=1000)
+    kept = ~data.validation
+    alone = Regression("alone", *(a[kept] for a in (data.inputs, data.targets, data.weights, data.validation)), 0.0)
+    spoilt = replace(data, targets=np.where(data.validation, 55.0, data.targets), inputs=data.inputs.copy())
+    spoilt.inputs[data.validation] *= 3.0
+    courses = [fit(r, settings).history["training_rms"] for r in (data, alone, spoilt)]
+    np.testing.assert_array_equal(courses[0], courses[1])
+    np.testing.assert_array_equal(courses[0], courses[2])
+
+
+def test_the_same_seed_gives_the_same_weights():
+    one, two = (flatten(fit(smooth(), GROWING).network) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    assert not np.array_equal(one, flatten(fit(smooth(), replace(GROWING, seed=1)).network))
+
+
+def test_a_network_that_misses_grows_wider_then_deeper():
+    result = fit(smooth(tolerance=1e-9), GROWING)
+    assert sizes_in_order(result, GROWING) == list(GROWING.sizes)
+    starts = np.flatnonzero(np.diff(result.history["size"])) + 1
+    before, after = result.history["training_rms"][starts - 1], result.history["training_rms"][starts]
+    assert (after < 1.2 * before).all(), "growth is warm: the error does not start again"
+    assert result.history["training_rms"][-1] < 0.1 * before[0]
+
+
+def test_the_smallest_network_that_meets_the_tolerance_is_kept():
+    only_small = fit(smooth(), replace(GROWING, sizes=GROWING.sizes[:1]))
+    result = fit(smooth(tolerance=0.3 * only_small.rms), GROWING)
+    assert result.stop_reason == "error reached"
+    assert result.hidden in GROWING.sizes[1:-1]
+
+
+def stalling(restarts):
+    """At most 20 iterations without halving the error: every seed stalls sooner or later."""
+    return replace(FIXED, max_iterations=400, stall_window=20, stall_improvement=0.5, restarts=restarts)
+
+
+def test_a_stalled_fit_restarts_from_other_seeds_and_the_best_is_kept():
+    alone = fit(smooth(), stalling(restarts=0))
+    result = fit(smooth(), stalling(restarts=2))
+    assert alone.stop_reason == result.stop_reason == "stalled"
+    rms = result.history["training_rms"]
+    np.testing.assert_array_equal(rms[: len(alone.history["size"])], alone.history["training_rms"])
+    assert np.sum(rms[1:] > 3.0 * rms[:-1]) == 2, "two restarts, each with a larger error"
+    assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
+
+
+def test_a_stalled_fit_grows_while_it_can():
+    result = fit(smooth(), replace(stalling(restarts=0), sizes=((2,), (6, 5))))
+    assert sizes_in_order(result, replace(FIXED, sizes=((2,), (6, 5)))) == [(2,), (6, 5)]
+
+
+class KilledError(Exception):
+    pass
+
+
+def kill_after(iterations):
+    count = 0
+
+    def progress(*_):
+        nonlocal count
+        count += 1
+        if count == iterations:
+            raise KilledError
+
+    return progress
+
+
+@pytest.mark.parametrize("save_s", [0.0, 1000.0])
+def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s):
+    settings = replace(GROWING, checkpoint_every_s=save_s)
+    whole, path = fit(smooth(), settings), tmp_path / "a.npz"
+    for iterations in (1, 33, 50):
+        with pytest.raises(KilledError):
+            fit(smooth(), settings, path, kill_after(iterations))
+    resumed = fit(smooth(), settings, path)
+    np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
+    for column in ("training_rms", "validation_rms", "size"):
+        np.testing.assert_array_equal(resumed.history[column], whole.history[column])
+    assert (np.diff(resumed.history["seconds"]) >= 0.0).all()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_finished_fit_comes_from_its_checkpoint(tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    first = fit(smooth(), FIXED, path)
+    monkeypatch.setattr(search.Search, "iterate", None)
+    again = fit(smooth(), FIXED, path)
+    np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
+    assert again.stop_reason == first.stop_reason
+    assert again.seconds == first.seconds
+
+
+def test_more_iterations_continue_a_finished_fit(tmp_path):
+    path = tmp_path / "a.npz"
+    fit(smooth(), FIXED, path)
+    longer = replace(FIXED, max_iterations=70)
+    np.testing.assert_array_equal(flatten(fit(smooth(), longer, path).network), flatten(fit(smooth(), longer).network))
+
+
+def test_a_damaged_checkpoint_starts_again_with_a_warning(tmp_path, caplog):
+    path = tmp_path / "a.npz"
+    whole = fit(smooth(), FIXED, path)
+    path.write_bytes(path.read_bytes()[:-3000])
+    with caplog.at_level(logging.WARNING):
+        again = fit(smooth(), FIXED, path)
+    assert [record.message.split(" (")[0] for record in caplog.records] == [f"checkpoint {path} is damaged"]
+    np.testing.assert_array_equal(flatten(whole.network), flatten(again.network))
+
+
+@pytest.mark.parametrize("other", [{"seed": 1}, {"sizes": ((5, 5),)}, {"activation": "tanh"}])
+def test_a_checkpoint_of_other_settings_is_refused_and_kept(tmp_path, other):
+    path = tmp_path / "a.npz"
+    fit(smooth(), FIXED, path)
+    content = path.read_bytes()
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(smooth(), replace(FIXED, **other), path)
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(smooth(seed=1), FIXED, path)
+    assert path.read_bytes() == content
+
+
+def test_foreign_and_newer_files_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, something=np.ones(3))
+    with pytest.raises(ValueError, match="is not a checkpoint"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=99, digest="x")
+    with pytest.raises(ValueError, match="format 99"):
+        fit(smooth(), FIXED, path)
+
+
+@pytest.mark.parametrize("column", ["inputs", "targets", "weights"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_none_are_refused_by_name(column, bad):
+    data = smooth()
+    spoilt = getattr(data, column).copy()
+    spoilt[17] = bad
+    with pytest.raises(ValueError, match=f"regression smooth: {column} holds {bad} at row 17"):
+        fit(replace(data, **{column: spoilt}), FIXED)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"targets": np.ones(3)}, "targets has shape"),
+        ({"weights": np.zeros(400)}, "expected weights of 0 or more"),
+        ({"weights": -np.ones(400)}, "expected weights of 0 or more"),
+        ({"validation": np.ones(400, bool)}, "above 0 in some training row"),
+        ({"validation": np.ones(400)}, "expected True or False"),
+        ({"tolerance": np.nan}, "tolerance"),
+    ],
+)
+def test_regressions_that_cannot_be_fitted_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        fit(replace(smooth(), **change), FIXED)
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0, -3e-9, 1e9])
+def test_a_constant_target_is_fitted_at_once(value):
+    data = replace(smooth(), targets=np.full(400, value), tolerance=1e-9 * abs(value))
+    result = fit(data, FIXED)
+    assert result.stop_reason == "error reached"
+    np.testing.assert_allclose(result.network.value(data.inputs), value, rtol=1e-9, atol=1e-30)
+
+
+def test_duplicated_rows_and_constant_inputs_are_fitted():
+    data = smooth(60)
+    columns = {name: np.tile(getattr(data, name), 5) for name in ("targets", "weights", "validation")}
+    inputs = np.tile(np.column_stack([data.inputs, np.full(60, 4.0)]), (5, 1))
+    result = fit(Regression("twins", inputs, tolerance=0.5, **columns), replace(FIXED, max_iterations=100))
+    assert np.isfinite(flatten(result.network)).all()
+    assert result.history["training_rms"][-1] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"activation": "relu"}, "activation"),
+        ({"max_time_s": 0.0}, "max_time_s"),
+        ({"max_iterations": 0}, "max_iterations"),
+        ({"max_iterations": None, "max_time_s": np.inf}, "expected an end"),
+        ({"seed": -1}, "seed"),
+        ({"stall_improvement": 1.0}, "stall_improvement"),
+        ({"checkpoint_every_s": -1.0}, "checkpoint_every_s"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(FIXED, **change)

@@ -1,0 +1,50 @@
+"""Growth keeps the function, and the trend tells when to grow."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.training.growth import check_ladder, extrapolated_error, grow, will_reach
+from casadi_contact.training.mlp import initial_network
+from tests.training.regressions import smooth
+
+
+def small(hidden=(4,), activation="algebraic"):
+    data = smooth()
+    return initial_network(data.inputs, data.targets, hidden, activation, seed=5), data.inputs
+
+
+@pytest.mark.parametrize("activation", ["algebraic", "tanh"])
+@pytest.mark.parametrize(("hidden", "wide"), [((4,), (7,)), ((4, 3), (6, 5)), ((4, 3, 2), (4, 6, 3))])
+def test_widening_keeps_the_function_exactly(hidden, wide, activation):
+    network, x = small(hidden, activation)
+    wider = grow(network, wide, seed=0)
+    assert wider.hidden == wide
+    np.testing.assert_allclose(wider.value(x), network.value(x), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("activation", ["algebraic", "tanh"])
+@pytest.mark.parametrize(("hidden", "deep"), [((4,), (4, 4)), ((4,), (6, 8)), ((4,), (6, 2)), ((4,), (5, 6, 7))])
+def test_deepening_keeps_the_function_to_second_order(hidden, deep, activation):
+    network, x = small(hidden, activation)
+    deeper = grow(network, deep, seed=0)
+    assert deeper.hidden == deep
+    difference = deeper.value(x) - network.value(x)
+    assert np.sqrt(np.mean(difference**2)) < 0.02 * network.value(x).std()
+
+
+def test_an_error_falling_as_a_power_of_time_is_extrapolated():
+    seconds = np.arange(1.0, 51.0)
+    assert extrapolated_error(seconds, 8.0 / seconds**0.5, end=200.0) == pytest.approx(8.0 / 200.0**0.5)
+    assert will_reach(seconds, 8.0 / seconds**0.5, end=200.0, tolerance=0.6)
+    assert not will_reach(seconds, 8.0 / seconds**0.5, end=200.0, tolerance=0.5)
+
+
+def test_a_rising_trend_counts_as_standing_still():
+    seconds = np.arange(1.0, 51.0)
+    assert extrapolated_error(seconds, 1.0 + 0.01 * seconds, end=100.0) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("sizes", [(), ((),), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,))])
+def test_sizes_that_do_not_contain_each_other_are_refused(sizes):
+    with pytest.raises(ValueError, match="sizes"):
+        check_ladder(sizes)

@@ -1,0 +1,76 @@
+"""Independent fits through an executor give what they give alone."""
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from casadi_contact.training import TrainingSettings, fit, fit_all
+from casadi_contact.training.mlp import flatten
+from tests.training.regressions import smooth
+
+SETTINGS = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=30)
+DATA = [smooth(seed=k, name=name) for k, name in enumerate(("root_med", "Fx/lat", "root_lat"))]
+
+
+def test_processes_give_the_weights_of_single_fits(tmp_path):
+    told = []
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        fits = fit_all(DATA, lambda r: SETTINGS, pool, tmp_path, lambda *line: told.append(line))
+    assert list(fits) == ["root_med", "Fx/lat", "root_lat"]
+    for data in DATA:
+        np.testing.assert_array_equal(flatten(fits[data.name].network), flatten(fit(data, SETTINGS).network))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["Fx%2Flat.npz", "root_lat.npz", "root_med.npz"]
+    for name, used, allotted, rms, hidden in told:
+        assert name in fits
+        assert used >= 0.0
+        assert allotted == 300.0
+        assert rms > 0.0
+        assert hidden == (6, 5)
+
+
+def test_a_second_call_goes_on_from_the_checkpoints(tmp_path):
+    first = fit_all(DATA, {d.name: SETTINGS for d in DATA}, None, tmp_path)
+    longer = {d.name: replace(SETTINGS, max_iterations=45) for d in DATA}
+    second = fit_all(DATA, longer, None, tmp_path)
+    for name in first:
+        np.testing.assert_array_equal(
+            second[name].history["seconds"][:30], first[name].history["seconds"], "continued, not begun again"
+        )
+        assert len(second[name].history["seconds"]) == 45
+
+
+def test_the_longest_allotted_time_starts_first():
+    times = {"root_med": 10.0, "Fx/lat": 300.0, "root_lat": 100.0}
+    order = []
+
+    def progress(name, *_):
+        if name not in order:
+            order.append(name)
+
+    fit_all(DATA, {n: replace(SETTINGS, max_time_s=t, max_iterations=2) for n, t in times.items()}, progress=progress)
+    assert order == ["Fx/lat", "root_lat", "root_med"]
+
+
+def test_progress_of_a_worker_reaches_the_caller(tmp_path):
+    told = []
+    slow = replace(SETTINGS, max_iterations=600, stall_improvement=0.0, max_validation_rises=10**6)
+    with ThreadPoolExecutor(1) as pool:
+        fit_all([smooth(8000)], {"smooth": slow}, pool, tmp_path, lambda *line: told.append(line))
+    assert told
+    assert all(line[0] == "smooth" and line[2] == 300.0 and line[4] == (6, 5) for line in told)
+
+
+def test_one_refused_fit_ends_all_with_its_name():
+    spoilt = replace(DATA[1], targets=np.full(400, np.nan))
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="regression Fx/lat: targets holds nan"):
+        fit_all([DATA[0], spoilt], lambda r: SETTINGS, pool)
+
+
+def test_names_must_differ_and_have_settings():
+    with pytest.raises(ValueError, match="share the name 'root_med'"):
+        fit_all([DATA[0], DATA[0]], lambda r: SETTINGS)
+    with pytest.raises(ValueError, match="no settings for regression 'Fx/lat'"):
+        fit_all(DATA, {"root_med": SETTINGS})
