@@ -3,15 +3,15 @@
 ry and rz are locked to the measured curves; tx, ty, tz and rx of every frame are free. All frames stand in one IPOPT
 problem with exact Hessian:
 
-    min ½ Σ |e|² + ½ smoothness·Σ |q_{k+1} - q_k|²    subject to    r_k(q_k) = e_k
+    min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    with q_k in the learned range
 
     r = ( 2·√(N0·N*_med)·(s_med - s*_med),  2·√(N0·N*_lat)·(s_lat - s*_lat),
           (Tz - cop_ap*·Fy)/L,  (Tx + cop_ml*·Fy)/L )    [N]
 
 with starred values wanted, s = √(N/N0) the signed root load, Fy the surrogate's own total, and L = 10 mm. Forces are
 compared as root loads because those are nearly linear in the pose and keep their slope out of contact (near the
-solution the residual is the force error); the centre of pressure is written without dividing by the load. Writing
-the residuals as constraints with their own variables e keeps IPOPT's steps those of Newton's method on r.
+solution the residual is the force error); the centre of pressure is written without dividing by the load. Variables
+are scaled by the moves that change the residuals alike, so that IPOPT's regularisation bears on all of them alike.
 
 Run ``python -m problems.pose_estimation --help``.
 """
@@ -29,6 +29,7 @@ import numpy as np
 import typer
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.pipeline import writable_folder
 from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
@@ -40,7 +41,8 @@ LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1
 _LEVER_MM = 10.0
-_SCALES = np.array([1.0, 1.0, 1.0, 25.0])  # variables in mm: rx times 25 mm
+_SCALES = 1.0 / np.array([0.5, 0.01, 0.3, 0.01 / 25.0])  # 1 / moves [mm, rad] of tx, ty, tz, rx, like in effect
+_IN_MM = np.array([1.0, 1.0, 1.0, 25.0])  # turns rad into comparable mm
 _FREE_COLUMNS = [POSE_NAMES.index(name) for name in FREE]
 
 
@@ -127,24 +129,22 @@ def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0) -> Po
     weights = 2.0 * n0 * np.maximum(roots, np.sqrt(least / n0))
     wanted = np.column_stack([cycle.ry, cycle.rz, roots, cycle.cop_ap_mm, cycle.cop_ml_mm, weights]).T
     residual = _residual_function(surrogate)
-    q, e = ca.MX.sym("q", 4, count), ca.MX.sym("e", 4, count)
-    objective = 0.5 * ca.sumsqr(e)
+    q = ca.MX.sym("q", 4, count)
+    residuals = residual.map(count)(q, ca.DM(wanted))
+    objective = 0.5 * ca.sumsqr(residuals)
     if smoothness > 0.0 and count > 1:
-        objective += 0.5 * smoothness * ca.sumsqr(q[:, 1:] - q[:, :-1])
-    r = residual.map(count)(q, ca.DM(wanted))
-    nlp = {"x": ca.vertcat(ca.vec(q), ca.vec(e)), "f": objective, "g": ca.vec(r - e)}
+        steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM(_IN_MM / _SCALES), 1, count - 1)
+        objective += 0.5 * smoothness * ca.sumsqr(steps_mm)
+    nlp = {"x": ca.vec(q), "f": objective}
     low, high = _pose_bounds(surrogate)
-    free = np.full(4 * count, np.inf)
-    lower = np.concatenate([np.tile(low * _SCALES, count), -free])
-    upper = np.concatenate([np.tile(high * _SCALES, count), free])
-    residuals = ca.Function("all_residuals", [q], [residual.map(count)(q, ca.DM(wanted))])
-    return PoseEstimation(surrogate, cycle, nlp, lower, upper, residuals)
+    lower, upper = np.tile(low * _SCALES, count), np.tile(high * _SCALES, count)
+    return PoseEstimation(surrogate, cycle, nlp, lower, upper, ca.Function("all_residuals", [q], [residuals]))
 
 
 def solve(
     problem: PoseEstimation, start: Array | None = None, max_iterations: int = 300, print_level: int = 0
 ) -> PoseResult:
-    """Settle ty and rx of the start under the wanted forces, then solve with IPOPT.
+    """Bring the start into the learned range, settle its ty and rx under the wanted forces, then solve with IPOPT.
 
     start: poses (n, 6), `PoseEstimation.start_poses` if left out. Never raises for frames that do not converge:
     each is reported with its errors and the reason.
@@ -154,26 +154,28 @@ def solve(
     poses = problem.start_poses() if start is None else as_poses(start).copy()
     if len(poses) != len(cycle):
         raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(cycle)} frames")
+    # Settling needs the learned range: outside it s may have another root, from which IPOPT does not come back.
+    low, high = _pose_bounds(surrogate)
+    poses[:, _FREE_COLUMNS] = np.clip(poses[:, _FREE_COLUMNS], low, high)
+    poses[:, POSE_NAMES.index("ry")], poses[:, POSE_NAMES.index("rz")] = cycle.ry, cycle.rz
     forces = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat}
     poses, _ = settle(surrogate, poses, ("ty", "rx"), forces, tolerance=0.1, max_iterations=30)
     q0 = (poses[:, _FREE_COLUMNS] * _SCALES).T
-    q0 = np.clip(q0.ravel("F"), problem.lower[: q0.size], problem.upper[: q0.size]).reshape(q0.shape, order="F")
-    e0 = np.asarray(problem.residuals(q0))
+    x0 = np.clip(q0.ravel("F"), problem.lower, problem.upper)
     options: dict[str, Any] = {
         "ipopt": {
             "print_level": print_level,
             "sb": "yes",
             "max_iter": max_iterations,
-            "tol": 1e-7,
+            "tol": 1e-8,
             "hessian_approximation": "exact",
         },
         "print_time": False,
     }
     solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
-    x0 = np.concatenate([q0.ravel("F"), e0.ravel("F")])
-    answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
+    answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper)
     stats = solver.stats()
-    q = np.asarray(answer["x"]).ravel()[: q0.size].reshape(4, -1, order="F")
+    q = np.asarray(answer["x"]).reshape(4, -1, order="F")
     poses[:, _FREE_COLUMNS] = q.T / _SCALES
     return _judged(problem, poses, str(stats["return_status"]), int(stats["iter_count"]), time.perf_counter() - began)
 
@@ -216,20 +218,18 @@ class StartReport:
 
 
 def _one_start(surrogate_path: str, cycle: LoadCycle, reference: Array, seed: tuple[int, int]) -> tuple[bool, int]:
-    """Solve from one random start: every frame up to 3 mm lifted or 1 mm too deep, tx and tz off by up to 4 mm."""
+    """Solve from one random start: each side of every frame up to 3 mm lifted or 1 mm too deep, independently, tx
+    and tz off by up to 4 mm."""
     problem = build(load_surrogate(surrogate_path), cycle)
     rng = np.random.default_rng(seed)
     count = len(cycle)
     start = reference.copy()
-    shift = np.zeros((count, 6))
-    shift[:, POSE_NAMES.index("tx")] = rng.uniform(-4.0, 4.0, count)
-    shift[:, POSE_NAMES.index("tz")] = rng.uniform(-4.0, 4.0, count)
-    shift[:, POSE_NAMES.index("ty")] = rng.uniform(-1.0, 3.0, count)
-    low, high = _pose_bounds(problem.surrogate)
-    start += shift
-    for name in ("tx", "tz"):
-        column = POSE_NAMES.index(name)
-        start[:, column] = np.clip(start[:, column], low[FREE.index(name)], high[FREE.index(name)])
+    med, lat = rng.uniform(-1.0, 3.0, (2, count))  # lift of either side [mm]
+    apart_mm = np.ptp(problem.surrogate.scene.anchors_mm[:, 2])
+    start[:, POSE_NAMES.index("tx")] += rng.uniform(-4.0, 4.0, count)
+    start[:, POSE_NAMES.index("tz")] += rng.uniform(-4.0, 4.0, count)
+    start[:, POSE_NAMES.index("ty")] += 0.5 * (med + lat)
+    start[:, POSE_NAMES.index("rx")] -= (med - lat) / apart_mm
     result = solve(problem, start)
     same = np.abs(result.poses - reference) * np.repeat([1.0, 25.0], 3)
     return bool(result.converged.all() and same.max() < 0.01), result.iterations
@@ -258,11 +258,14 @@ def run(
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""
     from problems.pose_estimation_report import report  # draws with matplotlib: not needed to solve
 
+    writable_folder(out)  # before minutes of random starts
     measured = reference_cycle() if cycle is None else read_cycle(cycle)
     problem = build(load_surrogate(surrogate), measured, smoothness)
     result = solve(problem)
     report(problem, result, out, random_starts(surrogate, measured, starts) if starts else None)
     if not result.converged.all():
+        frames = ", ".join(map(str, np.flatnonzero(~result.converged)))
+        print(f"pose_estimation: no converged pose at frames {frames}; reasons in {out}", file=sys.stderr)
         raise typer.Exit(2)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +100,8 @@ def read_cycle(path: str | Path) -> LoadCycle:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"cycle file {path} does not exist")
+        what = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
+        raise FileNotFoundError(f"cycle file {path} {what}")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
@@ -132,6 +133,3 @@ def read_cycle(path: str | Path) -> LoadCycle:
         return LoadCycle(path.stem, **{key: np.array(values) for key, values in curves.items()})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-assert [f.name for f in fields(LoadCycle)][1:] == list(COLUMNS)

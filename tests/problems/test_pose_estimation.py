@@ -63,8 +63,8 @@ def test_random_starts_reach_the_same_solution(knee, solved):
 def test_a_problem_can_be_inspected_unsolved(knee):
     cycle = reference_cycle(frames=5)
     problem = pose_estimation.build(knee, cycle, smoothness=2.0)
-    assert problem.nlp["x"].numel() == 2 * 4 * 5
-    assert problem.nlp["g"].numel() == 4 * 5
+    assert problem.nlp["x"].numel() == 4 * 5
+    assert problem.residuals.numel_out() == 4 * 5
     np.testing.assert_array_equal(problem.start_poses()[:, 5], cycle.rz)
 
 
