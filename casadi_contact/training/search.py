@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import stopping
 from casadi_contact.training.arrays import arrays_for
-from casadi_contact.training.growth import grow, will_reach
+from casadi_contact.training.growth import widen, will_reach
 from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
@@ -167,10 +167,13 @@ class Search:
         return initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
 
     def _grow(self) -> None:
+        """Go on with the next size: warm if it is only wider, from random weights if it is deeper (see `widen`)."""
         present = unflatten(self._lm.parameters, self._fresh())
         self.level += 1
         self.began = len(self.history)
-        self._start(grow(present, self.settings.sizes[self.level], self._seed(self.level)))
+        hidden = self.settings.sizes[self.level]
+        same_depth = len(hidden) == len(present.hidden)
+        self._start(widen(present, hidden, self._seed(self.level)) if same_depth else self._fresh())
 
     def _start(self, network: Network, state: State | None = None) -> None:
         regression, settings = self.regression, self.settings

@@ -28,7 +28,7 @@ class TrainingSettings:
     activation: str = "algebraic"
     max_time_s: float = 600.0
     max_iterations: int | None = None
-    max_validation_rises: int = 20
+    max_validation_rises: int = 50
     seed: int = 0
     restarts: int = 2
     stall_window: int = 60

@@ -46,7 +46,8 @@ def test_every_planned_sample_is_there(samples):
     """0.3 % of 24000, 24000, 24000, 30000, 300, 20000, 100, and never less than 10 rows."""
     counts = {name: sum(roles.values()) for name, roles in samples.counts().items()}
     assert counts == {"D1": 72, "D2": 72, "D3": 72, "D4": 90, "D5": 30, "D6": 60, "D7": 10}
-    assert samples.provenance["dropped"] == {}
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
     for domain in range(1, 8):
         assert set(samples.select(domain=domain).role.tolist()) == {TRAIN, VALIDATION, TEST}
 
@@ -227,7 +228,8 @@ def test_the_knee_on_elastic_foundations(tmp_path):
     assert report.converged.all(), str(report)
     with ThreadPoolExecutor(1) as executor:
         samples = draw_samples(scene, motion, tmp_path / "s.h5", settings=settings, executor=executor)
-    assert samples.provenance["dropped"] == {}
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
     loads_of = {d: samples.select(domain=d).loads(["Fy_med", "Fy_lat"]) for d in range(1, 8)}
     assert (samples.loads(["Fy_med", "Fy_lat"]) <= 0.0).all()
     assert ((loads_of[4] == 0.0).sum(axis=1) == 1).all()
@@ -263,7 +265,8 @@ def test_a_scene_with_one_patch(tmp_path):
     motion = ReferenceMotion(settings.sample_point(scene), curves, poses)
     with ThreadPoolExecutor(1) as executor:
         samples = draw_samples(scene, motion, tmp_path / "s.h5", settings=settings, executor=executor)
-    assert samples.provenance["dropped"] == {}
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
     assert sorted(set(samples.domain.tolist())) == [1, 2, 3, 5, 7]
     assert (samples.select(domain=5).wrenches == 0.0).all()
     np.testing.assert_allclose(samples.select(domain=7).loads(["Fy"]), -5.0, atol=1.0)
