@@ -103,7 +103,7 @@ def export(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> N
 @app.command()
 def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]) -> None:
     """Say what a surrogate was trained on and how wrong it is."""
-    console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False)
+    console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
 
 
 def _sample(project: Project, cycle_files: list[Path]) -> None:

@@ -38,7 +38,7 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.08,
         efforts={
             "patch": {
-                "root": Effort(((8, 8), (12, 12), (14, 14, 14)), 70.0),
+                "root": Effort(((8, 8), (16, 16, 16)), 70.0),
                 "ratio": Effort(((6, 6), (10, 10)), 9.0),
             }
         },
