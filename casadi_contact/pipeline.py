@@ -37,6 +37,7 @@ from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycles
 from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.transcription import save_function
 from casadi_contact.workers import worker_pool
 
@@ -169,10 +170,8 @@ def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
 def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
     """Train the preset's structures side by side on all cores, and write a surrogate file for each.
 
-    Goes on from checkpoints where an earlier run stopped. Raises ModuleNotFoundError without the extra ``train``.
+    Goes on from checkpoints where an earlier run stopped.
     """
-    from casadi_contact.training import TrainingSettings, fit_all
-
     samples = project.samples()
     paths = []
     for structure in project.preset.efforts:

@@ -18,8 +18,6 @@ from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.scenes.motion import reference_cycle
 from problems import pose_estimation
 
-pytest.importorskip("torch", reason="training needs the extra train")
-
 SMALL = Preset(
     sampling_scale=0.02,
     efforts={
