@@ -140,18 +140,20 @@ def sample(
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
-            np.savez(file, inputs=np.array(motion.point.inputs), curves=motion.curves, poses=motion.poses)
+            inputs, names = np.array(motion.point.inputs), np.array(report.names)
+            np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
 
     _write_beside(project.motion_path, write)
     return samples, report
 
 
-def read_motion(project: Project) -> ReferenceMotion:
-    """The reference motion that the samples were drawn around."""
+def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
+    """The reference motion that the samples were drawn around, and the names of its cycles."""
     try:
         with np.load(project.motion_path, allow_pickle=False) as content:
             point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
-            return ReferenceMotion(point, content["curves"], content["poses"])
+            cycles = [str(name) for name in content["cycles"]]
+            return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:
         raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
     except (ValueError, KeyError, OSError) as error:
@@ -193,6 +195,11 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         folder = project.folder / "training" / structure
         with worker_pool(executor) as workers:
             fits = fit_all(regressions, settings, workers, folder, progress)
+        for name, fit in fits.items():
+            if update is not None:
+                allotted = settings[name].max_time_s
+                remark = f"{'-'.join(map(str, fit.hidden))} RMS {fit.rms:.3g}, {fit.stop_reason}"
+                update(f"{structure} {name}", allotted, allotted, remark)
         surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
         record = _record(project, samples, surrogate, fits)
         kind(project.scene, surrogate.networks, record).save(project.surrogate_path(structure))
@@ -212,6 +219,7 @@ def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",
+        "reference_cycles": read_motion(project)[1],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
         "machine": machine_record(),
@@ -231,7 +239,7 @@ def evaluate(project: Project) -> Path:
 
     Returns the path of the first, which the tables and the chart are drawn from.
     """
-    content = evaluate_models(trained(project), project.samples(), read_motion(project))
+    content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
     path = project.folder / "evaluation.json"
 
     def write_csv(csv_path: Path) -> None:
@@ -252,7 +260,7 @@ def evaluate(project: Project) -> Path:
 def export(project: Project) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as C source with header and example."""
     written = []
-    middle = read_motion(project).poses[0]
+    middle = read_motion(project)[0].poses[0]
     for structure, surrogate in trained(project).items():
         folder = project.folder / "export" / structure
         writable_folder(folder)

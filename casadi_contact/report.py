@@ -81,7 +81,7 @@ def draw_speed_accuracy(content: dict[str, Any], path: Path) -> None:
             joined = {"ls": "-" if start else "none", "lw": 0.8}
             axis.errorbar(times, errors, xerr=[low, high], marker=marker, color=color, label=label, **joined)
             for name, time, error in zip(mine, times, errors, strict=True):
-                place = {"textcoords": "offset points", "xytext": (6, 5), "fontsize": 8}
+                place = {"textcoords": "offset points", "xytext": (6, 5 if start else -11), "fontsize": 8}
                 axis.annotate(name.removeprefix("EF "), (time, error), **place)
         axis.set(xscale="log", yscale="log", xlabel="time per pose, one core [µs]", ylabel=f"RMS {kind} error [{unit}]")
         axis.grid(alpha=0.3, which="both")
