@@ -51,7 +51,11 @@ def _bars() -> Iterator[Callable[[str, float, float, str], None]]:
                 tasks[what] = progress.add_task(what, total=round(total), remark=remark)
             progress.update(tasks[what], completed=round(done), total=round(total), remark=remark)  # type: ignore[arg-type]
 
-        yield update
+        try:
+            yield update
+        except KeyboardInterrupt:
+            console.print("interrupted: run the same command again to go on")
+            raise
 
 
 @app.command()

@@ -106,7 +106,7 @@ _KERNEL_PREFIX = """\
 
 # No -ffast-math: in a shared library it turns denormal numbers off for the whole process.
 _MAKEFILE = """\
-CFLAGS ?= -O3 -march=native -fno-math-errno -fno-trapping-math -Wall -Wextra
+CFLAGS ?= -O3 -fno-math-errno -fno-trapping-math -Wall -Wextra
 
 example: example.o {name}.o {name}_kernel.o
 \t$(CC) $(CFLAGS) -o $@ $^ -lm
