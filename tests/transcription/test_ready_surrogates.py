@@ -36,11 +36,13 @@ def test_all_evaluations_agree_in_every_domain(name, domain, poses_of_domain):
     weights = np.linspace(-1.0, 1.0, len(surrogate.load_names))
     # Near zero load, digits are lost in differences of numbers of the size of a usual load: that size is the measure.
     usual = np.abs(surrogate(poses_of_domain["D1"])).max(axis=0)
+    # Trained two_stage networks add up last-layer terms of thousands of times their sum: one more digit is lost.
+    digits = 12 if surrogate.structure == "patch" else 11
     for pose in poses_of_domain[domain]:
         want, want_jacobian, want_hessian = torch_oracle.oracle(surrogate, pose, loads=True)
         loads, jacobian = surrogate.jacobian(pose[None])
-        close(loads[0] / usual, want / usual, 12, least=1.0)
-        close(function(pose).full().ravel() / usual, want / usual, 12, least=1.0)
+        close(loads[0] / usual, want / usual, digits, least=1.0)
+        close(function(pose).full().ravel() / usual, want / usual, digits, least=1.0)
         close(jacobian[0] / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
         close(jacobian_of(pose, 0).full() / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
         weighted = np.einsum("l,lij->ij", weights, want_hessian)
