@@ -34,7 +34,6 @@ from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
-from casadi_contact.workers import worker_pool
 
 FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -203,47 +202,6 @@ def _judged(problem: PoseEstimation, poses: Array, status: str, iterations: int,
     return PoseResult(poses, loads, force_error, cop_error, converged, reason, status, iterations, seconds)
 
 
-@dataclass(frozen=True)
-class StartReport:
-    """Share of random starts that reach the reference solution, and IPOPT iterations of each start."""
-
-    reached: np.ndarray
-    iterations: np.ndarray
-
-    def __str__(self) -> str:
-        return (
-            f"{int(self.reached.sum())} of {len(self.reached)} random starts reach the same solution "
-            f"({100 * self.reached.mean():.1f} %), median {np.median(self.iterations):.0f} IPOPT iterations"
-        )
-
-
-def _one_start(surrogate_path: str, cycle: LoadCycle, reference: Array, seed: tuple[int, int]) -> tuple[bool, int]:
-    """Solve from one random start: each side of every frame up to 3 mm lifted or 1 mm too deep, independently, tx
-    and tz off by up to 4 mm."""
-    problem = build(load_surrogate(surrogate_path), cycle)
-    rng = np.random.default_rng(seed)
-    count = len(cycle)
-    start = reference.copy()
-    med, lat = rng.uniform(-1.0, 3.0, (2, count))  # lift of either side [mm]
-    apart_mm = np.ptp(problem.surrogate.scene.anchors_mm[:, 2])
-    start[:, POSE_NAMES.index("tx")] += rng.uniform(-4.0, 4.0, count)
-    start[:, POSE_NAMES.index("tz")] += rng.uniform(-4.0, 4.0, count)
-    start[:, POSE_NAMES.index("ty")] += 0.5 * (med + lat)
-    start[:, POSE_NAMES.index("rx")] -= (med - lat) / apart_mm
-    result = solve(problem, start)
-    same = np.abs(result.poses - reference) * np.repeat([1.0, 25.0], 3)
-    return bool(result.converged.all() and same.max() < 0.01), result.iterations
-
-
-def random_starts(surrogate_path: str, cycle: LoadCycle, count: int = 200, seed: int = 1) -> StartReport:
-    """Solve a cycle from `count` random starts on all cores; reached: every frame within 0.01 mm and 0.4 mrad."""
-    reference = solve(build(load_surrogate(surrogate_path), cycle)).poses
-    with worker_pool() as pool:
-        jobs = [pool.submit(_one_start, surrogate_path, cycle, reference, (seed, k)) for k in range(count)]
-        outcomes = [job.result() for job in jobs]
-    return StartReport(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))
-
-
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -254,15 +212,18 @@ def run(
     out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .png and summary.json")] = Path("results"),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
     starts: Annotated[int, typer.Option(help="also solve from this many random starts")] = 0,
+    warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
 ) -> None:
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""
     from problems.pose_estimation_report import report  # draws with matplotlib: not needed to solve
+    from problems.pose_estimation_starts import random_starts
 
     writable_folder(out)  # before minutes of random starts
     measured = reference_cycle() if cycle is None else read_cycle(cycle)
     problem = build(load_surrogate(surrogate), measured, smoothness)
-    result = solve(problem)
-    report(problem, result, out, random_starts(surrogate, measured, starts) if starts else None)
+    start = None if warm is None else solve(build(load_surrogate(warm), measured)).poses
+    result = solve(problem, start)
+    report(problem, result, out, random_starts(surrogate, measured, result.poses, starts) if starts else None)
     if not result.converged.all():
         frames = ", ".join(map(str, np.flatnonzero(~result.converged)))
         print(f"pose_estimation: no converged pose at frames {frames}; reasons in {out}", file=sys.stderr)

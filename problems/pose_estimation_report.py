@@ -17,7 +17,8 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.evaluation import machine_record
 from casadi_contact.pipeline import writable_folder
-from problems.pose_estimation import LOADS, PoseEstimation, PoseResult, StartReport, cop
+from problems.pose_estimation import LOADS, PoseEstimation, PoseResult, cop
+from problems.pose_estimation_starts import StartReport
 
 QUANTITIES = ("Fy_med", "Fy_lat", "cop_ap", "cop_ml")
 UNITS = ("N", "N", "mm", "mm")
@@ -84,7 +85,12 @@ def report(problem: PoseEstimation, result: PoseResult, out: Path, starts: Start
         "machine": machine_record(),
     }
     if starts is not None:
-        summary["random_starts"] = {"count": len(starts.reached), "reached": int(starts.reached.sum())}
+        summary["random_starts"] = {
+            "count": len(starts.reached),
+            "reached": int(starts.reached.sum()),
+            "share_of_frames": float(starts.frames_reached.mean()),
+            "median_iterations": float(np.median(starts.iterations)),
+        }
     _replace(out / "summary.json", json.dumps(summary, indent=1))
     draw(problem, result, tracked, out / "pose_estimation.png")
     console.print(f"results in {out}", highlight=False)
