@@ -238,7 +238,7 @@ def test_the_knee_on_elastic_foundations(tmp_path):
     kept = loads_of[4].sum(axis=1).reshape(-1, 3)
     assert np.abs(kept - kept.mean(axis=1, keepdims=True)).max() < 8.0
     assert (samples.select(domain=5).wrenches == 0.0).all()
-    np.testing.assert_allclose(loads_of[6][:20, 0], -5.0, atol=1.0)
+    assert np.abs(loads_of[6] + 5.0).min(axis=1).max() < 1.0
     np.testing.assert_allclose(loads_of[7], -5.0, atol=1.0)
 
 
