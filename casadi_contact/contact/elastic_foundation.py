@@ -32,7 +32,11 @@ class ElasticFoundation:
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
         grid = scene.grids["fine"] if grid is None else grid
-        if len(grid) != 2 or not all(isinstance(n, int | np.integer) and n > 0 for n in grid):
+        if (
+            not isinstance(grid, tuple | list)
+            or len(grid) != 2
+            or not all(isinstance(n, int | np.integer) and n > 0 for n in grid)
+        ):
             raise ValueError(f"grid is {grid!r}, expected two positive whole numbers (nx, nz)")
         self.scene = scene
         self.grid = (int(grid[0]), int(grid[1]))

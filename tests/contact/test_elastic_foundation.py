@@ -207,6 +207,7 @@ def test_a_users_own_callable_is_a_contact_model():
         cc.CallableModel(scene, lambda p: np.zeros((len(p), 6)))(poses)
 
 
-def test_bad_grids_are_refused():
+@pytest.mark.parametrize("grid", [(80, 0), (80.0, 40.0), (80,), 80, "80x40"])
+def test_bad_grids_are_refused(grid):
     with pytest.raises(ValueError, match="two positive whole numbers"):
-        cc.ElasticFoundation(cc.load_scene("knee"), grid=(80, 0))
+        cc.ElasticFoundation(cc.load_scene("knee"), grid=grid)
