@@ -35,11 +35,11 @@ _PAPER_NETWORK = ((30, 30, 30, 30),)
 
 PRESETS: dict[str, Preset] = {
     "quick": Preset(
-        sampling_scale=0.08,
+        sampling_scale=0.14,
         efforts={
             "patch": {
-                "root": Effort(((8, 8), (16, 16, 16)), 70.0),
-                "ratio": Effort(((6, 6), (10, 10)), 9.0),
+                "root": Effort(((8, 8), (16, 16, 16)), 90.0),
+                "ratio": Effort(((6, 6), (10, 10)), 12.0),
             }
         },
     ),
