@@ -211,7 +211,7 @@ def run(
     surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
     out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .png and summary.json")] = Path("results"),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
-    starts: Annotated[int, typer.Option(help="also solve from this many random starts")] = 0,
+    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
     warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
 ) -> None:
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""

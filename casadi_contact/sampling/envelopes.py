@@ -49,7 +49,10 @@ class Envelopes:
             if name in fixed_offsets:
                 offsets[:, column] = fixed_offsets[name]
             elif not self.widths[:, column].any():
-                raise ValueError(f"{name} has the same curve in all cycles, expected an entry in fixed_offsets for it")
+                raise ValueError(
+                    f"{name} has the same curve in all cycles: give at least 2 cycles that differ, "
+                    f"or the scene's sampling.fixed_offsets an entry for {name}"
+                )
         return Envelopes(self.names, self.lower - offsets, self.upper + offsets)
 
     def extremes(self, fraction: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
