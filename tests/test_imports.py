@@ -1,4 +1,4 @@
-"""Imports flow one way, from the foundations up (DESIGN: rooms), and only `training` needs torch."""
+"""Imports flow one way, from the foundations up (README), and only `training` needs torch."""
 
 import ast
 import subprocess

@@ -1,4 +1,4 @@
-"""The surrogates once more, written in torch from the formulas of DESIGN §5 and Eqs. (1)-(7), for autograd."""
+"""The surrogates once more, written in torch from the formulas of README and Eqs. (1)-(7), for autograd."""
 
 from __future__ import annotations
 

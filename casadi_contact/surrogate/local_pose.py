@@ -1,4 +1,4 @@
-"""Local pose of a patch: x_p = (t + R(q)·a_p, rx, ry, rz) for its anchor a_p on the moving body (DESIGN §5)."""
+"""Local pose of a patch: x_p = (t + R(q)·a_p, rx, ry, rz) for its anchor a_p on the moving body (README)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The patch surrogate, the default (DESIGN §5).
+"""The patch surrogate, the default (README).
 
 Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p):
 

@@ -1,4 +1,4 @@
-"""Training targets of the patch surrogate (DESIGN §5).
+"""Training targets of the patch surrogate (README).
 
 Which samples take part: training and validation rows (the test rows are held back, §3.3); all of them for a root
 load, those in contact (N > 0) for a ratio, which has no meaning where there is no load.
@@ -29,7 +29,7 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
 
     In contact dN/ds = 2·N0·max(s, s_b), with s_b the root of the boundary load, so that a light touch still counts.
     Outside 2·N0·s_b·max(gap_weight, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
-    contact, and small (DESIGN: 0.02) where only the direction back into contact matters.
+    contact, and small (2 %) where only the direction back into contact matters.
     """
     floor = np.sqrt(scene.boundary_load / scene.reference_load)
     fade = floor / np.maximum(np.abs(target), floor)

@@ -1,4 +1,4 @@
-"""Local pose of a patch as CasADi MX: x_p = (t + R(q)·a_p, q), with both derivatives in closed form (DESIGN §5).
+"""Local pose of a patch as CasADi MX: x_p = (t + R(q)·a_p, q), with both derivatives in closed form (README).
 
 With v = R·a and e_1, e_2, e_3 the axes of rotation (e_x, Rx·e_y, Rx·Ry·e_z):
 

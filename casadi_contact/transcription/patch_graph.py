@@ -1,4 +1,4 @@
-"""The patch structure (DESIGN §5) as CasADi expressions of the pose, with both derivatives written out.
+"""The patch structure (README) as CasADi expressions of the pose, with both derivatives written out.
 
     N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k

@@ -1,4 +1,4 @@
-"""The patch structure: what must hold for any weights (DESIGN §5), and its training targets."""
+"""The patch structure: what must hold for any weights (README), and its training targets."""
 
 import numpy as np
 import pytest
