@@ -25,6 +25,7 @@ PresetName = Annotated[str, typer.Option(help=f"how much to sample and train: {'
 Cycles = Annotated[
     list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
 ]
+MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
 
@@ -63,7 +64,7 @@ def build(
     scene: SceneName,
     preset: PresetName = "quick",
     cycles: Cycles = None,
-    more_cycles: Annotated[list[Path] | None, typer.Argument(help="further cycle files")] = None,
+    more_cycles: MoreCycles = None,
     out: Out = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
@@ -79,7 +80,7 @@ def sample(
     scene: SceneName,
     preset: PresetName = "quick",
     cycles: Cycles = None,
-    more_cycles: Annotated[list[Path] | None, typer.Argument(help="further cycle files")] = None,
+    more_cycles: MoreCycles = None,
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples
 from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
+from casadi_contact.files import replacing, writable_folder
 from casadi_contact.network import Regression
 from casadi_contact.presets import PRESETS, Preset
 from casadi_contact.report import draw_speed_accuracy, read_evaluation
@@ -95,31 +95,6 @@ class Project:
         return samples
 
 
-def writable_folder(folder: Path) -> None:
-    """Make a folder and try to write in it; raises OSError in one line if either fails."""
-    probe = folder / f".writable-{os.getpid()}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
-
-
-def _write_beside(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file under another name and rename it, so that a reader never sees half of it."""
-    beside = path.with_name(f".{os.getpid()}-{path.name}")
-    try:
-        write(beside)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=1), "utf-8")
-
-
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
@@ -137,13 +112,9 @@ def sample(
     samples = draw_samples(
         project.scene, motion, project.samples_path, settings=settings, executor=executor, progress=progress
     )
-
-    def write(path: Path) -> None:
-        with path.open("wb") as file:
-            inputs, names = np.array(motion.point.inputs), np.array(report.names)
-            np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
-
-    _write_beside(project.motion_path, write)
+    inputs, names = np.array(motion.point.inputs), np.array(report.names)
+    with replacing(project.motion_path) as beside, beside.open("wb") as file:
+        np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
     return samples, report
 
 
@@ -242,17 +213,15 @@ def evaluate(project: Project) -> Path:
     content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
     path = project.folder / "evaluation.json"
 
-    def write_csv(csv_path: Path) -> None:
-        with csv_path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(("model", "domain", "load", "rms", "max", "mean"))
-            for model, domains in content["domain_errors"].items():
-                for domain, errors in domains.items():
-                    for load, error in errors.items():
-                        writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
-
-    _write_beside(project.folder / "evaluation.csv", write_csv)
-    _write_beside(path, lambda p: _write_json(p, content))
+    with replacing(project.folder / "evaluation.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("model", "domain", "load", "rms", "max", "mean"))
+        for model, domains in content["domain_errors"].items():
+            for domain, errors in domains.items():
+                for load, error in errors.items():
+                    writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
+    with replacing(path) as beside:
+        beside.write_text(json.dumps(content, indent=1), "utf-8")
     draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
     return path
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from casadi_contact.conventions import load_unit
+from casadi_contact.files import replacing
 
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:
@@ -88,6 +88,5 @@ def draw_speed_accuracy(content: dict[str, Any], path: Path) -> None:
     figure.axes[0].legend(fontsize=8)
     title = f"{content['scene']}: {walking['poses']} unseen walking poses, errors against EF {walking['converged']}"
     figure.suptitle(f"{title}; {content['machine']['processor']}", fontsize=10)
-    beside = path.with_name(f".{os.getpid()}-{path.name}")
-    figure.savefig(beside, dpi=110, format="png")
-    os.replace(beside, path)
+    with replacing(path) as beside:
+        figure.savefig(beside, dpi=110, format="png")

@@ -29,7 +29,7 @@ import numpy as np
 import typer
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
-from casadi_contact.pipeline import writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle

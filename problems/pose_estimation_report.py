@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from rich.table import Table
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.evaluation import machine_record
-from casadi_contact.pipeline import writable_folder
+from casadi_contact.files import replacing, writable_folder
 from problems.pose_estimation import LOADS, PoseEstimation, PoseResult, cop
 from problems.pose_estimation_starts import StartReport
 
@@ -91,7 +90,8 @@ def report(problem: PoseEstimation, result: PoseResult, out: Path, starts: Start
             "share_of_frames": float(starts.frames_reached.mean()),
             "median_iterations": float(np.median(starts.iterations)),
         }
-    _replace(out / "summary.json", json.dumps(summary, indent=1))
+    with replacing(out / "summary.json") as beside:
+        beside.write_text(json.dumps(summary, indent=1), "utf-8")
     draw(problem, result, tracked, out / "pose_estimation.png")
     console.print(f"results in {out}", highlight=False)
 
@@ -110,27 +110,19 @@ def _errors(tracked: Tracked) -> dict[str, dict[str, dict[str, float]]]:
     return errors
 
 
-def _replace(path: Path, text: str) -> None:
-    beside = path.with_name(f".{os.getpid()}-{path.name}")
-    beside.write_text(text, "utf-8")
-    os.replace(beside, path)
-
-
 def _write_csv(path: Path, problem: PoseEstimation, result: PoseResult, tracked: Tracked) -> None:
     header = ["frame", "time_s", "cycle_percent"]
     header += [f"{name}_{unit}" for name, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)]
     for what in ("wanted", "got", "ef"):
         header += [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
     header += ["converged", "reason"]
-    beside = path.with_name(f".{os.getpid()}-{path.name}")
-    with beside.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)
         numbers = [problem.cycle.time_s[:, None], problem.cycle.percent[:, None], result.poses]
         numbers += [tracked.wanted, tracked.got, tracked.ef]
         for frame, row in enumerate(np.column_stack(numbers)):
             writer.writerow([frame, *(f"{v:.9g}" for v in row), int(result.converged[frame]), result.reason[frame]])
-    os.replace(beside, path)
 
 
 def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Path) -> None:
@@ -166,6 +158,5 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Pa
         axis.grid(alpha=0.3)
     converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
     figure.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
-    beside = path.with_name(f".{os.getpid()}-{path.name}")
-    figure.savefig(beside, dpi=110, format="png")
-    os.replace(beside, path)
+    with replacing(path) as beside:
+        figure.savefig(beside, dpi=110, format="png")
