@@ -100,9 +100,14 @@ def evaluate(scene: SceneName, preset: PresetName = "quick", out: Out = None) ->
 
 
 @app.command()
-def export(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
-    """Write CasADi files, and C source with an example."""
-    _export(_project(scene, preset, out))
+def export(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    out: Out = None,
+    kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+) -> None:
+    """Write CasADi files, and C kernels without dependencies, with an example."""
+    _export(_project(scene, preset, out), kernel_only=kernel)
 
 
 @app.command()
@@ -133,8 +138,8 @@ def _evaluate(project: Project) -> None:
     console.print(f"evaluation in {path}", highlight=False)
 
 
-def _export(project: Project) -> None:
-    for path in pipeline.export(project):
+def _export(project: Project, *, kernel_only: bool = False) -> None:
+    for path in pipeline.export(project, kernel_only=kernel_only):
         console.print(f"exported {path}", highlight=False)
 
 

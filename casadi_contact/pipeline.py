@@ -226,14 +226,16 @@ def evaluate(project: Project) -> Path:
     return path
 
 
-def export(project: Project) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as C source with header and example."""
+def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
     written = []
     middle = read_motion(project)[0].poses[0]
     for structure, surrogate in trained(project).items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
-        path = folder / f"{project.scene.name}.casadi"
-        save_function(surrogate.function(), path)
-        written += [path, *surrogate.export_c(folder, example_pose=list(middle[len(middle) // 4]))]
+        if not kernel_only:
+            path = folder / f"{project.scene.name}.casadi"
+            save_function(surrogate.function(), path)
+            written.append(path)
+        written += surrogate.export_c(folder, example_pose=list(middle[len(middle) // 4]))
     return written

@@ -40,13 +40,14 @@ def time_single_calls(function: ca.Function, poses: Array) -> float:
     """
     buffer, call = function.buffer()
     pose = np.zeros(6)
+    view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
-    buffer.set_arg(0, memoryview(pose))  # type: ignore[call-arg, arg-type]
+    buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
     for i, output in enumerate(outputs):
         buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
     start = time.perf_counter()
-    for row in poses:
-        pose[:] = row
+    for row in rows:
+        view[:] = row
         call()
     return (time.perf_counter() - start) / len(poses)
 

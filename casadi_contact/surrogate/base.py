@@ -17,6 +17,7 @@ from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.info import SurrogateInfo, describe
 from casadi_contact.transcription import export_c, function_with_derivatives
 from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
 
 
 class Surrogate(ABC):
@@ -74,6 +75,9 @@ class Surrogate(ABC):
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions: ...
 
     @abstractmethod
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel: ...
+
+    @abstractmethod
     def _root_networks(self) -> list[str]: ...
 
     @classmethod
@@ -109,28 +113,58 @@ class Surrogate(ABC):
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
-    def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads") -> ca.Function:
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), with exact, explicit first and second derivatives.
 
-        Only the networks that the loads need are in the graph. Works in ``map`` and in nlpsol.
+        Only the networks that the loads need are in it. Works in ``map`` and in nlpsol. compiled: a C kernel instead
+        of a CasADi graph, compiled once and kept in the user's cache folder; where that fails, one warning and the
+        graph. It has no third derivatives, and is not for `save_function` (the library lies in the cache). batch:
+        pose (6 x batch) -> loads (L x batch), in one call.
         """
-        pose = ca.MX.sym("pose", 6)
-        return function_with_derivatives(name, pose, self._outputs(pose, self.check_loads(loads), ("loads",)))
+        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
 
-    def root_function(self, name: str = "contact_roots") -> ca.Function:
-        """casadi.Function pose (6) -> signed root load of every patch (P), with exact derivatives."""
+    def root_function(
+        self, name: str = "contact_roots", *, compiled: bool = False, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
         self._check_roots()
-        pose = ca.MX.sym("pose", 6)
-        return function_with_derivatives(name, pose, self._outputs(pose, (), ("roots",)))
+        return self._function(name, (), ("roots",), compiled, batch)
 
     def load_and_root_function(
-        self, loads: Iterable[str] | None = None, name: str = "contact_loads_and_roots"
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads_and_roots",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
         names = self.check_loads(loads)
         self._check_roots()
+        return self._function(name, names, ("loads", "roots"), compiled, batch)
+
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if batch is not None and batch < 1:
+            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
+        if compiled:
+            sizes = {"loads": len(loads), "roots": len(self.patch_names)}
+            kernel = self._kernel(loads, roots="roots" in wanted)
+            try:
+                return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
+            except CompilerError as error:
+                warn_once(f"{error}; using the CasADi graph, which is slower")
         pose = ca.MX.sym("pose", 6)
-        return function_with_derivatives(name, pose, self._outputs(pose, names, ("loads", "roots")))
+        function = function_with_derivatives(name, pose, self._outputs(pose, loads, wanted))
+        return function if batch is None else function.map(batch)
 
     def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
         """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
@@ -157,14 +191,12 @@ class Surrogate(ABC):
         loads: Iterable[str] | None = None,
         example_pose: Sequence[float] = (0.0,) * 6,
     ) -> list[Path]:
-        """Write C source and header for loads and Jacobian, an example and a Makefile into folder; return paths."""
+        """Write C source and header for loads, Jacobian and Hessian, an example and a Makefile; return their paths."""
         names = self.check_loads(loads)
-        name = name or f"{self.scene.name}_contact"
         return export_c(
-            self.function(names),
-            self.jacobian_function(names),
+            self._kernel(names, roots=False),
             folder,
-            name=name,
+            name=name or f"{self.scene.name}_contact",
             load_names=names,
             example_pose=example_pose,
             description=f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",

@@ -25,6 +25,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.local_pose import local_pose_jacobian, local_poses
 from casadi_contact.surrogate.patch_regressions import patch_regressions
 from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.kernel import Kernel, patch_kernel
 from casadi_contact.transcription.patch_graph import PatchNetworks, patch_expressions
 
 
@@ -146,6 +147,18 @@ class PatchSurrogate(Surrogate):
         return wrenches, jacobian
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        patches, selection = self._patches(loads)
+        return patch_expressions(patches, selection, self.scene.reference_load, pose, order)
+
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        patches, selection = self._patches(loads)
+        if not roots:
+            used = selection.any(axis=(0, 2))
+            patches, selection = [p for p, use in zip(patches, used, strict=True) if use], selection[:, used]
+        return patch_kernel(patches, selection, self.scene.reference_load)
+
+    def _patches(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
+        """The patches whose root is known, and the part of the loads' selection (L, patches, 6) that is theirs."""
         present = [p for p, patch in enumerate(self.patch_names) if root_name(patch) in self.networks]
         patches = []
         for p in present:
@@ -155,5 +168,4 @@ class PatchSurrogate(Surrogate):
             }
             root = self.networks[root_name(patch)]
             patches.append(PatchNetworks(patch, self.scene.anchors_mm[p], self._sensitive[patch], root, ratios))
-        selection = load_selection(loads, self.patch_names)[:, present]
-        return patch_expressions(patches, selection, self.scene.reference_load, pose, order)
+        return patches, load_selection(loads, self.patch_names)[:, present]

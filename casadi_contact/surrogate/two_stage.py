@@ -22,6 +22,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.targets import finite, fitted_rows
 from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.kernel import Kernel, two_stage_kernel
 from casadi_contact.transcription.two_stage_graph import two_stage_expressions
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
@@ -136,3 +137,8 @@ class TwoStageSurrogate(Surrogate):
         return two_stage_expressions(
             first, self.networks, loads, self.scene.reference_load, self._smoothing_load, pose, order
         )
+
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        needed = {*self.needed_networks(loads), *(self._root_networks() if roots else ())}
+        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
+        return two_stage_kernel(first, self.networks, loads, self.scene.reference_load, self._smoothing_load)

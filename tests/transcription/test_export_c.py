@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from casadi_contact.scenes.scene import load_scene
+from casadi_contact.transcription.kernel.compiler import compiler_command
+from tests.compiler import needs_compiler
 from tests.random_surrogates import random_poses, random_surrogate
+from tests.transcription.test_consistency import second_derivatives
 
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
-
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler found")
+@needs_compiler
 @pytest.mark.parametrize("structure", ["patch", "two_stage"])
 @pytest.mark.parametrize("activation", ["algebraic", "tanh"])
 def test_compiled_c_equals_numpy(structure, activation, tmp_path):
@@ -22,7 +23,17 @@ def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     names = {path.name for path in written}
     assert names == {p.name for p in tmp_path.iterdir()}
     assert {"knee_contact.h", "knee_contact.c", "example.c", "Makefile"} <= names
-    command = [COMPILER, "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-o", str(tmp_path / "example")]
+    command = [
+        *compiler_command(),
+        "-std=c99",
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "-o",
+        str(tmp_path / "example"),
+    ]
     sources = [str(path) for path in written if path.suffix == ".c"]
     subprocess.run([*command, *sources, "-lm"], check=True, capture_output=True, text=True)
 
@@ -30,20 +41,26 @@ def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     result = subprocess.run([tmp_path / "example"], input=text, check=True, capture_output=True, text=True).stdout
     rows = result.split("\n")
     values, jacobians = surrogate.jacobian(poses)
-    for i, (value, jacobian) in enumerate(zip(values, jacobians, strict=True)):
-        block = [np.array(row.split(), dtype=float) for row in rows[8 * i : 8 * i + 8]]
+    hessian, weights = second_derivatives(surrogate.function()), np.ones(len(surrogate.load_names))
+    for i, (pose, value, jacobian) in enumerate(zip(poses, values, jacobians, strict=True)):
+        block = [np.array(row.split(), dtype=float) for row in rows[14 * i : 14 * i + 14]]
         np.testing.assert_allclose(block[0], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())
-        np.testing.assert_allclose(np.stack(block[1:]), jacobian, rtol=1e-9, atol=1e-12 * np.abs(jacobian).max())
+        np.testing.assert_allclose(np.stack(block[1:8]), jacobian, rtol=1e-9, atol=1e-12 * np.abs(jacobian).max())
+        want = hessian(pose, weights).full()
+        np.testing.assert_allclose(np.stack(block[8:]), want, rtol=1e-9, atol=1e-12 * np.abs(want).max())
 
     demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
     assert [line.split()[0] for line in demo.splitlines()] == list(surrogate.load_names)
     np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
 
 
-@pytest.mark.skipif(COMPILER is None or shutil.which("make") is None, reason="no C compiler or make found")
+@needs_compiler
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make found")
 def test_makefile_builds_the_example(tmp_path):
     random_surrogate(load_scene("sphere_on_plane"), "patch").export_c(tmp_path, name="ball", loads=["Fy", "Tx"])
-    built = subprocess.run(["make", "-C", str(tmp_path), f"CC={COMPILER}"], check=True, capture_output=True, text=True)
+    built = subprocess.run(
+        ["make", "-C", str(tmp_path), f"CC={compiler_command()[0]}"], check=True, capture_output=True, text=True
+    )
     assert "warning" not in built.stdout + built.stderr
     demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
     assert [line.split()[0] for line in demo.splitlines()] == ["Fy", "Tx"]

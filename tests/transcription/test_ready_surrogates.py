@@ -1,4 +1,4 @@
-"""The shipped surrogates: torch = NumPy = CasADi at poses of every domain, and contact physics there."""
+"""The shipped surrogates: torch = NumPy = CasADi = compiled C at poses of every domain, and contact physics there."""
 
 import numpy as np
 import pytest
@@ -31,8 +31,7 @@ def poses_of_domain():
 @pytest.mark.parametrize("domain", DOMAINS)
 def test_all_evaluations_agree_in_every_domain(name, domain, poses_of_domain):
     surrogate = cc.load_surrogate(name)
-    function = surrogate.function()
-    jacobian_of, hessian_of = function.jacobian(), second_derivatives(function)
+    functions = [surrogate.function(), surrogate.function(compiled=True)]
     weights = np.linspace(-1.0, 1.0, len(surrogate.load_names))
     # Near zero load, digits are lost in differences of numbers of the size of a usual load: that size is the measure.
     usual = np.abs(surrogate(poses_of_domain["D1"])).max(axis=0)
@@ -42,11 +41,14 @@ def test_all_evaluations_agree_in_every_domain(name, domain, poses_of_domain):
         want, want_jacobian, want_hessian = torch_oracle.oracle(surrogate, pose, loads=True)
         loads, jacobian = surrogate.jacobian(pose[None])
         close(loads[0] / usual, want / usual, digits, least=1.0)
-        close(function(pose).full().ravel() / usual, want / usual, digits, least=1.0)
         close(jacobian[0] / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
-        close(jacobian_of(pose, 0).full() / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
         weighted = np.einsum("l,lij->ij", weights, want_hessian)
-        close(hessian_of(pose, weights).full() / usual.max(), weighted / usual.max(), 9, least=1.0)
+        for function in functions:
+            close(function(pose).full().ravel() / usual, want / usual, digits, least=1.0)
+            got = function.jacobian()(pose, 0).full()
+            close(got / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
+            got = second_derivatives(function)(pose, weights).full()
+            close(got / usual.max(), weighted / usual.max(), 9, least=1.0)
 
 
 def test_the_shipped_knee_is_as_accurate_as_the_readme_says(poses_of_domain):

@@ -1,0 +1,35 @@
+"""Compiled kernels: one small C file per surrogate, with structured first and second derivatives (README)."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from functools import cache
+
+import casadi as ca
+
+from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
+from casadi_contact.transcription.kernel.patch_kernel import patch_kernel
+from casadi_contact.transcription.kernel.source import Kernel
+from casadi_contact.transcription.kernel.two_stage_kernel import two_stage_kernel
+
+__all__ = ["CompilerError", "Kernel", "compiled_function", "patch_kernel", "two_stage_kernel", "warn_once"]
+
+
+@cache
+def warn_once(message: str) -> None:
+    """A RuntimeWarning, the first time that this process has something to say."""
+    warnings.warn(message, RuntimeWarning, stacklevel=5)
+
+
+def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
+    """casadi.Function pose (6 x batch) -> outputs, compiled, with its own first- and second-order derivative functions.
+
+    outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.
+    """
+    check_name(name)
+    source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+    library = shared_library(f"{source}\n{casadi_interface(name, outputs, batch)}")
+    return ca.external(name, str(library))

@@ -1,0 +1,107 @@
+/* The interface of casadi.external for BATCH poses. Sparsity patterns are filled in when they are asked for. */
+#define casadi_int long long int
+#define PATTERN(rows, columns) (3 + (columns) * BATCH + (rows) * (columns) * BATCH)
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT
+#endif
+
+INLINE int work_of(int inputs, int outputs, casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw,
+                   casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = inputs;
+  if (sz_res) *sz_res = outputs;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+INLINE const casadi_int *dense(casadi_int rows, casadi_int *pattern) {
+  pattern[0] = rows, pattern[1] = BATCH, pattern[2] = 1;
+  return pattern;
+}
+
+INLINE const casadi_int *empty(casadi_int rows, casadi_int columns, casadi_int *pattern) {
+  pattern[0] = rows, pattern[1] = columns;
+  for (casadi_int j = 0; j <= columns; j++) pattern[2 + j] = 0;
+  return pattern;
+}
+
+INLINE const casadi_int *block_diagonal(casadi_int rows, casadi_int columns, casadi_int *pattern) {
+  casadi_int *start = pattern + 2, *row = start + columns * BATCH + 1;
+  pattern[0] = rows * BATCH, pattern[1] = columns * BATCH;
+  for (casadi_int j = 0; j <= columns * BATCH; j++) start[j] = j * rows;
+  for (casadi_int j = 0; j < columns * BATCH; j++) {
+    for (casadi_int i = 0; i < rows; i++) row[j * rows + i] = (j / columns) * rows + i;
+  }
+  return pattern;
+}
+
+/* Whole blocks of poses together, the rest one by one; CasADi leaves out what it does not need. */
+INLINE void value_of_all(const double *pose, double *loads, double *roots) {
+  int i = 0;
+  for (; i + LANES <= BATCH; i += LANES) {
+    double f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
+    kernel_batch(pose + 6 * i, f, s);
+    for (int l = 0; l < LANES; l++) {
+      if (loads) {
+        for (int k = 0; k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
+      }
+      if (roots) {
+        for (int k = 0; k < ROOTS; k++) roots[ROOTS * (i + l) + k] = s[k][l];
+      }
+    }
+  }
+  for (; i < BATCH; i++) {
+    double f[LOADS + 1], s[ROOTS + 1];
+    kernel_value(pose + 6 * i, f, s);
+    if (loads) memcpy(loads + LOADS * i, f, LOADS * sizeof(double));
+    if (roots) memcpy(roots + ROOTS * i, s, ROOTS * sizeof(double));
+  }
+}
+
+/* Blocks by columns, as CasADi stores them, or (transpose) d(adjoint product)/d(adjoint). */
+INLINE void jacobian_of_all(const double *pose, double *loads, double *roots, int transpose) {
+  if (!loads && !roots) return;
+  for (int i = 0; i < BATCH; i++) {
+    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
+    kernel_jacobian(pose + 6 * i, f, s, df, ds);
+    for (int j = 0; j < 6; j++) {
+      if (loads) {
+        for (int k = 0; k < LOADS; k++) loads[6 * LOADS * i + (transpose ? 6 * k + j : LOADS * j + k)] = df[k][j];
+      }
+      if (roots) {
+        for (int k = 0; k < ROOTS; k++) roots[6 * ROOTS * i + (transpose ? 6 * k + j : ROOTS * j + k)] = ds[k][j];
+      }
+    }
+  }
+}
+
+/* adjoint·Jacobian; a seed that CasADi leaves out is zero */
+INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *product) {
+  if (!product) return;
+  for (int i = 0; i < BATCH; i++) {
+    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
+    kernel_jacobian(pose + 6 * i, f, s, df, ds);
+    for (int j = 0; j < 6; j++) {
+      double sum = 0.0;
+      if (loads_seed) {
+        for (int k = 0; k < LOADS; k++) sum += loads_seed[LOADS * i + k] * df[k][j];
+      }
+      if (roots_seed) {
+        for (int k = 0; k < ROOTS; k++) sum += roots_seed[ROOTS * i + k] * ds[k][j];
+      }
+      product[6 * i + j] = sum;
+    }
+  }
+}
+
+INLINE void hessian_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *hessian) {
+  static const double zeros[LOADS + ROOTS] = {0};
+  if (!hessian) return;
+  for (int i = 0; i < BATCH; i++) {
+    kernel_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros,
+                   roots_seed ? roots_seed + ROOTS * i : zeros, hessian + 36 * i);
+  }
+}

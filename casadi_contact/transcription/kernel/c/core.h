@@ -1,0 +1,201 @@
+/* Layers of small networks, with sizes that are compile-time constants after inlining.
+ * Weights of a layer with I inputs and O outputs: (I + 1) rows of O numbers, the biases first; O is a multiple of 8,
+ * filled up with zeros. Loops run over outputs, so that they vectorise without reordering any sum. */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline, unused))
+#define FUNCTION static __attribute__((noinline, unused))
+#else
+#define INLINE static inline
+#define FUNCTION static
+#endif
+
+/* Complete unrolling before vectorisation would leave scalar code. */
+#if defined(__GNUC__) && !defined(__clang__)
+#define KEEP_LOOP _Pragma("GCC unroll 1")
+#else
+#define KEEP_LOOP
+#endif
+
+#define WIDTH 8 /* every padded layer is a multiple of this */
+
+/* Offset of a pose from the middle of the learned range; so far out that no square overflows, all is flat. */
+INLINE double bounded(double offset) { return offset > 1e100 ? 1e100 : (offset < -1e100 ? -1e100 : offset); }
+
+INLINE void affine_block(int inputs, int width, int stride, const double *w, const double *a, double *z) {
+  double sum[32];
+  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = w[i];
+  for (int j = 0; j < inputs; j++) {
+    const double *row = w + (j + 1) * stride;
+    KEEP_LOOP for (int i = 0; i < width; i++) sum[i] += row[i] * a[j];
+  }
+  KEEP_LOOP for (int i = 0; i < width; i++) z[i] = sum[i];
+}
+
+/* z = W a + b */
+INLINE void affine(int inputs, int outputs, const double *w, const double *a, double *z) {
+  int i = 0;
+  for (; i + 32 <= outputs; i += 32) affine_block(inputs, 32, outputs, w + i, a, z + i);
+  if (outputs - i >= 24) affine_block(inputs, 24, outputs, w + i, a, z + i);
+  else if (outputs - i >= 16) affine_block(inputs, 16, outputs, w + i, a, z + i);
+  else if (outputs - i >= 8) affine_block(inputs, 8, outputs, w + i, a, z + i);
+}
+
+INLINE void linear_block(int inputs, int width, int stride, const double *w, const double *a, double *z) {
+  double sum[32];
+  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = 0.0;
+  for (int j = 0; j < inputs; j++) {
+    const double *row = w + (j + 1) * stride;
+    KEEP_LOOP for (int i = 0; i < width; i++) sum[i] += row[i] * a[j];
+  }
+  KEEP_LOOP for (int i = 0; i < width; i++) z[i] = sum[i];
+}
+
+/* z = W a */
+INLINE void linear(int inputs, int outputs, const double *w, const double *a, double *z) {
+  int i = 0;
+  for (; i + 32 <= outputs; i += 32) linear_block(inputs, 32, outputs, w + i, a, z + i);
+  if (outputs - i >= 24) linear_block(inputs, 24, outputs, w + i, a, z + i);
+  else if (outputs - i >= 16) linear_block(inputs, 16, outputs, w + i, a, z + i);
+  else if (outputs - i >= 8) linear_block(inputs, 8, outputs, w + i, a, z + i);
+}
+
+INLINE double dot(int n, const double *u, const double *v) {
+  double sum[WIDTH];
+  KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] = u[l] * v[l];
+  for (int i = WIDTH; i < n; i += WIDTH) {
+    KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += u[i + l] * v[i + l];
+  }
+  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+}
+
+/* q = W^T r, the rows of W in turn */
+INLINE void transposed(int inputs, int outputs, const double *w, const double *r, double *q) {
+  for (int j = 0; j < inputs; j++) q[j] = dot(outputs, w + (j + 1) * outputs, r);
+}
+
+INLINE void times(int n, const double *u, const double *v, double *product) {
+  for (int i = 0; i < n; i++) product[i] = u[i] * v[i];
+}
+
+/* h += sum_i weight_i Z_i Z_i^T over the lower triangle; column t of Z begins at z + t n */
+INLINE void curvature(int inputs, int n, const double *weight, const double *z, double *h) {
+  double scaled[WIDEST];
+  for (int t = 0; t < inputs; t++) {
+    times(n, weight, z + t * n, scaled);
+    for (int u = 0; u <= t; u++) h[t * inputs + u] += dot(n, scaled, z + u * n);
+  }
+}
+
+/* 1/sqrt(x) for 1 <= x < 1e300 to 2 units in the last place: a start from the exponent's bits (error < 3.5 %), then
+ * one step of fourth and one of third order. Vectorises everywhere, and is faster than a square root and a division. */
+INLINE double reciprocal_root(double x) {
+  uint64_t bits;
+  double y, miss;
+  memcpy(&bits, &x, sizeof bits);
+  bits = UINT64_C(0x5fe6eb50c7b537a9) - (bits >> 1);
+  memcpy(&y, &bits, sizeof y);
+  miss = 1.0 - x * y * y;
+  y += y * miss * (0.5 + miss * (0.375 + miss * 0.3125));
+  miss = 1.0 - x * y * y;
+  return y + y * miss * (0.5 + miss * 0.375);
+}
+
+/* exp(-x) for x >= 0: 2^n exp(r) with |r| <= ln(2)/2, Taylor's terms up to r^12. */
+INLINE double decay(double x) {
+  double y = x < 700.0 ? -x : -700.0, shifted, n, r, p;
+  uint64_t bits;
+  shifted = y * 1.4426950408889634 + 6755399441055744.0;
+  n = shifted - 6755399441055744.0;
+  r = (y - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
+  p = 1.0 / 479001600.0;
+  p = p * r + 1.0 / 39916800.0;
+  p = p * r + 1.0 / 3628800.0;
+  p = p * r + 1.0 / 362880.0;
+  p = p * r + 1.0 / 40320.0;
+  p = p * r + 1.0 / 5040.0;
+  p = p * r + 1.0 / 720.0;
+  p = p * r + 1.0 / 120.0;
+  p = p * r + 1.0 / 24.0;
+  p = p * r + 1.0 / 6.0;
+  p = p * r + 0.5;
+  p = p * r + 1.0;
+  p = p * r + 1.0;
+  memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 1023) << 52;
+  memcpy(&n, &bits, sizeof n);
+  return p * n;
+}
+
+/* The sigmoids in place, and with their first and second derivatives: a = s(z), d = s'(z), e = s''(z). */
+INLINE void algebraic_0(int n, double *z) {
+  for (int i = 0; i < n; i++) z[i] *= reciprocal_root(1.0 + z[i] * z[i]);
+}
+
+INLINE void algebraic_1(int n, double *z, double *d) {
+  for (int i = 0; i < n; i++) {
+    double r = reciprocal_root(1.0 + z[i] * z[i]);
+    z[i] *= r;
+    d[i] = r * r * r;
+  }
+}
+
+INLINE void algebraic_2(int n, double *z, double *d, double *e) {
+  for (int i = 0; i < n; i++) {
+    double r = reciprocal_root(1.0 + z[i] * z[i]), r2 = r * r;
+    z[i] *= r;
+    d[i] = r2 * r;
+    e[i] = -3.0 * z[i] * (r2 * r2);
+  }
+}
+
+INLINE double tanh_of(double z) {
+  double t = decay(2.0 * (z < 0.0 ? -z : z)), a = (1.0 - t) / (1.0 + t);
+  return z < 0.0 ? -a : a;
+}
+
+INLINE void tanh_0(int n, double *z) {
+  for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);
+}
+
+INLINE void tanh_1(int n, double *z, double *d) {
+  for (int i = 0; i < n; i++) {
+    double a = tanh_of(z[i]);
+    z[i] = a;
+    d[i] = 1.0 - a * a;
+  }
+}
+
+INLINE void tanh_2(int n, double *z, double *d, double *e) {
+  for (int i = 0; i < n; i++) {
+    double a = tanh_of(z[i]);
+    z[i] = a;
+    d[i] = 1.0 - a * a;
+    e[i] = -2.0 * a * d[i];
+  }
+}
+
+/* The same layer for LANES poses at once: a[j][lane] -> z[o][lane]; stride is the padded number of outputs. */
+INLINE void lanes(int inputs, int outputs, int stride, const double *w, const double *a, double *z) {
+  for (int o = 0; o < outputs; o++) {
+    double sum[LANES];
+    KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] = w[o];
+    for (int j = 0; j < inputs; j++) {
+      const double weight = w[(j + 1) * stride + o];
+      KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] += weight * a[j * LANES + l];
+    }
+    KEEP_LOOP for (int l = 0; l < LANES; l++) z[o * LANES + l] = sum[l];
+  }
+}
+
+INLINE void lanes_out(int inputs, const double *w, double bias, const double *a, double *y) {
+  double sum[LANES];
+  KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] = bias;
+  for (int j = 0; j < inputs; j++) {
+    KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] += w[j] * a[j * LANES + l];
+  }
+  KEEP_LOOP for (int l = 0; l < LANES; l++) y[l] = sum[l];
+}

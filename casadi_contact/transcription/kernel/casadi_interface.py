@@ -1,0 +1,110 @@
+"""The C functions by which casadi.external finds a kernel and its derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from casadi_contact.transcription.kernel.source import c_text
+
+
+class _Patterns:
+    """Sparsity patterns in C, each declared once."""
+
+    def __init__(self, rows: Mapping[str, int]) -> None:
+        self.rows = rows
+        self.declarations: dict[str, str] = {}
+
+    def _declare(self, name: str, size: str) -> str:
+        self.declarations[name] = f"static casadi_int {name}[{size}];"
+        return name
+
+    def dense(self, key: str) -> str:
+        return f"dense({self.rows[key]}, {self._declare(f'dense_{key}', '3')})"
+
+    def empty(self, key: str) -> str:
+        """An input that is of no use here, without entries."""
+        return f"empty({self.rows[key]}, BATCH, {self._declare(f'empty_{key}', '3 + BATCH')})"
+
+    def no_block(self, rows: str, columns: str) -> str:
+        name = self._declare(f"empty_{rows}_{columns}", f"3 + {self.rows[columns]} * BATCH")
+        return f"empty({self.rows[rows]} * BATCH, {self.rows[columns]} * BATCH, {name})"
+
+    def blocks(self, rows: str, columns: str) -> str:
+        r, c = self.rows[rows], self.rows[columns]
+        return f"block_diagonal({r}, {c}, {self._declare(f'block_{rows}_{columns}', f'PATTERN({r}, {c})')})"
+
+
+def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statements: Sequence[str]) -> str:
+    """A function as casadi.external wants it, with the sparsity of its inputs and outputs."""
+    lines = [
+        f"EXPORT casadi_int {name}_n_in(void) {{ return {len(inputs)}; }}",
+        f"EXPORT casadi_int {name}_n_out(void) {{ return {len(outputs)}; }}",
+    ]
+    for side, patterns in (("in", inputs), ("out", outputs)):
+        cases = "".join(f"    case {i}: return {pattern};\n" for i, pattern in enumerate(patterns))
+        lines.append(
+            f"EXPORT const casadi_int *{name}_sparsity_{side}(casadi_int i) {{\n"
+            f"  switch (i) {{\n{cases}    default: return 0;\n  }}\n}}"
+        )
+    lines.append(
+        f"EXPORT int {name}_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w) {{\n"
+        f"  return work_of({len(inputs)}, {len(outputs)}, sz_arg, sz_res, sz_iw, sz_w);\n}}"
+    )
+    body = "".join(f"  {statement}\n" for statement in statements)
+    lines.append(
+        f"EXPORT int {name}(const double **arg, double **res, casadi_int *iw, double *w, int mem) {{\n"
+        f"{body}  (void)iw, (void)w, (void)mem;\n  return 0;\n}}\n"
+    )
+    return "\n".join(lines)
+
+
+def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> str:
+    """C functions name, jac_name, adj1_name and jac_adj1_name, for poses (6 x batch).
+
+    outputs: "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's blocks, adj1_name the
+    product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian: all that nlpsol asks.
+    """
+    keys = list(outputs)
+    of = _Patterns({"pose": 6, **outputs})
+
+    def pair(of: str, first: int) -> str:
+        """The arguments for loads and roots, 0 for what this function does not give."""
+        return ", ".join(f"{of}[{first + keys.index(key)}]" if key in keys else "0" for key in ("loads", "roots"))
+
+    unused, seeds, n = [of.empty(key) for key in keys], [of.dense(key) for key in keys], len(keys)
+    functions = [
+        _function(name, [of.dense("pose")], seeds, [f"value_of_all(arg[0], {pair('res', 0)});"]),
+        _function(
+            f"jac_{name}",
+            [of.dense("pose"), *unused],
+            [of.blocks(key, "pose") for key in keys],
+            [f"jacobian_of_all(arg[0], {pair('res', 0)}, 0);"],
+        ),
+        _function(
+            f"adj1_{name}",
+            [of.dense("pose"), *unused, *seeds],
+            [of.dense("pose")],
+            [f"adjoint_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);"],
+        ),
+        _function(
+            f"jac_adj1_{name}",
+            [of.dense("pose"), *unused, *seeds, of.empty("pose")],
+            [of.blocks("pose", "pose"), *(of.no_block("pose", k) for k in keys), *(of.blocks("pose", k) for k in keys)],
+            [
+                f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
+                f"jacobian_of_all(arg[0], {pair('res', 1 + n)}, 1);",
+            ],
+        ),
+    ]
+    names = " : ".join(f'i == {i} ? "{key}"' for i, key in enumerate(keys))
+    return "\n".join(
+        [
+            f"#define BATCH {batch}",
+            c_text("casadi_interface.h"),
+            *of.declarations.values(),
+            "",
+            f'EXPORT const char *{name}_name_in(casadi_int i) {{ return i == 0 ? "pose" : 0; }}',
+            f"EXPORT const char *{name}_name_out(casadi_int i) {{ return {names} : 0; }}",
+            *functions,
+        ]
+    )

@@ -1,0 +1,128 @@
+"""Compile C source with the system's compiler into a shared library, once: kept in the user's cache folder.
+
+The file's name holds the digest of what it was made from (source, compiler, flags, processor) and of its own bytes:
+a half-written or damaged file is recognised and made again, and two processes may compile the same source at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
+NATIVE = ("-march=native",)
+SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
+CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
+
+
+class CompilerError(RuntimeError):
+    """No compiler, or it refused."""
+
+
+def compiler_command() -> list[str]:
+    """$CC, or the first of cc, gcc and clang on the path; raises CompilerError if there is none."""
+    wanted = shlex.split(os.environ.get("CC", ""))
+    if wanted:
+        if shutil.which(wanted[0]) is None:
+            raise CompilerError(f"no C compiler: $CC is {os.environ['CC']!r}, which is not on the path")
+        return wanted
+    for name in ("cc", "gcc", "clang"):
+        if found := shutil.which(name):
+            return [found]
+    raise CompilerError("no C compiler (cc, gcc, clang or $CC) on the path")
+
+
+def cache_folder() -> Path:
+    """$CASADI_CONTACT_CACHE, or the user's cache folder of this system."""
+    return Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_path("casadi_contact"))
+
+
+@cache
+def _compiler_version(command: tuple[str, ...]) -> str:
+    return _run([*command, "--version"]).stdout
+
+
+@cache
+def _processor() -> str:
+    """What -march=native depends on."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+    except OSError:
+        return platform.processor() + platform.machine()
+    return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
+
+
+def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    except subprocess.CalledProcessError as error:
+        said = (error.stderr or error.stdout).strip().splitlines()
+        raise CompilerError(f"{command[0]} failed: {said[0] if said else f'exit status {error.returncode}'}") from None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise CompilerError(f"{command[0]} failed: {error}") from None
+
+
+def shared_library(source: str) -> Path:
+    """Path of the compiled source, from the cache if it is there.
+
+    Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
+    Raises CompilerError without a compiler or where it fails.
+    """
+    command = compiler_command()
+    made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *NATIVE, _processor()])
+    key = hashlib.sha256(made_from.encode()).hexdigest()[:32]
+    folder = cache_folder()
+    if (found := _intact(folder, key)) is not None:
+        return found
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
+    except OSError:
+        folder = _session_folder()
+        if (found := _intact(folder, key)) is not None:
+            return found
+        scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
+    with scratch as place:
+        library = Path(place) / f"kernel{SUFFIX}"
+        c_file = Path(place) / "kernel.c"
+        c_file.write_text(source, "utf-8")
+        try:
+            _run([*command, *FLAGS, *NATIVE, "-o", str(library), str(c_file), "-lm"])
+        except CompilerError:  # not every compiler knows -march=native
+            _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"])
+        path = folder / f"{key}-{_digest(library)}{SUFFIX}"
+        os.replace(library, path)
+    return path
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+
+
+def _intact(folder: Path, key: str) -> Path | None:
+    """The library made from key, if there is one whose bytes are those that were compiled."""
+    for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
+        if path.stem.partition("-")[2] == _digest(path):
+            return path
+        path.unlink(missing_ok=True)
+    return None
+
+
+@cache
+def _session_folder() -> Path:
+    keep = tempfile.TemporaryDirectory(prefix="casadi_contact-")
+    _SESSION.append(keep)
+    return Path(keep.name)
+
+
+_SESSION: list[tempfile.TemporaryDirectory[str]] = []

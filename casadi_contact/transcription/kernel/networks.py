@@ -1,0 +1,135 @@
+"""Networks of one input and shape side by side, packed as the layers of ``core.h`` read them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.network import Network
+
+WIDTH = 8  # every padded layer is a multiple of this
+
+
+def padded(count: int) -> int:
+    """Neurons of a layer with those that only fill it up."""
+    return -(-count // WIDTH) * WIDTH
+
+
+def _widened(rows: Array) -> Array:
+    """Rows filled up with zeros to a multiple of WIDTH."""
+    return np.pad(rows, ((0, 0), (0, padded(rows.shape[1]) - rows.shape[1])))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What decides the C code of a group: sigmoid, inputs, hidden layers, number of networks. Offsets count doubles.
+
+    Packed weights: shift | first layer, all networks in one row | further layers, network after network | output
+    weights, network after network | output biases. A layer is its biases, then one row per input.
+    """
+
+    activation: str
+    inputs: int
+    hidden: tuple[int, ...]
+    count: int
+
+    @property
+    def symbol(self) -> str:
+        sizes = "_".join(map(str, (self.inputs, *self.hidden)))
+        return f"{self.activation}_{sizes}_by_{self.count}"
+
+    @property
+    def last(self) -> int:
+        """The last hidden layer."""
+        return len(self.hidden) - 1
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Padded neurons of one network, by layer."""
+        return tuple(padded(h) for h in self.hidden)
+
+    @property
+    def stacked(self) -> tuple[int, ...]:
+        """Padded neurons of all networks, by layer."""
+        return tuple(self.count * row for row in self.rows)
+
+    @property
+    def widest(self) -> int:
+        return max(self.stacked)
+
+    def slab(self, layer: int) -> int:
+        """Doubles that one network takes in a layer."""
+        fan_in = self.inputs if layer == 0 else self.hidden[layer - 1]
+        return (fan_in + 1) * self.rows[layer]
+
+    def layer(self, layer: int) -> int:
+        """Where a layer begins."""
+        return self.inputs + self.count * sum(self.slab(before) for before in range(layer))
+
+    @property
+    def output(self) -> int:
+        """Where the output weights begin."""
+        return self.layer(len(self.hidden))
+
+    @property
+    def output_bias(self) -> int:
+        return self.output + self.stacked[self.last]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Networks of one shape and input shift; ``symbol`` names their weights in C."""
+
+    symbol: str
+    names: tuple[str, ...]
+    networks: tuple[Network, ...]
+
+    @property
+    def shape(self) -> Shape:
+        first = self.networks[0]
+        return Shape(first.activation, len(first.input_shift), first.hidden, len(self.networks))
+
+    def packed(self) -> Array:
+        """The weights as `Shape` describes them; input and output scales are folded in."""
+        nets = self.networks
+        first = [_widened(np.vstack([net.biases[0], (net.weights[0] / net.input_scale).T])) for net in nets]
+        parts = [nets[0].input_shift, np.hstack(first)]
+        for layer in range(1, len(self.shape.hidden)):
+            parts += [_widened(np.vstack([net.biases[layer], net.weights[layer].T])) for net in nets]
+        parts += [_widened(net.output_scale * net.weights[-1]) for net in nets]
+        parts.append(np.array([net.output_scale * net.biases[-1][0] for net in nets]))
+        return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
+
+    def declaration(self) -> str:
+        """The weights as a C array."""
+        numbers = [repr(float(number)) for number in self.packed()]
+        values = ",\n  ".join(", ".join(numbers[i : i + 5]) for i in range(0, len(numbers), 5))
+        return f"/* {', '.join(self.names)} */\nstatic const double {self.symbol}[{len(numbers)}] = {{\n  {values}}};\n"
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Networks of one input, possibly none, evaluated together in order; ``symbol`` names their C functions."""
+
+    symbol: str
+    inputs: int
+    networks: Mapping[str, Network]
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Neighbours of equal shape and input shift."""
+
+        def key(item: tuple[str, Network]) -> object:
+            network = item[1]
+            return network.hidden, network.activation, network.input_shift.tobytes()
+
+        groups = []
+        for i, (_, members) in enumerate(itertools.groupby(self.networks.items(), key)):
+            names, networks = zip(*members, strict=True)
+            groups.append(Group(f"{self.symbol}_weights_{i}", names, networks))
+        return tuple(groups)

@@ -1,0 +1,35 @@
+"""A kernel's C: what a surrogate's structure gives, put together into one file without dependencies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+
+from casadi_contact.transcription.kernel.network_functions import LANES, network_functions
+from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
+
+
+def c_text(name: str) -> str:
+    """One of the C files in the folder c."""
+    return resources.files(__package__).joinpath("c", name).read_text("utf-8")
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Networks, and C code that calls them and defines four functions for LOADS loads and ROOTS root loads:
+
+    kernel_value(pose, loads, roots), kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian),
+    kernel_hessian(pose, loads_weight, roots_weight, hessian): of the weighted sum, 6 x 6 in full,
+    kernel_batch(pose, loads, roots): LANES poses at once. With ROOTS 0 the roots are neither computed nor touched.
+    """
+
+    bundles: Sequence[Bundle]
+    code: str
+
+    def source(self, *, loads: int, roots: int) -> str:
+        """C99 up to the four functions, all of them static."""
+        widest = max(group.shape.widest for bundle in self.bundles for group in bundle.groups)
+        sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
+        definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
+        return "\n".join([definitions, "", c_text("core.h"), network_functions(self.bundles), "", self.code])

@@ -1,0 +1,104 @@
+"""The cache of compiled kernels: made once, safe against races and damage, and never in the way."""
+
+import os
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+from casadi_contact.scenes.scene import load_scene
+from casadi_contact.transcription.kernel import compiler, warn_once
+from tests.compiler import needs_compiler
+from tests.random_surrogates import random_poses, random_surrogate
+
+SOURCE = "int answer(void) { return 42; }\n"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, str(folder))
+    return folder
+
+
+@pytest.fixture
+def surrogate():
+    return random_surrogate(load_scene("sphere_on_plane"), "patch")
+
+
+@needs_compiler
+def test_the_same_source_is_compiled_once(cache):
+    first = compiler.shared_library(SOURCE)
+    made = first.stat().st_mtime_ns
+    assert compiler.shared_library(SOURCE) == first
+    assert first.stat().st_mtime_ns == made
+    other = compiler.shared_library(SOURCE.replace("42", "43"))
+    assert {path.name for path in cache.iterdir()} == {first.name, other.name}
+
+
+@needs_compiler
+@pytest.mark.parametrize("damage", [b"", b"half"])
+def test_a_damaged_library_is_made_again(cache, damage):
+    library = compiler.shared_library(SOURCE)
+    good = library.read_bytes()
+    library.write_bytes(damage and good[: len(good) // 2])
+    again = compiler.shared_library(SOURCE)
+    assert again.read_bytes() == good
+    assert list(cache.iterdir()) == [again]
+
+
+@needs_compiler
+def test_processes_that_compile_at_once_all_get_a_whole_library(cache, surrogate):
+    code = (
+        "import sys; sys.path.insert(0, '')\n"
+        "from tests.random_surrogates import random_surrogate, random_poses\n"
+        "from casadi_contact.scenes.scene import load_scene\n"
+        "s = random_surrogate(load_scene('sphere_on_plane'), 'patch')\n"
+        "f = s.function(compiled=True)\n"
+        "print(f.class_name(), repr(float(f(random_poses(1)[0])[0])))"
+    )
+    processes = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ)
+        for _ in range(3)
+    ]
+    answers = {process.communicate()[0].strip() for process in processes}
+    assert all(process.returncode == 0 for process in processes)
+    (answer,) = answers
+    kind, value = answer.split()
+    assert kind == "External"
+    np.testing.assert_allclose(float(value), surrogate(random_poses(1))[0, 0], rtol=1e-12, atol=1e-12)
+    assert not [path for path in cache.iterdir() if path.name.startswith(".")]
+
+
+@needs_compiler
+def test_a_cache_that_cannot_be_written_is_not_needed(tmp_path, monkeypatch, surrogate):
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, str(blocked / "cache"))
+    function = surrogate.function(compiled=True)
+    assert function.class_name() == "External"
+    np.testing.assert_allclose(function(random_poses(1)[0]).full().ravel(), surrogate(random_poses(1))[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("cc", ["no-such-compiler", "false"])
+def test_without_a_working_compiler_one_warning_and_the_same_results(cache, monkeypatch, surrogate, cc):
+    monkeypatch.setenv("CC", cc)
+    warn_once.cache_clear()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        functions = [surrogate.function(compiled=True) for _ in range(3)]
+        batch = surrogate.function(compiled=True, batch=5)
+    assert [w.category for w in told] == [RuntimeWarning]
+    assert "CasADi graph" in str(told[0].message)
+    poses = random_poses(5)
+    for function in functions:
+        assert function.class_name() != "External"
+        np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses)[0], rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(batch(poses.T).full().T, surrogate(poses), rtol=1e-12, atol=1e-9)
+
+
+def test_bad_batches_are_refused(surrogate):
+    with pytest.raises(ValueError, match="batch is 0"):
+        surrogate.function(compiled=True, batch=0)
