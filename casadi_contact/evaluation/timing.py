@@ -40,7 +40,8 @@ def time_single_calls(function: ca.Function, poses: Array) -> float:
     """
     buffer, call = function.buffer()
     pose = np.zeros(6)
-    view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]
+    view = memoryview(pose)  # type: ignore[arg-type]
+    rows = [memoryview(row) for row in np.ascontiguousarray(poses)]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
     buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
     for i, output in enumerate(outputs):

@@ -153,8 +153,8 @@ class PatchSurrogate(Surrogate):
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         patches, selection = self._patches(loads)
         if not roots:
-            used = selection.any(axis=(0, 2))
-            patches, selection = [p for p, use in zip(patches, used, strict=True) if use], selection[:, used]
+            used = np.flatnonzero(selection.any(axis=(0, 2)))
+            patches, selection = [patches[p] for p in used], selection[:, used]
         return patch_kernel(patches, selection, self.scene.reference_load)
 
     def _patches(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:

@@ -32,7 +32,8 @@ def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
         middle = 0.5 * (low + high)
         same = (np.sign(surrogate.root_loads(middle)[0][:, 0]) == sign)[:, None]
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.vstack([low, high, low - [0, 1e-6, 0, 0, 0, 0], high + [0, 1e-6, 0, 0, 0, 0]])
+    hair = np.array([0.0, 1e-6, 0.0, 0.0, 0.0, 0.0])
+    return np.vstack([low, high, low - hair, high + hair])
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)
