@@ -99,37 +99,34 @@ def _pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
 
 
-def _residual_function(surrogate: Surrogate) -> ca.Function:
-    """(q (4), wanted (8): ry, rz, N_med, N_lat, cop_ap, cop_ml and two weights) -> residuals (4) [N]."""
-    q, wanted = ca.MX.sym("q", 4), ca.MX.sym("wanted", 8)
-    ry, rz, s_med, s_lat, cop_ap, cop_ml, w_med, w_lat = ca.vertsplit(wanted)
-    tx, ty, tz, rx = ca.vertsplit(q / _SCALES)
-    loads, roots = surrogate.load_and_root_function(LOADS)(ca.vertcat(tx, ty, tz, rx, ry, rz))
-    fy = loads[0] + loads[1]
-    residuals = ca.vertcat(
-        w_med * (roots[0] - s_med),
-        w_lat * (roots[1] - s_lat),
-        (loads[3] - cop_ap * fy) / _LEVER_MM,
-        (loads[2] + cop_ml * fy) / _LEVER_MM,
+def _residuals(loads: ca.MX, roots: ca.MX, cycle: LoadCycle, n0: float, least: float) -> ca.MX:
+    """Residuals (4, n) [N] of all frames from loads (4, n) as in `LOADS` and root loads (2, n)."""
+    wanted_roots = np.sqrt(np.stack([-cycle.fy_med, -cycle.fy_lat]) / n0)
+    weights = 2.0 * n0 * np.maximum(wanted_roots, np.sqrt(least / n0))
+    fy_med, fy_lat, tx, tz = ca.vertsplit(loads)
+    fy = fy_med + fy_lat
+    return ca.vertcat(
+        ca.DM(weights) * (roots - ca.DM(wanted_roots)),
+        (tz - ca.DM(cycle.cop_ap_mm).T * fy) / _LEVER_MM,
+        (tx + ca.DM(cycle.cop_ml_mm).T * fy) / _LEVER_MM,
     )
-    return ca.Function("residuals", [q, wanted], [residuals])
 
 
-def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0) -> PoseEstimation:
+def build(
+    surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, compiled: bool = False
+) -> PoseEstimation:
     """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
 
+    compiled: the surrogate as a C kernel, which solves several times faster once it is compiled (`Surrogate.function`).
     Raises ValueError for a negative smoothness or a surrogate without the needed loads.
     """
     if not smoothness >= 0.0:
         raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
-    count, n0 = len(cycle), surrogate.scene.reference_load
-    least = surrogate.scene.boundary_load
-    roots = np.sqrt(np.column_stack([-cycle.fy_med, -cycle.fy_lat]) / n0)
-    weights = 2.0 * n0 * np.maximum(roots, np.sqrt(least / n0))
-    wanted = np.column_stack([cycle.ry, cycle.rz, roots, cycle.cop_ap_mm, cycle.cop_ml_mm, weights]).T
-    residual = _residual_function(surrogate)
+    count = len(cycle)
     q = ca.MX.sym("q", 4, count)
-    residuals = residual.map(count)(q, ca.DM(wanted))
+    poses = ca.vertcat(ca.mtimes(ca.diag(ca.DM(1.0 / _SCALES)), q), ca.DM(np.stack([cycle.ry, cycle.rz])))
+    loads, roots = surrogate.load_and_root_function(LOADS, compiled=compiled, batch=count)(poses)
+    residuals = _residuals(loads, roots, cycle, surrogate.scene.reference_load, surrogate.scene.boundary_load)
     objective = 0.5 * ca.sumsqr(residuals)
     if smoothness > 0.0 and count > 1:
         steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM(_IN_MM / _SCALES), 1, count - 1)
@@ -213,6 +210,7 @@ def run(
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
     starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
     warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
+    compiled: Annotated[bool, typer.Option("--compiled", help="use a compiled C kernel of the surrogate")] = False,
 ) -> None:
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""
     from problems.pose_estimation_report import report  # draws with matplotlib: not needed to solve
@@ -220,7 +218,7 @@ def run(
 
     writable_folder(out)  # before minutes of random starts
     measured = reference_cycle() if cycle is None else read_cycle(cycle)
-    problem = build(load_surrogate(surrogate), measured, smoothness)
+    problem = build(load_surrogate(surrogate), measured, smoothness, compiled=compiled)
     start = None if warm is None else solve(build(load_surrogate(warm), measured)).poses
     result = solve(problem, start)
     report(problem, result, out, random_starts(surrogate, measured, result.poses, starts) if starts else None)

@@ -15,6 +15,7 @@ from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from problems import pose_estimation
 from problems.pose_estimation_starts import one_start
+from tests.compiler import needs_compiler
 from tests.shared_data import shared_file
 
 ROOT = Path(__file__).parents[2]
@@ -46,6 +47,15 @@ def test_reference_cycle_has_its_golden_poses(solved):
     golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
     for frame, pose in golden.items():
         np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.01)
+
+
+@needs_compiler
+def test_a_compiled_kernel_gives_the_same_solution(knee, solved):
+    _, result = solved
+    compiled = pose_estimation.solve(pose_estimation.build(knee, reference_cycle(), compiled=True))
+    assert compiled.converged.all()
+    assert compiled.iterations == result.iterations
+    np.testing.assert_allclose(compiled.poses, result.poses, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
