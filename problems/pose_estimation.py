@@ -112,9 +112,7 @@ def _residuals(loads: ca.MX, roots: ca.MX, cycle: LoadCycle, n0: float, least: f
     )
 
 
-def build(
-    surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, compiled: bool = False
-) -> PoseEstimation:
+def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, compiled: bool = False) -> PoseEstimation:
     """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
 
     compiled: the surrogate as a C kernel, which solves several times faster once it is compiled (`Surrogate.function`).
