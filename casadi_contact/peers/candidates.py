@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from casadi_contact.dataset import Samples
 from casadi_contact.evaluation.candidate import Candidate
@@ -28,12 +29,14 @@ def peer_candidates(
     two_stage: Surrogate | None = None,
     names: Sequence[str] | None = None,
     motion: ReferenceMotion | None = None,
+    domains: Sequence[str] | None = None,
     families: Sequence[str] = FAMILIES,
 ) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread within about `seconds` a family, as it gets ready.
 
     names: loads to predict, the scene's if left out. two_stage: the surrogate whose other forms are timed. motion:
-    what the history model learns from. A family that lacks what it needs, or fails, becomes one candidate with
+    what the history model learns from. domains: fit on the samples of these domains alone, and say so in the names; a
+    method that holds few points may serve one domain better than all. A family that lacks what it needs, or fails, becomes one candidate with
     model None and the failure's text, beside what it gave before. Raises ValueError for samples without training
     rows, unknown loads or families, and seconds that are not positive.
     """
@@ -42,7 +45,8 @@ def peer_candidates(
     unknown = [family for family in families if family not in FAMILIES]
     if unknown:
         raise ValueError(f"unknown peer {unknown[0]!r}, expected some of {', '.join(FAMILIES)}")
-    data = TrainingSet.of(samples, names)
+    data = TrainingSet.of(samples if domains is None else samples.select(domain=domains), names)
+    suffix = "" if domains is None else f" ({', '.join(domains)})"
     peers: dict[str, Peer] = {
         "polynomial": lambda: polynomials(data, seconds),
         "Kriging": lambda: kriging(data, seconds),
@@ -51,7 +55,8 @@ def peer_candidates(
         "time-delay network": lambda: history(data, seconds, motion),
         "two-stage form": lambda: two_stage_forms(two_stage, data.load_names, seconds),
     }
-    return (candidate for family in families for candidate in _kept(family, peers[family]))
+    made = (candidate for family in families for candidate in _kept(family, peers[family]))
+    return (replace(candidate, name=candidate.name + suffix) for candidate in made)
 
 
 def _kept(family: str, peer: Peer) -> Iterator[Candidate]:

@@ -22,11 +22,14 @@ FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
 
 @dataclass(frozen=True)
 class Form:
-    """pose -> loads (L); pose -> Jacobian (L x 6); pose, multipliers (L) -> Hessian (6 x 6) of multipliers·loads."""
+    """pose -> loads (L); pose -> Jacobian (L x 6); pose, multipliers (L) -> Hessian (6 x 6) of multipliers·loads.
+
+    hessian is None where a form has none.
+    """
 
     loads: ca.Function
     jacobian: ca.Function
-    hessian: ca.Function
+    hessian: ca.Function | None
 
     @classmethod
     def of_expression(cls, pose: Any, loads: Any) -> Form:
@@ -99,7 +102,7 @@ def compiled_form(form: Form, seconds: float) -> Form:
     Raises FileNotFoundError without a compiler, RuntimeError where it fails or takes more than `seconds`.
     """
     command = [compiler(), *FLAGS, "-fPIC", "-shared", "-o", "form.so", "form.c", "-lm"]
-    functions = (form.loads, form.jacobian, form.hessian)
+    functions = [function for function in (form.loads, form.jacobian, form.hessian) if function is not None]
     with tempfile.TemporaryDirectory() as folder:
         generator = ca.CodeGenerator("form.c")
         for function in functions:
@@ -112,4 +115,5 @@ def compiled_form(form: Form, seconds: float) -> Form:
         except subprocess.CalledProcessError as error:
             raise RuntimeError(f"the generated C does not compile: {error.stderr.strip().splitlines()[-1]}") from None
         library = str(Path(folder) / "form.so")
-        return Form(*(ca.external(function.name(), library) for function in functions))
+        loads, jacobian, *hessian = (ca.external(function.name(), library) for function in functions)
+        return Form(loads, jacobian, hessian[0] if hessian else None)

@@ -33,26 +33,29 @@ def grown(
 ) -> Iterator[Candidate]:
     """fit(n) for n = first, 2·first, ... up to all points, each a candidate of its own.
 
-    The next size is tried only if half of the memory holds its n² pairs and 8 times the last fit (its cost is n³)
-    fits in what is left of the seconds. What ends the growth stays as a candidate with the failure's text.
+    The next size is tried only if half of the memory holds its n² pairs and its time fits in what is left of the
+    seconds. Its time is what the last two fits let expect, between n² and n³. What ends the growth stays as a
+    candidate with the failure's text.
     """
     memory = physical_bytes() if memory is None else memory
     spent = took = 0.0
+    factor = 8.0
     count = min(first, points)
     while True:
         failure, needed = "", bytes_per_pair * count**2
         if needed > memory / 2:
             failure = f"needs about {needed / GIB:.1f} GiB, more than half of the {memory / GIB:.1f} GiB here"
-        elif spent and spent + 8.0 * took > seconds:
-            failure = f"needs about {8.0 * took:.0f} s, {max(seconds - spent, 0.0):.0f} of {seconds:.0f} s are left"
+        elif spent and spent + factor * took > seconds:
+            failure = f"needs about {factor * took:.0f} s, {max(seconds - spent, 0.0):.0f} of {seconds:.0f} s are left"
         else:
-            began = time.perf_counter()
+            before, began = took, time.perf_counter()
             try:
                 candidate = fit(count)
             except (np.linalg.LinAlgError, MemoryError) as error:
                 failure = " ".join(str(error).split()) or type(error).__name__
             took = time.perf_counter() - began
             spent += took
+            factor = min(8.0, max(4.0, 1.3 * took / before)) if before else 8.0
         if failure:
             yield Candidate(f"{family} {count}", family, None, samples=count, failure=failure)
             return

@@ -136,7 +136,7 @@ def tuned_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
     module = _sklearn()
     kernels = module.kernels
     kernel = kernels.ConstantKernel(10.0, (1e-2, 1e6)) * kernels.Matern(np.full(6, 3.0), (1e-2, 1e4), nu=2.5)
-    kernel += kernels.WhiteKernel(1e-4, (1e-10, 1e-1))
+    kernel += kernels.WhiteKernel(1e-4, (1e-10, 1.0))
     mean, deviation = data.load_scale
     count, restarts, spent = min(SMALLEST_SUBSET, len(data)), RESTARTS, 0.0
     while True:

@@ -86,12 +86,13 @@ class Polynomial:
         low, high = data.poses.min(axis=0), data.poses.max(axis=0)
         self._shift, self._inverse = 0.5 * (low + high), 1.0 / np.where(high > low, 0.5 * (high - low), 1.0)
         u = (data.poses - self._shift) * self._inverse
+        fit: Array
         fit, _, _, singular = np.linalg.lstsq(monomials.matrix(u), data.loads, rcond=None)
         self.condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")
         self.parameter_count = fit.size
         self._parents, self._variables = monomials.parents, monomials.variables
         self._terms = [len([f for f in monomials.factors if len(f) <= degree - d]) for d in range(3)]
-        first = np.stack([self._inverse[j] * monomials.derivative(fit, j) for j in range(6)], axis=-1)
+        first: Array = np.stack([self._inverse[j] * monomials.derivative(fit, j) for j in range(6)], axis=-1)
         second = np.stack([self._inverse[j] * monomials.derivative(first, j) for j in range(6)], axis=-1)
         loads, (upper, lower) = len(self.load_names), np.triu_indices(6)
         tables = [fit, first.reshape(len(fit), -1), second[..., upper, lower].reshape(len(fit), -1)]

@@ -11,6 +11,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 from uuid import uuid4
 
@@ -164,7 +165,8 @@ class TorchForm:
 def l4casadi_form(surrogate: Surrogate, names: Sequence[str]) -> Form:
     """The torch form as a CasADi function through l4casadi, which computes in float32.
 
-    Raises ImportError where l4casadi or torch is missing.
+    Its Hessian is None where l4casadi does not provide what CasADi asks for. Raises ImportError where l4casadi or
+    torch is missing.
     """
     torch = _torch()
     try:
@@ -184,5 +186,10 @@ def l4casadi_form(surrogate: Surrogate, names: Sequence[str]) -> Form:
         form = Form.of_function(ca.Function("loads", [pose], [model(pose)]))
         # Its library reads the traced graphs at the first calls; after these the folder is not needed any more.
         zeros = ca.DM.zeros(6)
-        form.loads(zeros), form.jacobian(zeros), form.hessian(zeros, ca.DM.ones(len(names)))
+        form.loads(zeros), form.jacobian(zeros)
+        try:
+            assert form.hessian is not None
+            form.hessian(zeros, ca.DM.ones(len(names)))
+        except RuntimeError:  # seen with l4casadi 2.0 under CasADi 3.8: a block of the second derivatives is missing
+            form = replace(form, hessian=None)
     return form

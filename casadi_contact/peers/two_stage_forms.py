@@ -79,9 +79,9 @@ def _timed(what: str, build: Callable[[], Form], remark: str, names: Sequence[st
         model,
         time_value=casadi_calls(form.loads),
         time_jacobian=casadi_calls(form.jacobian),
-        time_hessian=casadi_calls(form.hessian, np.ones(len(names))),
+        time_hessian=casadi_calls(form.hessian, np.ones(len(names))) if form.hessian is not None else None,
         time_batch=one_call(model),
-        remark=f"{remark}; built in {took:.1f} s",
+        remark=f"{remark}; built in {took:.1f} s" + ("" if form.hessian is not None else "; gives no Hessian"),
     )
 
 
