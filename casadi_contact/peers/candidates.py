@@ -36,9 +36,9 @@ def peer_candidates(
 
     names: loads to predict, the scene's if left out. two_stage: the surrogate whose other forms are timed. motion:
     what the history model learns from. domains: fit on the samples of these domains alone, and say so in the names; a
-    method that holds few points may serve one domain better than all. A family that lacks what it needs, or fails, becomes one candidate with
-    model None and the failure's text, beside what it gave before. Raises ValueError for samples without training
-    rows, unknown loads or families, and seconds that are not positive.
+    method that holds few points may serve one domain better than all. A family that lacks what it needs, or fails,
+    becomes one candidate with model None and the failure's text, beside what it gave before. Raises ValueError for
+    samples without training rows, unknown loads or families, and seconds that are not positive.
     """
     if not seconds > 0.0:
         raise ValueError(f"seconds is {seconds!r}, expected a time above 0")

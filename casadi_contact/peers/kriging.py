@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpocon
+from scipy.optimize import OptimizeResult, minimize
 
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.evaluation.candidate import Candidate
@@ -26,6 +27,7 @@ from casadi_contact.peers.training_set import TrainingSet
 FAMILY = "Kriging"
 BYTES_PER_PAIR = 48.0  # the kernel matrix, its factor and scikit-learn's temporaries
 SMALLEST_SUBSET, RESTARTS = 250, 3
+FEWEST_EVALUATIONS = 10
 CHUNK_VALUES = 2**21
 
 
@@ -131,26 +133,54 @@ def _condition(lower: Array) -> float:
     return 1.0 / reciprocal if reciprocal > 0.0 else float("inf")
 
 
+class TimedAscent:
+    """scikit-learn's own optimiser (L-BFGS-B on the likelihood), which stops at a limit of seconds per start.
+
+    evaluations counts likelihoods, so that the cost of a larger subset can be told beforehand.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.evaluations = seconds, 0
+
+    def __call__(self, objective: Callable[[Array], Any], start: Array, bounds: Array) -> tuple[Array, float]:
+        deadline = time.perf_counter() + self.seconds
+
+        def stop(intermediate_result: OptimizeResult) -> None:
+            if time.perf_counter() > deadline:
+                raise StopIteration
+
+        found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, callback=stop)
+        self.evaluations += found.nfev
+        return found.x, found.fun
+
+
 def tuned_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
-    """The kernel of greatest likelihood on the largest subset that `seconds` allow, and the subset's size."""
+    """The kernel of greatest likelihood on the largest subset that `seconds` allow, and the subset's size.
+
+    Each subset gets half of the time left. The smallest one is started RESTARTS more times at random; each larger
+    one starts from the answer before.
+    """
     module = _sklearn()
     kernels = module.kernels
     kernel = kernels.ConstantKernel(10.0, (1e-2, 1e6)) * kernels.Matern(np.full(6, 3.0), (1e-2, 1e4), nu=2.5)
     kernel += kernels.WhiteKernel(1e-4, (1e-10, 1.0))
     mean, deviation = data.load_scale
-    count, restarts, spent = min(SMALLEST_SUBSET, len(data)), RESTARTS, 0.0
+    count, restarts, left = min(SMALLEST_SUBSET, len(data)), RESTARTS, seconds
     while True:
         began = time.perf_counter()
-        process = module.GaussianProcessRegressor(kernel, n_restarts_optimizer=restarts, random_state=0)
+        ascent = TimedAscent(0.5 * left / (1 + restarts))
+        process = module.GaussianProcessRegressor(
+            kernel, optimizer=ascent, n_restarts_optimizer=restarts, random_state=0
+        )
         with warnings.catch_warnings():
             # A length scale or nugget at its bound is an answer here (a load may ignore a pose parameter).
             warnings.simplefilter("ignore")
             process.fit((data.poses[:count] - data.centre) / data.spread, (data.loads[:count] - mean) / deviation)
-        kernel, took = process.kernel_, (time.perf_counter() - began) / (1 + restarts)
-        spent += took * (1 + restarts)
-        # The next subset starts from this answer, needs no restarts, and costs up to 2³ times as much.
-        restarts = 0
-        if count == len(data) or spent + 8.0 * took > seconds:
+        kernel, restarts = process.kernel_, 0
+        took = time.perf_counter() - began
+        left -= took
+        next_evaluation = 8.0 * took / max(ascent.evaluations, 1)  # a likelihood costs n³
+        if count == len(data) or next_evaluation * FEWEST_EVALUATIONS > 0.5 * left:
             return kernel, count
         count = min(2 * count, len(data))
 

@@ -86,8 +86,8 @@ class Polynomial:
         low, high = data.poses.min(axis=0), data.poses.max(axis=0)
         self._shift, self._inverse = 0.5 * (low + high), 1.0 / np.where(high > low, 0.5 * (high - low), 1.0)
         u = (data.poses - self._shift) * self._inverse
-        fit: Array
-        fit, _, _, singular = np.linalg.lstsq(monomials.matrix(u), data.loads, rcond=None)
+        solution, _, _, singular = np.linalg.lstsq(monomials.matrix(u), data.loads, rcond=None)
+        fit = np.asarray(solution, dtype=np.float64)
         self.condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")
         self.parameter_count = fit.size
         self._parents, self._variables = monomials.parents, monomials.variables

@@ -118,11 +118,10 @@ class TorchForm:
             return torch.dot(w, one(x))
 
         def traced(function: Callable[..., Any], *inputs: Any) -> Any:
-            graph = make_fx(function)(*inputs)
             with warnings.catch_warnings():
-                # torch.compile, which replaces tracing, needs minutes and a C++ compiler for each graph.
+                # torch.compile, which replaces tracing, needs a C++ compiler and up to minutes for each graph.
                 warnings.simplefilter("ignore", DeprecationWarning)
-                return torch.jit.trace(graph, inputs, check_trace=False)
+                return torch.jit.trace(make_fx(function)(*inputs), inputs, check_trace=False)
 
         with _one_thread():
             self._batch, self._inputs = loads, (pose, multipliers)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.dataset import TRAIN, VALIDATION, Samples
+from casadi_contact.dataset import Samples
 from casadi_contact.scenes import Scene
-from casadi_contact.surrogate.targets import finite, nonempty
+from casadi_contact.surrogate.targets import finite, fitted_rows
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,10 @@ class TrainingSet:
     def of(cls, samples: Samples, names: Sequence[str] | None = None, seed: int = 0) -> TrainingSet:
         """The training and validation samples; raises ValueError for an unknown load, NaN or no training samples."""
         names = tuple(samples.scene.load_names if names is None else names)
-        train, validation = samples.select(role=TRAIN), samples.select(role=VALIDATION)
-        nonempty("training", np.ones(len(train), dtype=bool))
-        order = np.random.default_rng(seed).permutation(len(train))
-        poses, loads = finite("poses", train.poses)[order], finite("loads", train.loads(names))[order]
-        held = finite("poses", validation.poses), finite("loads", validation.loads(names))
-        return cls(samples.scene, names, poses, loads, *held)
+        rows, validation = fitted_rows(samples)
+        poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
+        order = np.random.default_rng(seed).permutation(np.flatnonzero(~validation))
+        return cls(samples.scene, names, poses[order], loads[order], poses[validation], loads[validation])
 
     def __len__(self) -> int:
         return len(self.poses)
