@@ -3,8 +3,8 @@
     F(x) = mean + deviation·Σ_i α_i k(x, x_i),   k = c·(1 + r + r²/3)·exp(-r),   r² = 5·Σ_j (x_j - x_ij)²/l_j²
 
 One kernel serves all loads: one factorisation and one row of k for seven loads, so that more points fit into the
-same time. Length scales and nugget maximise the likelihood of a subset, with restarts on the smallest subset; of an
-interpolating and a regressing kernel the better is kept, and the points are doubled.
+same time. Length scales and nugget maximise the likelihood of a subset, from several starts; of an interpolating and a
+regressing kernel the better is kept, and the points are doubled.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from casadi_contact.peers.training_set import TrainingSet
 
 FAMILY = "Kriging"
 BYTES_PER_PAIR = 48.0  # the kernel matrix, its factor and scikit-learn's temporaries
-SMALLEST_SUBSET, RESTARTS = 250, 3
+SMALLEST_SUBSET, STARTS = 250, 2
 FEWEST_EVALUATIONS = 10
 LARGEST_NUGGETS = (1e-7, 1.0)  # to interpolate and to regress, in variances of the loads
-TRIAL_POINTS = 1000
+TRIAL_POINTS = 2000
 CHUNK_VALUES = 2**21
 
 
@@ -159,32 +159,49 @@ class TimedAscent:
 def tuned_kernel(data: TrainingSet, seconds: float, largest_nugget: float) -> tuple[Any, int]:
     """The kernel of greatest likelihood on the largest subset that `seconds` allow, and the subset's size.
 
-    Each subset gets half of the time left. The smallest one is started RESTARTS more times at random; each larger
-    one starts from the answer before.
+    On the smallest subset the likelihood has several maxima: it is climbed from the STARTS most likely isotropic
+    kernels of a coarse grid, which finds better ones than random restarts. Each larger subset starts from the answer
+    before; each subset gets half of the time left.
     """
-    module = _sklearn()
-    kernels = module.kernels
-    kernel = kernels.ConstantKernel(10.0, (1e-2, 1e6)) * kernels.Matern(np.full(6, 3.0), (1e-1, 1e3), nu=2.5)
-    kernel += kernels.WhiteKernel(min(1e-4, largest_nugget), (1e-10, largest_nugget))
+    gaussian_process = _sklearn()
     mean, deviation = data.load_scale
-    count, restarts, left = min(SMALLEST_SUBSET, len(data)), RESTARTS, seconds
-    while True:
-        began = time.perf_counter()
-        ascent = TimedAscent(0.5 * left / (1 + restarts))
-        process = module.GaussianProcessRegressor(
-            kernel, optimizer=ascent, n_restarts_optimizer=restarts, random_state=0
-        )
+    x, y = (data.poses - data.centre) / data.spread, (data.loads - mean) / deviation
+    count, left, ascents = min(SMALLEST_SUBSET, len(data)), seconds, STARTS
+
+    def fitted(kernel: Any, ascent: TimedAscent | None) -> Any:
+        process = gaussian_process.GaussianProcessRegressor(kernel, optimizer=ascent)
         with warnings.catch_warnings():
             # A length scale or nugget at its bound is an answer here (a load may ignore a pose parameter).
             warnings.simplefilter("ignore")
-            process.fit((data.poses[:count] - data.centre) / data.spread, (data.loads[:count] - mean) / deviation)
-        kernel, restarts = process.kernel_, 0
+            return process.fit(x[:count], y[:count])
+
+    def most_likely(processes: list[Any]) -> list[Any]:
+        ordered = sorted(processes, key=lambda p: -p.log_marginal_likelihood_value_)
+        return [process.kernel_ for process in ordered]
+
+    began = time.perf_counter()
+    starts = most_likely([fitted(kernel, None) for kernel in _isotropic_kernels(largest_nugget)])
+    left -= time.perf_counter() - began
+    while True:
+        began = time.perf_counter()
+        ascent = TimedAscent(0.5 * left / ascents)
+        starts = most_likely([fitted(kernel, ascent) for kernel in starts[:ascents]])
         took = time.perf_counter() - began
-        left -= took
+        left, ascents = left - took, 1
         next_evaluation = 8.0 * took / max(ascent.evaluations, 1)  # a likelihood costs n³
         if count == len(data) or next_evaluation * FEWEST_EVALUATIONS > 0.5 * left:
-            return kernel, count
+            return starts[0], count
         count = min(2 * count, len(data))
+
+
+def _isotropic_kernels(largest_nugget: float) -> list[Any]:
+    kernels = _sklearn().kernels
+    nugget = kernels.WhiteKernel(min(1e-2, largest_nugget), (1e-10, largest_nugget))
+    return [
+        kernels.ConstantKernel(constant, (1e-2, 1e6)) * kernels.Matern(np.full(6, length), (1e-1, 1e3), nu=2.5) + nugget
+        for constant in (1.0, 30.0, 1000.0)
+        for length in (0.3, 1.0, 3.0, 10.0, 30.0)
+    ]
 
 
 def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
@@ -208,9 +225,9 @@ def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
 
 
 def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
-    """Gaussian processes on 1000, 2000, ... points: a third of the seconds for the kernel, the rest for the points."""
+    """Gaussian processes on 1000, 2000, ... points: half of the seconds for the kernel, half for the points."""
     began = time.perf_counter()
-    kernel, subset = best_kernel(data, seconds / 3.0)
+    kernel, subset = best_kernel(data, seconds / 2.0)
     tuning = time.perf_counter() - began
 
     def fit(count: int) -> Candidate:

@@ -53,11 +53,11 @@ def test_jacobian_is_the_slope_of_the_value(data):
 
 def test_a_tuned_process_predicts_held_out_points():
     data = TrainingSet.of(smooth_samples(200), NAMES)
-    made = list(kriging(data, seconds=4.0))
+    made = list(kriging(data, seconds=30.0))
     best = [c for c in made if c.model is not None][-1]
     poses = smooth_poses(100, seed=6)
     off = best.model(poses) - smooth_wrenches(poses)[:, 0, [1, 0, 3]]
-    assert (np.sqrt((off**2).mean(axis=0)) < 0.06 * data.load_scale[1]).all()
+    assert (np.sqrt((off**2).mean(axis=0)) < 0.05 * data.load_scale[1]).all()
     assert best.samples == len(data)
     assert best.training_seconds > 0.0
     assert "condition number" in best.remark
