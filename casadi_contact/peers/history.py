@@ -130,13 +130,13 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
         data.ceiling,
     )
     took = time.perf_counter() - began
-    # Cycles that no row trained on; the same frames once with and once without their past.
-    unseen, wanted = motion.poses[count - held :].reshape(-1, 6), loads[validation]
+    # The cycles that stopped the training: the same frames once with and once without their past.
+    held_back, wanted = motion.poses[count - held :].reshape(-1, 6), loads[validation]
     models: tuple[InSequence | SinglePoses, ...] = (
         InSequence(networks, data.load_names, frames),
         SinglePoses(networks, data.load_names),
     )
-    share = [float(np.mean(((m(unseen) - wanted) / data.load_scale[1]) ** 2) ** 0.5) for m in models]
+    share = [float(np.mean(((m(held_back) - wanted) / data.load_scale[1]) ** 2) ** 0.5) for m in models]
     for model, what in zip(models, ("in sequence", "single poses"), strict=True):
         yield Candidate(
             f"{FAMILY}, {what}",
@@ -149,7 +149,7 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
             parameters=networks.parameter_count,
             remark=(
                 f"{FRAMES_SEEN} frames, {HIDDEN} neurons a load, knows only the reference motion; RMS error on "
-                f"held-back cycles in shares of the loads' deviation: {share[0]:.4f} in sequence, "
+                f"its validation cycles in shares of the loads' deviation: {share[0]:.4f} in sequence, "
                 f"{share[1]:.4f} on single poses"
             ),
         )
