@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
+from math import comb
 
 import numba
 import numpy as np
@@ -137,11 +138,12 @@ class Polynomial:
 def polynomials(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
     """One response surface for each degree that the number of samples allows, within the seconds in all."""
     spent = took = 0.0
+    last_terms = 0
     for degree in DEGREES:
-        name = f"{FAMILY} {degree}"
-        # Least squares costs terms², which at most triples its square root from one degree to the next.
-        if spent + 9.0 * took > seconds:
-            left = f"needs up to {9.0 * took:.0f} s, {max(seconds - spent, 0.0):.0f} of {seconds:.0f} s are left"
+        name, terms = f"{FAMILY} {degree}", comb(degree + 6, 6)
+        needed = took * (terms / last_terms) ** 2 if last_terms else 0.0  # least squares costs samples·terms²
+        if spent + needed > seconds:
+            left = f"needs about {needed:.0f} s, {max(seconds - spent, 0.0):.0f} of {seconds:.0f} s are left"
             yield Candidate(name, FAMILY, None, samples=len(data), failure=left)
             continue
         began = time.perf_counter()
@@ -150,7 +152,7 @@ def polynomials(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
         except (ValueError, np.linalg.LinAlgError, MemoryError) as error:
             yield Candidate(name, FAMILY, None, samples=len(data), failure=str(error) or type(error).__name__)
             continue
-        took = time.perf_counter() - began
+        took, last_terms = time.perf_counter() - began, terms
         spent += took
         multipliers = np.ones(len(data.load_names))
         yield Candidate(
