@@ -154,6 +154,7 @@ def polynomials(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
             continue
         took, last_terms = time.perf_counter() - began, terms
         spent += took
+        model(data.poses[:1]), model.one(data.poses[0])  # compiles the loops, which is no part of any measured time
         multipliers = np.ones(len(data.load_names))
         yield Candidate(
             name,
