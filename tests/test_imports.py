@@ -1,4 +1,4 @@
-"""Imports flow one way, from the foundations up (README), and only `training` needs torch."""
+"""Imports flow one way, from the foundations up (README); only `training` needs torch, and `peers` to compare."""
 
 import ast
 import subprocess
@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
     *("files", "workers", "conventions", "scenes", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
-    *("evaluation", "report", "presets", "pipeline", "cli"),
+    *("evaluation", "peers", "report", "presets", "pipeline", "cli"),
 ]
 
 
@@ -54,16 +54,20 @@ def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
         assert not later, f"{path} imports from {later}, which comes after {room}"
 
 
-def test_only_training_imports_torch():
+def test_only_training_imports_torch_and_peers_inside_functions():
     for path in PACKAGE.rglob("*.py"):
-        if room_of(path) != "training":
-            assert "import torch" not in path.read_text("utf-8"), path
+        text = path.read_text("utf-8")
+        if room_of(path) == "peers":
+            top = [ast.unparse(node).split() for node in ast.parse(text).body]
+            assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
+        elif room_of(path) != "training":
+            assert "import torch" not in text, path
 
 
-def test_using_the_library_does_not_load_torch_or_matplotlib():
+def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():
     code = (
-        "import sys, casadi_contact, problems.pose_estimation\n"
-        "print([m for m in ('torch', 'matplotlib') if m in sys.modules])"
+        "import sys, casadi_contact, casadi_contact.peers, problems.pose_estimation\n"
+        "print([m for m in ('torch', 'matplotlib', 'sklearn') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
     assert out.stdout.strip() == "[]"

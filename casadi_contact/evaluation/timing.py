@@ -33,10 +33,10 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
-def time_single_calls(function: ca.Function, poses: Array) -> float:
-    """Seconds per pose of a CasADi function pose -> outputs, called pose by pose through its buffer.
+def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
+    """Seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
-    Includes the copy of each pose into the buffer, as a simulation would make it.
+    Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given.
     """
     buffer, call = function.buffer()
     pose = np.zeros(6)
@@ -44,6 +44,8 @@ def time_single_calls(function: ca.Function, poses: Array) -> float:
     rows = [memoryview(row) for row in np.ascontiguousarray(poses)]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
     buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
+    for i, value in enumerate(others, start=1):
+        buffer.set_arg(i, memoryview(value))  # type: ignore[call-arg, arg-type]
     for i, output in enumerate(outputs):
         buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
     start = time.perf_counter()

@@ -1,0 +1,62 @@
+"""Stopwatches on one thread: single calls as an optimiser makes them, and one call for all poses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import casadi as ca
+import numba
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from casadi_contact.conventions import Array
+from casadi_contact.evaluation import time_batch, time_single_calls
+from casadi_contact.evaluation.candidate import Stopwatch
+
+
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """One thread for BLAS and numba inside, as many as before outside."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        numba.set_num_threads(threads)
+
+
+def single_calls(call: Callable[[Array], object]) -> Stopwatch:
+    """Seconds per pose of call(pose (6,)), one pose after the other."""
+
+    def measure(poses: Array) -> float:
+        with single_thread():
+            start = time.perf_counter()
+            for pose in poses:
+                call(pose)
+            return (time.perf_counter() - start) / len(poses)
+
+    return measure
+
+
+def one_call(model: Callable[[Array], object]) -> Stopwatch:
+    """Seconds per pose of model(poses (n, 6))."""
+
+    def measure(poses: Array) -> float:
+        with single_thread():
+            return time_batch(model, poses)
+
+    return measure
+
+
+def casadi_calls(function: ca.Function, *others: Array) -> Stopwatch:
+    """Seconds per pose of function(pose, *others), called through its buffer; the others stay as they are."""
+    constants = [np.ascontiguousarray(value, dtype=float) for value in others]
+
+    def measure(poses: Array) -> float:
+        with single_thread():
+            return time_single_calls(function, poses, *constants)
+
+    return measure

@@ -1,0 +1,49 @@
+"""Samples of loads that are smooth functions of the pose, on the scene of one patch."""
+
+import numpy as np
+
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes import load_scene
+
+SPHERE = load_scene("sphere_on_plane")
+CENTRE = np.array([0.0, 29.9, 0.0, 0.0, 0.1, -0.2])
+SPREAD = np.array([4.0, 0.05, 3.0, 0.1, 0.2, 0.4])
+
+
+def scaled(poses):
+    return (poses - CENTRE) / SPREAD
+
+
+def smooth_wrenches(poses):
+    """Pressing everywhere (Fy from -1500 to -500 N), the other components of either sign."""
+    u = scaled(poses)
+    wrenches = np.zeros((len(poses), 1, 6))
+    wrenches[:, 0, 1] = -1000.0 + 300.0 * np.sin(u[:, 1]) * np.cos(0.5 * u[:, 0]) + 100.0 * u[:, 2] * u[:, 5] / 2.0
+    wrenches[:, 0, 0] = 40.0 * np.sin(u[:, 0]) + 20.0 * u[:, 3]
+    wrenches[:, 0, 3] = 5000.0 * np.cos(u[:, 2]) * u[:, 4]
+    return wrenches
+
+
+def smooth_poses(count, seed=0):
+    return CENTRE + SPREAD * np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 6))
+
+
+def smooth_samples(count=600, wrenches=smooth_wrenches, seed=0):
+    """Training samples, with one validation and one test sample in ten."""
+    poses = smooth_poses(count, seed)
+    role = np.full(count, TRAIN, dtype=np.uint8)
+    role[::10], role[5::10] = VALIDATION, TEST
+    domain = np.where(np.arange(count) % 3, 1, 2).astype(np.uint8)
+    return Samples(SPHERE, poses, wrenches(poses), np.zeros((count, 1)), domain, role)
+
+
+NAMES = ("Fy", "Fx", "Tx")
+
+
+def differences(call, pose, steps):
+    """Central differences (..., 6) of call at a pose."""
+    columns = []
+    for column, step in enumerate(steps):
+        shift = step * np.eye(6)[column]
+        columns.append((np.array(call(pose + shift)) - np.array(call(pose - shift))) / (2.0 * step))
+    return np.stack(columns, axis=-1)
