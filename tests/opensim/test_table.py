@@ -54,10 +54,11 @@ def write(tmp_path, text):
 
 
 def test_spaces_between_columns_old_headers_and_comments_are_understood(tmp_path):
-    path = write(tmp_path, "Coordinates\nversion=1\nUnits are S.I.\nnRows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n"
-                           "time   knee angle\t\n" "  0.0\t1e-3\n0.5 \t -2\n\n")  # fmt: skip
+    head = "Coordinates\nversion=1\nUnits are S.I.\nnRows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n"
+    path = write(tmp_path, head + "time\tknee angle\t\n  0.0\t1e-3\n0.5 \t -2\n\n")
     table = read_table(path)
     assert (table.name, table.version, table.in_degrees, table.notes) == ("Coordinates", 1, False, ("Units are S.I.",))
+    np.testing.assert_array_equal(table.column("knee angle"), [1e-3, -2.0])
     spaced = read_table(write(tmp_path, "DataType=double\nversion=3\nendheader\n time  a  b \n 0 1 2\n"))
     assert spaced.header == {"DataType": "double"}
     assert (spaced.name, spaced.in_degrees, spaced.column("b").tolist()) == ("", None, [2.0])
