@@ -1,0 +1,362 @@
+"""Muscle and contact forces of a knee together, over a whole walking cycle, from inverse dynamics.
+
+Muscles pull the femur onto the tibia, contact pushes back, and both balance the knee's inverse-dynamics loads. For all
+frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz by choice) and reserve loads r:
+
+    min Σ a^p + Σ (r/size)²        p = 2: least squared activation
+
+    Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
+    s_med(q), s_lat(q) >= 0,   least activation <= a <= 1,   q in the learned range
+
+F is linear in a (`problems.muscle`). contact(q) is the surrogate's load on the femur, as a generalised load: F of
+translations, Eᵀ(T - t×F) of rotations, about the moving origin (`angular_velocity_map`). s is the signed root load: a
+side that carries nothing just touches, because nothing else says where it floats. tx and tz where they are not free
+stand where equal forces on both sides cause no shear. ry and rz are prescribed. Measured contact forces enter nowhere.
+
+Run ``python -m problems.muscle_contact --help``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import casadi as ca
+import numpy as np
+import typer
+
+from casadi_contact.conventions import POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.files import writable_folder
+from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.statics import settle
+from casadi_contact.surrogate import Surrogate, load_surrogate
+from problems.muscle import ForceCapacity, force_capacity
+from problems.muscle_example import example_walk
+from problems.muscle_walk import COORDINATES, MuscleWalk, read_walk
+
+BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
+FREE = ("ty", "rx")
+CONTACT_LOADS = ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz")
+TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
+LEVER_MM = 25.0
+# What stands in for ligaments and for errors of inverse dynamics, N and N·m at the cost of one full activation. The
+# contact alone balances ty and adduction, and muscles flexion: reserves there only keep an overloaded frame solvable.
+RESERVE_SIZES = {
+    "knee_tx": 100.0,
+    "knee_ty": 10.0,
+    "knee_tz": 100.0,
+    "knee_adduction": 1.0,
+    "knee_rotation": 10.0,
+    "knee_flexion": 1.0,
+}
+_NEUTRAL_LOAD_N = 500.0
+_MOVES = {"tx": 0.5, "ty": 0.01, "tz": 0.3, "rx": 0.01 / 25.0}  # [mm, rad] like in effect
+
+
+@dataclass(frozen=True)
+class MuscleContact:
+    """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
+
+    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates.
+    """
+
+    surrogate: Surrogate
+    walk: MuscleWalk
+    balanced: tuple[str, ...]
+    free: tuple[str, ...]
+    capacity: ForceCapacity
+    neutral_poses: Array
+    nlp: dict[str, Any]
+    lower: Array
+    upper: Array
+    lower_g: Array
+    upper_g: Array
+    start: Array
+
+    @property
+    def scales(self) -> Array:
+        """Size of one unit of each variable of a frame: activation, mm or rad, N or N·m."""
+        moves, reserves = [_MOVES[name] for name in self.free], [RESERVE_SIZES[name] for name in self.balanced]
+        return np.array([1.0] * len(self.walk.muscles.names) + moves + reserves)
+
+
+@dataclass(frozen=True)
+class MuscleContactResult:
+    """Activations and forces along the tendons (n, m), poses (n, 6), surrogate loads there (n, 7) as in
+    `CONTACT_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, and what became of the frames."""
+
+    activations: Array
+    muscle_forces_n: Array
+    poses: Array
+    loads: Array
+    reserves: Mapping[str, Array]
+    unbalanced: Mapping[str, Array]
+    converged: np.ndarray
+    reason: np.ndarray
+    ipopt_status: str
+    iterations: int
+    seconds: float
+
+
+def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
+    """Generalised loads (n,) [N, N·m] on the femur by coordinate, for poses (n, 6) and loads (n, 7) as in
+    `CONTACT_LOADS`."""
+    by_name = dict(zip(CONTACT_LOADS, loads.T, strict=True))
+    force = np.column_stack([by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"]])
+    moment = np.column_stack([by_name["Tx"], by_name["Ty"], by_name["Tz"]]) - np.cross(poses[:, :3], force)
+    about_axes = np.einsum("nji,nj->ni", angular_velocity_map(poses[:, 3:]), moment)
+    return dict(zip(COORDINATES, -np.column_stack([force, 1e-3 * about_axes]).T, strict=True))
+
+
+def _contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
+    """`contact_on_femur` of one frame as CasADi expressions."""
+    by_name = dict(zip(CONTACT_LOADS, ca.vertsplit(loads), strict=True))
+    force = ca.vertcat(by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"])
+    moment = ca.vertcat(by_name["Tx"], by_name["Ty"], by_name["Tz"]) - ca.cross(pose[:3], force)
+    sx, cx, sy, cy = ca.sin(pose[3]), ca.cos(pose[3]), ca.sin(pose[4]), ca.cos(pose[4])
+    axes = (ca.vertcat(1, 0, 0), ca.vertcat(0, cx, sx), ca.vertcat(sy, -sx * cy, cx * cy))  # of rx, ry, rz
+    turns = [1e-3 * ca.dot(axis, moment) for axis in axes]
+    return dict(zip(COORDINATES, [-load for load in (*ca.vertsplit(force), *turns)], strict=True))
+
+
+def _in_newtons(coordinate: str) -> float:
+    return 1.0 if COORDINATES[coordinate].startswith("t") else 1000.0 / LEVER_MM
+
+
+def _frame_function(surrogate: Surrogate, balanced: Sequence[str], free: Sequence[str]) -> ca.Function:
+    """(scaled q (free), pose (6) of what is not free) -> contact loads of balanced coordinates [N, N·m], roots (2)."""
+    q, given = ca.MX.sym("q", len(free)), ca.MX.sym("given", 6)
+    pose = ca.vertcat(
+        *(q[free.index(name)] * _MOVES[name] if name in free else given[k] for k, name in enumerate(POSE_NAMES))
+    )
+    loads, roots = surrogate.load_and_root_function(CONTACT_LOADS)(pose)
+    contact = _contact_expression(pose, loads)
+    return ca.Function("contact_of_frame", [q, given], [ca.vertcat(*(contact[name] for name in balanced)), roots])
+
+
+def neutral_poses(surrogate: Surrogate, walk: MuscleWalk) -> Array:
+    """Poses (n, 6) at the walk's ry and rz where equal forces on both sides cause no shear, Fx = Fz = 0.
+
+    Raises ValueError where rotations lie outside what the surrogate learned, or there is no such pose.
+    """
+    ranges = surrogate.record.get("pose_range", {})
+    poses = np.zeros((len(walk), 6))
+    for name in POSE_NAMES:
+        low, high = ranges.get(name, (-np.inf, np.inf))
+        column = poses[:, POSE_NAMES.index(name)]
+        column[:] = 0.5 * (low + high) if np.isfinite(low + high) else 0.0
+        if name in ("ry", "rz"):
+            column[:] = getattr(walk, name)
+            if column.min() < low or column.max() > high:
+                raise ValueError(
+                    f"walk {walk.name}: {name} reaches from {column.min():.3g} to {column.max():.3g} rad, the "
+                    f"surrogate learned {low:.3g} to {high:.3g}: train one around your own cycles"
+                )
+    load = -_NEUTRAL_LOAD_N
+    targets = {"Fy_med": load, "Fy_lat": load, "Fx": 0.0, "Fz": 0.0}
+    poses, _ = settle(surrogate, poses, ("ty", "rx"), {"Fy_med": load, "Fy_lat": load}, tolerance=1.0)
+    poses, report = settle(surrogate, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
+    if not report.converged.all():
+        frame = int(np.argmin(report.converged))
+        raise ValueError(f"walk {walk.name}, frame {frame} has no neutral pose: {report.reason[frame]}")
+    return poses
+
+
+def build(
+    surrogate: Surrogate,
+    walk: MuscleWalk,
+    *,
+    model: str = "hill",
+    fit_lengths: bool = True,
+    balanced: Sequence[str] = BALANCED,
+    free: Sequence[str] = FREE,
+    exponent: float = 2.0,
+    least_activation: float = 0.01,
+) -> MuscleContact:
+    """Pose the problem for all frames of a walk.
+
+    model: "hill" or "isometric" (`problems.muscle`); fit_lengths scales generic fibre and tendon lengths to the
+    person (`MuscleParameters.fitted_to`), by lengths only. balanced: coordinates of `COORDINATES`; free: ty, rx, and
+    by choice tx and tz. exponent p >= 2 of the cost.
+
+    Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
+    """
+    balanced, free = tuple(balanced), tuple(free)
+    _check(walk, balanced, free, exponent, least_activation)
+    muscles = walk.muscles.fitted_to(walk.lengths_m) if fit_lengths else walk.muscles
+    capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)  # type: ignore[arg-type]
+    poses = neutral_poses(surrogate, walk)
+    frames, count, size = len(walk), len(muscles.names), len(balanced)
+
+    variables = ca.MX.sym("variables", count + len(free) + size, frames)
+    a, q, reserves = ca.vertsplit(variables, [0, count, count + len(free), variables.shape[0]])
+    contact, roots = _frame_function(surrogate, balanced, free).map(frames)(q, ca.DM(poses.T))
+    rows = []
+    for row, name in enumerate(balanced):
+        arms = walk.arms[name]
+        muscle_load = ca.sum1(ca.DM((arms * capacity.active_n).T) * a).T
+        rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
+        load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
+        rows.append(0.1 * _in_newtons(name) * load.T)  # about as large as what a scaled variable changes
+    g = ca.vertcat(*rows, roots)
+    objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
+    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
+
+    ranges = surrogate.record.get("pose_range", {})
+    low = [ranges.get(name, (-np.inf, np.inf))[0] / _MOVES[name] for name in free]
+    high = [ranges.get(name, (-np.inf, np.inf))[1] / _MOVES[name] for name in free]
+    patches = len(surrogate.patch_names)
+    start = np.zeros((frames, count + len(free) + size))
+    start[:, :count] = max(0.05, least_activation)
+    start[:, count : count + len(free)] = [[pose[POSE_NAMES.index(name)] / _MOVES[name] for name in free] for pose in poses]
+    return MuscleContact(
+        surrogate,
+        walk,
+        balanced,
+        free,
+        capacity,
+        poses,
+        nlp,
+        lower=np.tile([least_activation] * count + low + [-np.inf] * size, frames),
+        upper=np.tile([1.0] * count + high + [np.inf] * size, frames),
+        lower_g=np.zeros(frames * (size + patches)),
+        upper_g=np.tile([0.0] * size + [np.inf] * patches, frames),
+        start=start.ravel(),
+    )
+
+
+def _check(
+    walk: MuscleWalk, balanced: tuple[str, ...], free: tuple[str, ...], exponent: float, least_activation: float
+) -> None:
+    for name in balanced:
+        if name not in walk.loads:
+            raise ValueError(f"walk {walk.name} has no loads and arms of {name!r}; it has {', '.join(walk.loads)}")
+    if not balanced or len(set(balanced)) != len(balanced):
+        raise ValueError(f"balanced is {balanced}, expected coordinates, each named once")
+    if not set(FREE) <= set(free) <= set(_MOVES) or len(set(free)) != len(free):
+        raise ValueError(f"free is {free}, expected ty and rx, and by choice tx and tz, each named once")
+    needed = {COORDINATES[name] for name in balanced}
+    if not set(free) <= needed:
+        raise ValueError(f"{', '.join(set(free) - needed)} is free, but nothing balanced moves along it")
+    if not exponent >= 2.0 or not 0.0 <= least_activation < 1.0:
+        raise ValueError(
+            f"exponent is {exponent} and least activation {least_activation}, expected >= 2 and from 0 to below 1"
+        )
+
+
+def solve(problem: MuscleContact, max_iterations: int = 500, print_level: int = 0) -> MuscleContactResult:
+    """Solve with IPOPT and its exact Hessian. Never raises for frames that do not converge: each is reported."""
+    walk, began = problem.walk, time.perf_counter()
+    options: dict[str, Any] = {
+        "ipopt": {
+            "print_level": print_level,
+            "sb": "yes",
+            "max_iter": max_iterations,
+            "tol": 1e-7,
+            "hessian_approximation": "exact",
+        },
+        "print_time": False,
+    }
+    solver = ca.nlpsol("muscle_contact", "ipopt", problem.nlp, options)
+    answer = solver(
+        x0=problem.start, lbx=problem.lower, ubx=problem.upper, lbg=problem.lower_g, ubg=problem.upper_g
+    )
+    stats = solver.stats()
+    seconds = time.perf_counter() - began
+    variables = np.asarray(answer["x"]).reshape(len(walk), -1) * problem.scales
+    count, free = len(walk.muscles.names), len(problem.free)
+    activations, moved, reserves = np.split(variables, [count, count + free], axis=1)
+    poses = problem.neutral_poses.copy()
+    poses[:, [POSE_NAMES.index(name) for name in problem.free]] = moved
+    return _judged(problem, activations, poses, reserves, stats, seconds)
+
+
+def _judged(
+    problem: MuscleContact, activations: Array, poses: Array, reserves: Array, stats: dict[str, Any], seconds: float
+) -> MuscleContactResult:
+    """What is left of each balance, evaluated anew from the surrogate's NumPy side, and whether frames hold."""
+    walk, capacity = problem.walk, problem.capacity
+    forces = capacity.active_n * activations + capacity.passive_n
+    loads = problem.surrogate(poses, CONTACT_LOADS)
+    contact = contact_on_femur(poses, loads)
+    named = {name: reserves[:, column] for column, name in enumerate(problem.balanced)}
+    left = {
+        name: (walk.arms[name] * forces).sum(axis=1) + contact[name] + named[name] - walk.loads[name]
+        for name in problem.balanced
+    }
+    worst = np.abs(np.column_stack([_in_newtons(name) * left[name] for name in problem.balanced])).max(axis=1)
+    status = str(stats["return_status"])
+    solved = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+    converged = (worst <= TOLERANCE_N) & solved
+    reason = np.full(len(walk), "", dtype=object)
+    for k in np.flatnonzero(~converged):
+        reason[k] = f"balance is off by {worst[k]:.3g} N" if solved else f"IPOPT stopped: {status}"
+    iterations = int(stats["iter_count"])
+    return MuscleContactResult(
+        activations, forces, poses, loads, named, left, converged, reason, status, iterations, seconds
+    )
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def run(
+    inverse_dynamics: Annotated[Path | None, typer.Option(help="CSV or .sto; the built-in walk if left out")] = None,
+    muscles: Annotated[Path | None, typer.Option(help="CSV, or folder of a MuscleAnalysis: lengths and arms")] = None,
+    parameters: Annotated[Path | None, typer.Option(help="CSV of the muscles' parameters")] = None,
+    rotations: Annotated[Path | None, typer.Option(help="CSV or .sto with flexion_rz_rad and rotation_ry_rad")] = None,
+    measured: Annotated[Path | None, typer.Option(help="cycle (CSV) to compare with; never used to solve")] = None,
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    out: Annotated[Path, typer.Option(help="folder for muscle_contact.csv, .sto, .png, summary.json")] = Path("results"),
+    model: Annotated[str, typer.Option(help="hill or isometric")] = "hill",
+    fit_lengths: Annotated[bool, typer.Option(help="scale fibres and tendons to the person's lengths")] = True,
+    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
+    least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
+    all_six: Annotated[bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")] = False,
+) -> None:
+    """Find the muscle activations and contact forces of a walking cycle that balance its inverse dynamics."""
+    from problems.muscle_contact_report import report  # draws with matplotlib: not needed to solve
+
+    writable_folder(out)
+    files = {"inverse-dynamics": inverse_dynamics, "muscles": muscles, "parameters": parameters, "rotations": rotations}
+    missing = [f"--{name}" for name, path in files.items() if path is None]
+    if inverse_dynamics and muscles and parameters and rotations:
+        walk = read_walk(rotations, inverse_dynamics, muscles, parameters)
+    elif len(missing) == len(files):
+        walk = example_walk()
+    else:
+        raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
+    comparison = None if measured is None else read_cycle(measured)
+    problem = build(
+        load_surrogate(surrogate),
+        walk,
+        model=model,
+        fit_lengths=fit_lengths,
+        balanced=tuple(COORDINATES) if all_six else BALANCED,
+        free=("tx", "ty", "tz", "rx") if all_six else FREE,
+        exponent=exponent,
+        least_activation=least_activation,
+    )
+    result = solve(problem)
+    report(problem, result, out, comparison)
+    if not result.converged.all():
+        frames = ", ".join(map(str, np.flatnonzero(~result.converged)))
+        print(f"muscle_contact: not converged at frames {frames}; reasons in {out}", file=sys.stderr)
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1; unsolved frames are exit status 2."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        sys.exit(f"muscle_contact: {error}")
+
+
+if __name__ == "__main__":
+    main()
