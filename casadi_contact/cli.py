@@ -116,13 +116,15 @@ def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee)
 @app.command()
 def cycle(
     file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
-    map: Annotated[list[str], typer.Option(help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")],
+    maps: Annotated[
+        list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
+    ],
     out: Annotated[Path, typer.Option(help="CSV file to write, for --cycles and the problems")] = Path("cycle.csv"),
 ) -> None:
     """Turn columns of an OpenSim file into a load cycle: rz, ry, Fy_med, Fy_lat, and cop_ap or Tz, cop_ml or Tx."""
     table = read_table(file)
     try:
-        curves = mapped_curves(table, [ColumnMap.parse(text) for text in map])
+        curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
         written = cycle_from_curves(out.stem, curves)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None

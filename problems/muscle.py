@@ -11,7 +11,7 @@ and the passive curve's offset (no force below l = 0.2) of OpenSim's DeGrooteFre
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ _GAUSSIANS = (  # height, place, width, growth of the width
 _VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 _PASSIVE_SHAPE, _PASSIVE_STRAIN, _SHORTEST = 4.0, 0.6, 0.2
 MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
+LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 5 % of the greatest
 
 
 def active_force_length(length: Array) -> Array:
@@ -74,16 +75,15 @@ class MuscleParameters:
             object.__setattr__(self, key, values)
 
     def fitted_to(self, lengths_m: Array) -> MuscleParameters:
-        """Fibres and tendons lengthened by one factor for each muscle, so that at its mean length (over lengths
-        (n, m)) the fibre has its optimal length. It fits the figures of an average person to one of another size."""
-        at_optimum = self.tendon_slack_length_m + self.optimal_fibre_length_m * np.cos(self.pennation_rad)
-        factor = lengths_m.mean(axis=0) / at_optimum
-        return MuscleParameters(
-            self.names,
-            self.max_isometric_force_n,
-            factor * self.optimal_fibre_length_m,
-            factor * self.tendon_slack_length_m,
-            self.pennation_rad,
+        """Fibres and tendons lengthened by one factor for each muscle, so that the longest of lengths (n, m) stretches
+        the fibre to `LONGEST_FIBRE`: it fits the figures of an average person to one of another size."""
+        thickness = np.sin(self.pennation_rad)
+        longest = self.tendon_slack_length_m + self.optimal_fibre_length_m * np.sqrt(LONGEST_FIBRE**2 - thickness**2)
+        factor = lengths_m.max(axis=0) / longest
+        return replace(
+            self,
+            optimal_fibre_length_m=factor * self.optimal_fibre_length_m,
+            tendon_slack_length_m=factor * self.tendon_slack_length_m,
         )
 
 

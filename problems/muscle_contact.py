@@ -29,20 +29,20 @@ import casadi as ca
 import numpy as np
 import typer
 
-from casadi_contact.conventions import POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
+from casadi_contact.opensim import ColumnMap
 from casadi_contact.scenes.cycles import read_cycle
-from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
+from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
 from problems.muscle import ForceCapacity, force_capacity
 from problems.muscle_example import example_walk
-from problems.muscle_walk import COORDINATES, MuscleWalk, read_walk
+from problems.muscle_walk import ROTATION_MAPS, MuscleWalk, read_walk
+from problems.neutral_pose import neutral_poses
 
 BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
 FREE = ("ty", "rx")
-CONTACT_LOADS = ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz")
 TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
-LEVER_MM = 25.0
 # What stands in for ligaments and for errors of inverse dynamics, N and N·m at the cost of one full activation. The
 # contact alone balances ty and adduction, and muscles flexion: reserves there only keep an overloaded frame solvable.
 RESERVE_SIZES = {
@@ -53,7 +53,6 @@ RESERVE_SIZES = {
     "knee_rotation": 10.0,
     "knee_flexion": 1.0,
 }
-_NEUTRAL_LOAD_N = 500.0
 _MOVES = {"tx": 0.5, "ty": 0.01, "tz": 0.3, "rx": 0.01 / 25.0}  # [mm, rad] like in effect
 
 
@@ -102,31 +101,6 @@ class MuscleContactResult:
     seconds: float
 
 
-def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
-    """Generalised loads (n,) [N, N·m] on the femur by coordinate, for poses (n, 6) and loads (n, 7) as in
-    `CONTACT_LOADS`."""
-    by_name = dict(zip(CONTACT_LOADS, loads.T, strict=True))
-    force = np.column_stack([by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"]])
-    moment = np.column_stack([by_name["Tx"], by_name["Ty"], by_name["Tz"]]) - np.cross(poses[:, :3], force)
-    about_axes = np.einsum("nji,nj->ni", angular_velocity_map(poses[:, 3:]), moment)
-    return dict(zip(COORDINATES, -np.column_stack([force, 1e-3 * about_axes]).T, strict=True))
-
-
-def _contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
-    """`contact_on_femur` of one frame as CasADi expressions."""
-    by_name = dict(zip(CONTACT_LOADS, ca.vertsplit(loads), strict=True))
-    force = ca.vertcat(by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"])
-    moment = ca.vertcat(by_name["Tx"], by_name["Ty"], by_name["Tz"]) - ca.cross(pose[:3], force)
-    sx, cx, sy, cy = ca.sin(pose[3]), ca.cos(pose[3]), ca.sin(pose[4]), ca.cos(pose[4])
-    axes = (ca.vertcat(1, 0, 0), ca.vertcat(0, cx, sx), ca.vertcat(sy, -sx * cy, cx * cy))  # of rx, ry, rz
-    turns = [1e-3 * ca.dot(axis, moment) for axis in axes]
-    return dict(zip(COORDINATES, [-load for load in (*ca.vertsplit(force), *turns)], strict=True))
-
-
-def _in_newtons(coordinate: str) -> float:
-    return 1.0 if COORDINATES[coordinate].startswith("t") else 1000.0 / LEVER_MM
-
-
 def _frame_function(surrogate: Surrogate, balanced: Sequence[str], free: Sequence[str]) -> ca.Function:
     """(scaled q (free), pose (6) of what is not free) -> contact loads of balanced coordinates [N, N·m], roots (2)."""
     q, given = ca.MX.sym("q", len(free)), ca.MX.sym("given", 6)
@@ -134,36 +108,8 @@ def _frame_function(surrogate: Surrogate, balanced: Sequence[str], free: Sequenc
         *(q[free.index(name)] * _MOVES[name] if name in free else given[k] for k, name in enumerate(POSE_NAMES))
     )
     loads, roots = surrogate.load_and_root_function(CONTACT_LOADS)(pose)
-    contact = _contact_expression(pose, loads)
+    contact = contact_expression(pose, loads)
     return ca.Function("contact_of_frame", [q, given], [ca.vertcat(*(contact[name] for name in balanced)), roots])
-
-
-def neutral_poses(surrogate: Surrogate, walk: MuscleWalk) -> Array:
-    """Poses (n, 6) at the walk's ry and rz where equal forces on both sides cause no shear, Fx = Fz = 0.
-
-    Raises ValueError where rotations lie outside what the surrogate learned, or there is no such pose.
-    """
-    ranges = surrogate.record.get("pose_range", {})
-    poses = np.zeros((len(walk), 6))
-    for name in POSE_NAMES:
-        low, high = ranges.get(name, (-np.inf, np.inf))
-        column = poses[:, POSE_NAMES.index(name)]
-        column[:] = 0.5 * (low + high) if np.isfinite(low + high) else 0.0
-        if name in ("ry", "rz"):
-            column[:] = getattr(walk, name)
-            if column.min() < low or column.max() > high:
-                raise ValueError(
-                    f"walk {walk.name}: {name} reaches from {column.min():.3g} to {column.max():.3g} rad, the "
-                    f"surrogate learned {low:.3g} to {high:.3g}: train one around your own cycles"
-                )
-    load = -_NEUTRAL_LOAD_N
-    targets = {"Fy_med": load, "Fy_lat": load, "Fx": 0.0, "Fz": 0.0}
-    poses, _ = settle(surrogate, poses, ("ty", "rx"), {"Fy_med": load, "Fy_lat": load}, tolerance=1.0)
-    poses, report = settle(surrogate, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
-    if not report.converged.all():
-        frame = int(np.argmin(report.converged))
-        raise ValueError(f"walk {walk.name}, frame {frame} has no neutral pose: {report.reason[frame]}")
-    return poses
 
 
 def build(
@@ -201,7 +147,7 @@ def build(
         muscle_load = ca.sum1(ca.DM((arms * capacity.active_n).T) * a).T
         rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
         load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
-        rows.append(0.1 * _in_newtons(name) * load.T)  # about as large as what a scaled variable changes
+        rows.append(0.1 * in_newtons(name) * load.T)  # about as large as what a scaled variable changes
     g = ca.vertcat(*rows, roots)
     objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
     nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
@@ -212,7 +158,9 @@ def build(
     patches = len(surrogate.patch_names)
     start = np.zeros((frames, count + len(free) + size))
     start[:, :count] = max(0.05, least_activation)
-    start[:, count : count + len(free)] = [[pose[POSE_NAMES.index(name)] / _MOVES[name] for name in free] for pose in poses]
+    start[:, count : count + len(free)] = [
+        [pose[POSE_NAMES.index(name)] / _MOVES[name] for name in free] for pose in poses
+    ]
     return MuscleContact(
         surrogate,
         walk,
@@ -262,9 +210,7 @@ def solve(problem: MuscleContact, max_iterations: int = 500, print_level: int = 
         "print_time": False,
     }
     solver = ca.nlpsol("muscle_contact", "ipopt", problem.nlp, options)
-    answer = solver(
-        x0=problem.start, lbx=problem.lower, ubx=problem.upper, lbg=problem.lower_g, ubg=problem.upper_g
-    )
+    answer = solver(x0=problem.start, lbx=problem.lower, ubx=problem.upper, lbg=problem.lower_g, ubg=problem.upper_g)
     stats = solver.stats()
     seconds = time.perf_counter() - began
     variables = np.asarray(answer["x"]).reshape(len(walk), -1) * problem.scales
@@ -288,7 +234,7 @@ def _judged(
         name: (walk.arms[name] * forces).sum(axis=1) + contact[name] + named[name] - walk.loads[name]
         for name in problem.balanced
     }
-    worst = np.abs(np.column_stack([_in_newtons(name) * left[name] for name in problem.balanced])).max(axis=1)
+    worst = np.abs(np.column_stack([in_newtons(name) * left[name] for name in problem.balanced])).max(axis=1)
     status = str(stats["return_status"])
     solved = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
     converged = (worst <= TOLERANCE_N) & solved
@@ -310,14 +256,21 @@ def run(
     muscles: Annotated[Path | None, typer.Option(help="CSV, or folder of a MuscleAnalysis: lengths and arms")] = None,
     parameters: Annotated[Path | None, typer.Option(help="CSV of the muscles' parameters")] = None,
     rotations: Annotated[Path | None, typer.Option(help="CSV or .sto with flexion_rz_rad and rotation_ry_rad")] = None,
+    maps: Annotated[
+        list[str] | None, typer.Option("--map", help="other columns of it, such as knee_angle_r=-rz:deg")
+    ] = None,
     measured: Annotated[Path | None, typer.Option(help="cycle (CSV) to compare with; never used to solve")] = None,
     surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
-    out: Annotated[Path, typer.Option(help="folder for muscle_contact.csv, .sto, .png, summary.json")] = Path("results"),
+    out: Annotated[Path, typer.Option(help="folder for muscle_contact.csv, .sto, .png, summary.json")] = Path(
+        "results"
+    ),
     model: Annotated[str, typer.Option(help="hill or isometric")] = "hill",
     fit_lengths: Annotated[bool, typer.Option(help="scale fibres and tendons to the person's lengths")] = True,
     exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
     least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
-    all_six: Annotated[bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")] = False,
+    all_six: Annotated[
+        bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
+    ] = False,
 ) -> None:
     """Find the muscle activations and contact forces of a walking cycle that balance its inverse dynamics."""
     from problems.muscle_contact_report import report  # draws with matplotlib: not needed to solve
@@ -326,7 +279,8 @@ def run(
     files = {"inverse-dynamics": inverse_dynamics, "muscles": muscles, "parameters": parameters, "rotations": rotations}
     missing = [f"--{name}" for name, path in files.items() if path is None]
     if inverse_dynamics and muscles and parameters and rotations:
-        walk = read_walk(rotations, inverse_dynamics, muscles, parameters)
+        columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
+        walk = read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
     elif len(missing) == len(files):
         walk = example_walk()
     else:

@@ -6,8 +6,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.scenes.motion import reference_cycle
+from problems.knee_coordinates import COORDINATES
 from problems.muscle import MuscleParameters
-from problems.muscle_walk import COORDINATES, MuscleWalk
+from problems.muscle_walk import MuscleWalk
 
 # muscle: greatest force [N], optimal fibre [m], pennation [rad], arms of adduction, rotation and flexion [m], pull
 # along x, y and z. Sizes after Arnold et al., Ann Biomed Eng 38 (2010) 269-279, rounded; arms are constant here.

@@ -1,17 +1,13 @@
 """What a muscle problem is given: inverse dynamics, the muscles' geometry and the joint's rotations over a cycle.
 
-A coordinate's balance, with the contact load on the femoral component (the moving body):
-
-    Σ_m arm_m·F_m + contact load = inverse dynamics        [N, N·m]
-
-for translations in the fixed frame, and for rotations about the moving origin, along the axes of rx, ry and rz
-(`Coordinate`). arm = -∂length/∂coordinate: m for rotations, direction cosines for translations.
+Arms are those of `problems.knee_coordinates`: arm = -∂length/∂coordinate, m for rotations, direction cosines for
+translations.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,24 +15,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
-from casadi_contact.opensim import Table, read_table
+from casadi_contact.opensim import ColumnMap, Table, mapped_curves, read_table
+from problems.knee_coordinates import COORDINATES, load_unit
 from problems.muscle import MuscleParameters
 
-# Coordinates of inverse dynamics, each with the pose parameter it belongs to.
-COORDINATES = {
-    "knee_tx": "tx",
-    "knee_ty": "ty",
-    "knee_tz": "tz",
-    "knee_adduction": "rx",
-    "knee_rotation": "ry",
-    "knee_flexion": "rz",
-}
+# How the rotations stand in the measured cycles' files (`casadi_contact.scenes.cycles`).
+ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
 PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad")
-
-
-def load_unit(coordinate: str) -> str:
-    """N for a translation, Nm for a rotation."""
-    return "N" if COORDINATES[coordinate].startswith("t") else "Nm"
 
 
 @dataclass(frozen=True)
@@ -93,10 +78,16 @@ class MuscleWalk:
         return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
 
-def read_walk(rotations: Path, inverse_dynamics: Path, muscles: Path, parameters: Path) -> MuscleWalk:
+def read_walk(
+    rotations: Path,
+    inverse_dynamics: Path,
+    muscles: Path,
+    parameters: Path,
+    maps: Sequence[ColumnMap] = ROTATION_MAPS,
+) -> MuscleWalk:
     """Read a walk; all curves are taken at the times of inverse dynamics, and stay at their ends beyond their own.
 
-    rotations: CSV or .sto with time (``time_s`` or ``time``), ``flexion_rz_rad`` and ``rotation_ry_rad``.
+    rotations: CSV or .sto with time (``time_s`` or ``time``) and the columns that maps turn into rz and ry.
     inverse_dynamics: CSV or .sto with time and coordinates of `COORDINATES` (``knee_ty`` or ``knee_ty_N``, N, N·m).
     muscles: a CSV with ``frame, muscle, length_m, velocity_m_per_s, arm_knee_ty, ...``, a frame for each row of
     inverse dynamics; or a folder of OpenSim's MuscleAnalysis (``*_Length.sto``, ``*_MomentArm_knee_ty.sto``, ...),
@@ -104,7 +95,7 @@ def read_walk(rotations: Path, inverse_dynamics: Path, muscles: Path, parameters
 
     Raises FileNotFoundError for no file and ValueError, naming file, line, column or muscle, for what cannot be used.
     """
-    turns, dynamics = _curves(rotations), _curves(inverse_dynamics)
+    turns, dynamics = _table(rotations), _table(inverse_dynamics).columns
     time_s = dynamics["time"]
     loads = {
         name: dynamics[label]
@@ -116,16 +107,19 @@ def read_walk(rotations: Path, inverse_dynamics: Path, muscles: Path, parameters
         raise ValueError(f"{inverse_dynamics} has none of the columns {', '.join(COORDINATES)}")
     known = _parameters(parameters)
     lengths, velocities, arms = (_analysis if muscles.is_dir() else _geometry)(muscles, known.names, time_s)
-    angles = []
-    for column in ("flexion_rz_rad", "rotation_ry_rad"):
-        if column not in turns:
-            raise ValueError(f"{rotations} lacks the column {column}; it has {', '.join(turns)}")
-        angles.append(np.interp(time_s, turns["time"], turns[column]))
+    try:
+        curves = mapped_curves(turns, maps)
+    except ValueError as error:
+        raise ValueError(f"{rotations}: {error}") from None
+    if not {"rz", "ry"} <= set(curves):
+        raise ValueError(f"{rotations} is mapped to {', '.join(curves)}, expected columns for rz and ry")
+    rz, ry = (np.interp(time_s, curves["time"], curves[name]) for name in ("rz", "ry"))
     shared = [name for name in COORDINATES if name in loads and name in arms]
     return MuscleWalk(
         inverse_dynamics.stem.removesuffix("_inverse_dynamics"),
         time_s,
-        *angles,
+        rz,
+        ry,
         {name: loads[name] for name in shared},
         {name: arms[name] for name in shared},
         lengths,
@@ -171,18 +165,20 @@ def _numbers(path: Path, name: str, header: list[str], rows: list[tuple[int, lis
     return numbers
 
 
-def _curves(path: Path) -> dict[str, Array]:
-    """Columns of a CSV or OpenSim file by name, with ``time`` [s] among them, which must rise."""
+def _table(path: Path) -> Table:
+    """A CSV or OpenSim file as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
-        curves = dict(read_table(path).columns)
+        table = read_table(path)
     else:
         header, rows = _rows(path)
         if "time_s" not in header:
             raise ValueError(f"{path} lacks the column time_s; it has {', '.join(header)}")
-        curves = {"time" if name == "time_s" else name: _numbers(path, name, header, rows) for name in header}
-    if np.any(np.diff(curves["time"]) <= 0.0):
+        names = ["time_s", *(name for name in header if name != "time_s")]
+        columns = {name: _numbers(path, name, header, rows) for name in names}
+        table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
+    if np.any(np.diff(table.column("time")) <= 0.0):
         raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
-    return curves
+    return table
 
 
 def _parameters(path: Path) -> MuscleParameters:
@@ -203,12 +199,12 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
         if key in place:
             raise ValueError(f"{path} line {rows[k][0]}: muscle {key[1]} at frame {key[0]} is there twice")
         place[key] = k
-    missing = [(k, name) for name in names for k in range(len(time_s)) if (k, name) not in place]
-    if missing or len(place) > len(time_s) * len(set(muscle)):
+    missing = [(k, name) for k in range(len(time_s)) for name in names if (k, name) not in place]
+    if missing:
         raise ValueError(f"{path} lacks muscle {missing[0][1]} at frame {missing[0][0]} of {len(time_s)}")
-    extra = sorted({k for k, _ in place if not 0 <= k < len(time_s)})
-    if extra:
-        raise ValueError(f"{path} has frame {extra[0]}, but inverse dynamics has {len(time_s)} frames")
+    last = int(frame.max())
+    if last >= len(time_s):
+        raise ValueError(f"{path} has frame {last}, but inverse dynamics has {len(time_s)} frames, counted from 0")
     order = np.array([[place[k, name] for name in names] for k in range(len(time_s))])
     tables = {
         column: _numbers(path, column, header, rows)[order]
