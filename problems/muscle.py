@@ -27,7 +27,7 @@ _GAUSSIANS = (  # height, place, width, growth of the width
 _VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 _PASSIVE_SHAPE, _PASSIVE_STRAIN, _SHORTEST = 4.0, 0.6, 0.2
 MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
-LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 5 % of the greatest
+LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest
 
 
 def active_force_length(length: Array) -> Array:
@@ -38,7 +38,7 @@ def active_force_length(length: Array) -> Array:
 
 
 def force_velocity(velocity: Array) -> Array:
-    """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, about 1.4 at 1."""
+    """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
     d1, d2, d3, d4 = _VELOCITY
     inner = d2 * velocity + d3
     return d1 * np.log(inner + np.sqrt(inner**2 + 1.0)) + d4

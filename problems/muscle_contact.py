@@ -100,6 +100,12 @@ class MuscleContactResult:
     iterations: int
     seconds: float
 
+    @property
+    def overloaded(self) -> np.ndarray:
+        """True (n,) where a reserve gives more than its size: muscles and contact alone do not balance the frame."""
+        shares = [np.abs(curve) / RESERVE_SIZES[name] for name, curve in self.reserves.items()]
+        return np.asarray(np.max(shares, axis=0) > 1.0)
+
 
 def _frame_function(surrogate: Surrogate, balanced: Sequence[str], free: Sequence[str]) -> ca.Function:
     """(scaled q (free), pose (6) of what is not free) -> contact loads of balanced coordinates [N, N·m], roots (2)."""

@@ -90,6 +90,7 @@ def report(problem: MuscleContact, result: MuscleContactResult, out: Path, measu
         "ipopt_status": result.ipopt_status,
         "ipopt_iterations": result.iterations,
         "seconds": result.seconds,
+        "overloaded_frames": np.flatnonzero(result.overloaded).tolist(),
         "balanced": problem.balanced,
         "free": problem.free,
         "measured": None if measured is None else measured.name,
@@ -128,6 +129,9 @@ def _print(problem: MuscleContact, result: MuscleContactResult, errors: dict[str
         f"{result.iterations} iterations, {result.seconds:.2f} s",
         highlight=False,
     )
+    if result.overloaded.any():
+        frames = ", ".join(map(str, np.flatnonzero(result.overloaded)))
+        console.print(f"beyond what muscles and contact balance, reserves stand in: frames {frames}", highlight=False)
     for frame in np.flatnonzero(~result.converged):
         console.print(f"frame {frame}: {result.reason[frame]}", highlight=False)
 
