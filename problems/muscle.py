@@ -12,13 +12,11 @@ and the passive curve's offset (no force below l = 0.2) of OpenSim's DeGrooteFre
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from casadi_contact.conventions import Array
 
-Model = Literal["hill", "isometric"]
 _GAUSSIANS = (  # height, place, width, growth of the width
     (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
     (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
@@ -97,7 +95,7 @@ class ForceCapacity:
 
 
 def force_capacity(
-    muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array, model: Model = "hill"
+    muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array, model: str = "hill"
 ) -> ForceCapacity:
     """What each muscle can give at each frame, for musculotendon lengths and velocities (n, m).
 

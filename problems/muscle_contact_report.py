@@ -20,7 +20,8 @@ from casadi_contact.files import replacing, writable_folder
 from casadi_contact.opensim import loads_table, poses_table, write_table
 from casadi_contact.scenes.cycles import LoadCycle
 from problems.knee_coordinates import CONTACT_LOADS, load_unit
-from problems.muscle_contact import MuscleContact, MuscleContactResult
+from problems.muscle_contact import MuscleContactResult
+from problems.muscle_problem import MuscleContact
 
 SIDES = ("Fy_med", "Fy_lat")
 _DRAWN_MUSCLES = 6

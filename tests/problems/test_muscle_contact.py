@@ -19,6 +19,7 @@ from casadi_contact.scenes.cycles import read_cycle
 from problems import muscle_contact
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
 from problems.muscle_example import example_walk
+from problems.muscle_problem import BALANCED, RESERVE_SIZES
 from problems.muscle_walk import read_walk
 from problems.neutral_pose import neutral_poses
 from tests.shared_data import shared_file
@@ -87,7 +88,7 @@ def test_the_activations_are_optimal(knee, solved):
     more; and moving the femur saves nothing, Σ λ·d(contact)/d(ty, rx) = 0, where both sides carry load."""
     problem, result = solved
     walk, capacity, poses = problem.walk, problem.capacity, result.poses
-    price = {name: 2.0 * result.reserves[name] / muscle_contact.RESERVE_SIZES[name] ** 2 for name in problem.balanced}
+    price = {name: 2.0 * result.reserves[name] / RESERVE_SIZES[name] ** 2 for name in problem.balanced}
     saved = sum(price[name][:, None] * walk.arms[name] * capacity.active_n for name in problem.balanced)
     surplus = 2.0 * result.activations - saved
     free = result.activations > 0.011
@@ -150,7 +151,7 @@ def test_measured_contact_loads_balance_with_these_signs_and_not_with_the_opposi
     contact = contact_on_femur(neutral_poses(knee, walk), loads)
 
     def left_n(turn_sign):
-        names = muscle_contact.BALANCED
+        names = BALANCED
         sign = {name: 1.0 if COORDINATES[name].startswith("t") else turn_sign for name in names}
         worst = []
         for k in range(0, len(walk), 5):
