@@ -1,4 +1,4 @@
-"""The command line: ``casadi-contact build | sample | train | evaluate | export | info``, thin over `pipeline`."""
+"""The command line: ``casadi-contact build | sample | train | evaluate | export | info | cycle``, a thin layer."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from casadi_contact import pipeline
+from casadi_contact.opensim import ColumnMap, mapped_curves, read_table
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.scenes.cycles import cycle_from_curves, write_cycle
 from casadi_contact.surrogate import load_surrogate
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -114,6 +116,25 @@ def export(
 def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]) -> None:
     """Say what a surrogate was trained on and how wrong it is."""
     console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
+def cycle(
+    file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
+    maps: Annotated[
+        list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
+    ],
+    out: Annotated[Path, typer.Option(help="CSV file to write, for --cycles and the problems")] = Path("cycle.csv"),
+) -> None:
+    """Turn columns of an OpenSim file into a load cycle: rz, ry, Fy_med, Fy_lat, and cop_ap or Tz, cop_ml or Tx."""
+    table = read_table(file)
+    try:
+        curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
+        written = cycle_from_curves(out.stem, curves)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    write_cycle(written, out)
+    console.print(f"cycle of {len(written)} frames in {out}", highlight=False)
 
 
 def _sample(project: Project, cycle_files: list[Path]) -> None:

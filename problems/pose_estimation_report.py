@@ -16,6 +16,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
+from casadi_contact.opensim import poses_table, write_table
 from problems.pose_estimation import LOADS, PoseEstimation, PoseResult, cop
 from problems.pose_estimation_starts import StartReport
 
@@ -45,7 +46,7 @@ class Tracked:
 
 
 def report(problem: PoseEstimation, result: PoseResult, out: Path, starts: StartReport | None = None) -> None:
-    """Print the table and write pose_estimation.csv, summary.json and pose_estimation.png in the folder out."""
+    """Print the table and write pose_estimation.csv, poses.sto (OpenSim), summary.json and .png in the folder out."""
     writable_folder(out)
     tracked = Tracked.of(problem, result)
     grids = {name: "×".join(map(str, problem.surrogate.scene.grids[name])) for name in ("fine", "teacher")}
@@ -70,6 +71,7 @@ def report(problem: PoseEstimation, result: PoseResult, out: Path, starts: Start
     if starts is not None:
         console.print(str(starts), highlight=False)
     _write_csv(out / "pose_estimation.csv", problem, result, tracked)
+    write_table(poses_table(problem.cycle.time_s, result.poses, f"{problem.cycle.name} poses"), out / "poses.sto")
     summary: dict[str, Any] = {
         "cycle": problem.cycle.name,
         "frames": frames,

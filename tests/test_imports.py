@@ -7,7 +7,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "conventions", "scenes", "geometry", "contact", "statics"),
+    *("files", "workers", "conventions", "opensim", "scenes", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
     *("evaluation", "peers", "report", "presets", "pipeline", "cli"),
 ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import replacing
 
 # Column of the file for each curve of a cycle; other columns are ignored.
 COLUMNS = {
@@ -133,3 +135,41 @@ def read_cycle(path: str | Path) -> LoadCycle:
         return LoadCycle(path.stem, **{key: np.array(values) for key, values in curves.items()})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def write_cycle(cycle: LoadCycle, path: str | Path) -> None:
+    """Write a CSV file that `read_cycle` reads back bit by bit."""
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS.values())
+        writer.writerows(np.column_stack([getattr(cycle, key) for key in COLUMNS]).tolist())
+
+
+def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
+    """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
+    itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
+
+    Raises ValueError naming the curves that lack, or as `LoadCycle` does.
+    """
+    missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
+    missing += [
+        f"{key} (or {torque})"
+        for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx"))
+        if not {key, torque} & set(curves)
+    ]
+    if missing:
+        raise ValueError(f"a load cycle needs the curves {', '.join(missing)}; there are {', '.join(curves)}")
+    fy = curves["Fy_med"] + curves["Fy_lat"]
+    if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):
+        frame = int(np.argmax(fy >= 0.0))
+        raise ValueError(f"frame {frame} has no compression, so that torques give no centre of pressure there")
+    return LoadCycle(
+        name,
+        time_s=curves["time"],
+        rz=curves["rz"],
+        ry=curves["ry"],
+        fy_med=curves["Fy_med"],
+        fy_lat=curves["Fy_lat"],
+        cop_ap_mm=curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy,
+        cop_ml_mm=curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy,
+    )

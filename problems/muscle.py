@@ -1,0 +1,123 @@
+"""Muscles with a rigid tendon: how much force an activation gives at a musculotendon's length and velocity.
+
+    F = F0·(a·f_l(l)·f_v(v) + f_p(l))·cos α        [N]
+
+    L = (length - slack)/cos α, the fibre, of constant thickness L·sin α = L0·sin α0; l = L/L0
+    v = velocity·cos α/(v_max·L0), negative while the fibre shortens
+
+The normalised curves are those of De Groote, Kinney, Rao, Fregly, Ann Biomed Eng 44 (2016) 2922-2936, with the digits
+and the passive curve's offset (no force below l = 0.2) of OpenSim's DeGrooteFregly2016Muscle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+
+_GAUSSIANS = (  # height, place, width, growth of the width
+    (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
+    (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
+    (0.1, 1.0, 0.353553390593274, 0.0),
+)
+_VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
+_PASSIVE_SHAPE, _PASSIVE_STRAIN, _SHORTEST = 4.0, 0.6, 0.2
+MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
+LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest
+
+
+def active_force_length(length: Array) -> Array:
+    """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1."""
+    height, place, width, growth = np.array(_GAUSSIANS).T
+    away = (length[..., None] - place) / (width + growth * length[..., None])
+    return (height * np.exp(-0.5 * away**2)).sum(axis=-1)
+
+
+def force_velocity(velocity: Array) -> Array:
+    """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
+    d1, d2, d3, d4 = _VELOCITY
+    inner = d2 * velocity + d3
+    return d1 * np.log(inner + np.sqrt(inner**2 + 1.0)) + d4
+
+
+def passive_force_length(length: Array) -> Array:
+    """f_p(l): 0 at l = 0.2, about 0.02 at l = 1, 1 at l = 1.6."""
+    offset = np.exp(_PASSIVE_SHAPE * (_SHORTEST - 1.0) / _PASSIVE_STRAIN)
+    return (np.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
+
+
+@dataclass(frozen=True)
+class MuscleParameters:
+    """One value (m,) for each muscle: greatest isometric force [N], optimal fibre and tendon slack length [m], and
+    pennation [rad] of the fibre at optimal length. Raises ValueError for values that no muscle has."""
+
+    names: tuple[str, ...]
+    max_isometric_force_n: Array
+    optimal_fibre_length_m: Array
+    tendon_slack_length_m: Array
+    pennation_rad: Array
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) != len(self.names) or not self.names:
+            raise ValueError(f"muscles are {', '.join(self.names) or '(none)'}, expected each named once")
+        for key in ("max_isometric_force_n", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad"):
+            values = np.asarray(getattr(self, key), dtype=float)
+            if values.shape != (len(self.names),):
+                raise ValueError(f"{key} has shape {values.shape}, expected a value for each of {len(self.names)}")
+            good = (values >= 0.0) & (values < np.pi / 2.0) if key == "pennation_rad" else values > 0.0
+            if not (good & np.isfinite(values)).all():
+                worst = int(np.argmin(good & np.isfinite(values)))
+                raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected a positive size")
+            object.__setattr__(self, key, values)
+
+    def fitted_to(self, lengths_m: Array) -> MuscleParameters:
+        """Fibres and tendons lengthened by one factor for each muscle, so that the longest of lengths (n, m) stretches
+        the fibre to `LONGEST_FIBRE`: it fits the figures of an average person to one of another size."""
+        thickness = np.sin(self.pennation_rad)
+        longest = self.tendon_slack_length_m + self.optimal_fibre_length_m * np.sqrt(LONGEST_FIBRE**2 - thickness**2)
+        factor = lengths_m.max(axis=0) / longest
+        return replace(
+            self,
+            optimal_fibre_length_m=factor * self.optimal_fibre_length_m,
+            tendon_slack_length_m=factor * self.tendon_slack_length_m,
+        )
+
+
+@dataclass(frozen=True)
+class ForceCapacity:
+    """Forces along the tendons, F = active·a + passive [N], each (n, m); fibre (n, m) is l, 1 at optimal length."""
+
+    active_n: Array
+    passive_n: Array
+    fibre: Array
+
+
+def force_capacity(
+    muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array, model: str = "hill"
+) -> ForceCapacity:
+    """What each muscle can give at each frame, for musculotendon lengths and velocities (n, m).
+
+    model "isometric": F = F0·a whatever the length. Raises ValueError where a muscle is not longer than its tendon.
+    """
+    slack = lengths_m - muscles.tendon_slack_length_m
+    if model == "isometric":
+        whole = np.broadcast_to(muscles.max_isometric_force_n, lengths_m.shape)
+        return ForceCapacity(whole, np.zeros(lengths_m.shape), np.ones(lengths_m.shape))
+    if model != "hill":
+        raise ValueError(f"muscle model is {model!r}, expected hill or isometric")
+    if slack.min() <= 0.0:
+        frame, muscle = np.unravel_index(int(slack.argmin()), slack.shape)
+        raise ValueError(
+            f"muscle {muscles.names[muscle]} at frame {frame}: {lengths_m[frame, muscle]:g} m is not longer than its "
+            f"tendon of {muscles.tendon_slack_length_m[muscle]:g} m: are lengths in m, and do the parameters fit?"
+        )
+    thickness = muscles.optimal_fibre_length_m * np.sin(muscles.pennation_rad)
+    fibre_m = np.hypot(slack, thickness)
+    cosine = slack / fibre_m
+    fibre = fibre_m / muscles.optimal_fibre_length_m
+    velocity = velocities_m_per_s * cosine / (MAX_FIBRE_SPEED_PER_S * muscles.optimal_fibre_length_m)
+    along_tendon = muscles.max_isometric_force_n * cosine
+    active = along_tendon * active_force_length(fibre) * np.maximum(force_velocity(velocity), 0.0)
+    return ForceCapacity(active, along_tendon * passive_force_length(fibre), fibre)

@@ -1,0 +1,253 @@
+"""Muscle and contact together: balance, golden numbers, optimality, measured cycles blind, mistakes."""
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+import casadi_contact as cc
+from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
+from casadi_contact.opensim import read_table
+from casadi_contact.scenes.cycles import read_cycle
+from problems import muscle_contact
+from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
+from problems.muscle_example import example_walk
+from problems.muscle_problem import BALANCED, RESERVE_SIZES
+from problems.muscle_walk import read_walk
+from problems.neutral_pose import neutral_poses
+from tests.shared_data import shared_file
+
+ROOT = Path(__file__).parents[2]
+SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx")}
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+@pytest.fixture(scope="module")
+def solved(knee):
+    problem = muscle_contact.build(knee, example_walk())
+    return problem, muscle_contact.solve(problem)
+
+
+def measured_walk(name):
+    files = (f"{name}_loads", f"{name}_inverse_dynamics", f"{name}_muscles", "muscle_parameters")
+    return read_walk(*(shared_file(f"data/jw/{file}.csv") for file in files))
+
+
+def compression(result):
+    return -result.loads[:, : len(("Fy_med", "Fy_lat"))]
+
+
+def test_every_frame_of_the_example_balances_and_nothing_pulls(solved):
+    problem, result = solved
+    assert result.converged.all(), result.reason
+    for name in problem.balanced:
+        assert np.abs(result.unbalanced[name]).max() * in_newtons(name) < 0.01
+        assert np.abs(result.reserves[name]).max() * in_newtons(name) < 2.0
+    assert result.activations.min() >= 0.01 - 1e-7
+    assert result.activations.max() <= 1.0
+    assert compression(result).min() >= 0.0
+    assert not result.overloaded.any()
+
+
+def test_total_compression_is_the_ground_s_push_and_the_muscles_pull(solved):
+    problem, result = solved
+    pull = (problem.walk.arms["knee_ty"] * result.muscle_forces_n).sum(axis=1)
+    np.testing.assert_allclose(compression(result).sum(axis=1), problem.walk.loads["knee_ty"] - pull, atol=0.1)
+
+
+def test_the_example_has_its_golden_forces_and_activations(solved):
+    _, result = solved
+    golden = json.loads((Path(__file__).parent / "golden_muscle_contact.json").read_text())
+    for frame, numbers in golden.items():
+        np.testing.assert_allclose(compression(result)[int(frame)], numbers["compression_n"], atol=1.0)
+        np.testing.assert_allclose(result.activations[int(frame)], numbers["activations"], atol=1e-3)
+
+
+def test_the_elastic_foundation_agrees_at_the_solved_poses(solved):
+    problem, result = solved
+    scene = problem.surrogate.scene
+    columns = [scene.load_names.index(name) for name in CONTACT_LOADS[:2]]
+    foundation = cc.ElasticFoundation(scene, scene.grids["teacher"])(result.poses)[:, columns]
+    assert np.sqrt(np.mean((foundation - result.loads[:, :2]) ** 2)) < 1.0
+
+
+def test_the_activations_are_optimal(knee, solved):
+    """The optimality conditions, from the surrogate's NumPy side: a reserve r of size c tells the price λ = 2r/c² of
+    its coordinate; a free activation costs what it saves, 2a = Σ λ·arm·(force per activation), one at its bound costs
+    more; and moving the femur saves nothing, Σ λ·d(contact)/d(ty, rx) = 0, where both sides carry load."""
+    problem, result = solved
+    walk, capacity, poses = problem.walk, problem.capacity, result.poses
+    price = {name: 2.0 * result.reserves[name] / RESERVE_SIZES[name] ** 2 for name in problem.balanced}
+    saved = sum(price[name][:, None] * walk.arms[name] * capacity.active_n for name in problem.balanced)
+    surplus = 2.0 * result.activations - saved
+    free = result.activations > 0.011
+    assert free.sum() > 300
+    assert np.abs(surplus[free]).max() < 1e-3
+    assert surplus[~free].min() > -1e-3
+    loaded = compression(result).min(axis=1) > 20.0
+    for name, step in (("ty", 1e-5), ("rx", 1e-6)):
+        moves = np.zeros(6)
+        moves[POSE_NAMES.index(name)] = step
+        ahead, behind = (contact_on_femur(p, knee(p, CONTACT_LOADS)) for p in (poses + moves, poses - moves))
+        gains = np.array([price[c] * (ahead[c] - behind[c]) / (2.0 * step) for c in problem.balanced])
+        assert np.abs(gains.sum(axis=0))[loaded].max() < 1e-4 * np.abs(gains).max()
+
+
+def test_muscles_twice_as_strong_are_half_as_active(knee):
+    walk = example_walk(frames=21)
+    strong = replace(walk.muscles, max_isometric_force_n=2.0 * walk.muscles.max_isometric_force_n)
+    settings = {"model": "isometric", "least_activation": 0.0}
+    once, twice = (
+        muscle_contact.solve(muscle_contact.build(knee, replace(walk, muscles=muscles), **settings))
+        for muscles in (walk.muscles, strong)
+    )
+    np.testing.assert_allclose(2.0 * twice.activations, once.activations, atol=0.01)
+    np.testing.assert_allclose(compression(twice), compression(once), atol=3.0)
+
+
+def test_all_six_coordinates_balance_with_reserves(knee):
+    problem = muscle_contact.build(knee, example_walk(frames=21), **SIX)
+    result = muscle_contact.solve(problem)
+    assert result.converged.all(), result.reason
+    assert max(np.abs(curve).max() * in_newtons(name) for name, curve in result.unbalanced.items()) < 0.01
+
+
+def test_a_generalised_load_does_the_work_of_its_forces():
+    """Σ F·v of forces at points of the femur = Σ Q·(pose rate), and the CasADi expression says the same."""
+    rng = np.random.default_rng(3)
+    pose, rate = rng.normal(size=6), rng.normal(size=6)
+    points, forces = rng.normal(size=(2, 5, 3)) * np.array([30.0, 100.0])[:, None, None]
+    moment = np.cross(points, forces).sum(axis=0)
+    fx, fy, fz = -forces.sum(axis=0)  # on the tibia
+    loads = np.array([0.3 * fy, 0.7 * fy, fx, fz, *(-moment)])
+    omega = angular_velocity_map(pose[3:]) @ rate[3:]
+    power = (forces * (rate[:3] + np.cross(omega, points - pose[:3]))).sum()
+    on_femur = contact_on_femur(pose[None], loads[None])
+    metres = [1.0 if parameter.startswith("t") else 1000.0 for parameter in COORDINATES.values()]
+    assert np.dot([on_femur[name][0] for name in COORDINATES], np.array(metres) * rate) == pytest.approx(power)
+    q, w = ca.MX.sym("q", 6), ca.MX.sym("w", 7)
+    expression = ca.Function("f", [q, w], [ca.vertcat(*contact_expression(q, w).values())])
+    expected = [on_femur[name][0] for name in COORDINATES]
+    np.testing.assert_allclose(np.asarray(expression(pose, loads)).ravel(), expected, rtol=1e-12)
+
+
+def test_measured_contact_loads_balance_with_these_signs_and_not_with_the_opposite(knee):
+    walk = measured_walk("og2")
+    rows = list(csv.DictReader(shared_file("data/jw/og2_loads.csv").open()))
+    columns = ("Fy_med_N", "Fy_lat_N", "Fx_N", "Fz_N", "Tx_Nmm", "Ty_Nmm", "Tz_Nmm")
+    time_s = [float(row["time_s"]) for row in rows]
+    loads = np.column_stack([np.interp(walk.time_s, time_s, [float(row[name]) for row in rows]) for name in columns])
+    contact = contact_on_femur(neutral_poses(knee, walk), loads)
+
+    def left_n(turn_sign):
+        names = BALANCED
+        sign = {name: 1.0 if COORDINATES[name].startswith("t") else turn_sign for name in names}
+        worst = []
+        for k in range(0, len(walk), 5):
+            arms = np.array([in_newtons(n) * walk.arms[n][k] * walk.muscles.max_isometric_force_n for n in names])
+            wanted = np.array([in_newtons(n) * (walk.loads[n][k] - sign[n] * contact[n][k]) for n in names])
+            worst.append(np.abs(arms @ lsq_linear(arms, wanted, (0.0, 1.0)).x - wanted).max())
+        return np.sqrt(np.mean(np.square(worst)))
+
+    assert left_n(1.0) < 1.0
+    assert left_n(-1.0) > 50.0
+
+
+@pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
+def test_measured_cycles_are_predicted_blind_within_the_range_of_the_grand_challenges(knee, name):
+    """Winners of the knee Grand Challenges: 229 to 312 N medial, 238 to 326 N lateral."""
+    walk = measured_walk(name)
+    result = muscle_contact.solve(muscle_contact.build(knee, walk))
+    assert result.converged.all(), result.reason
+    measured = read_cycle(shared_file(f"data/jw/{name}_loads.csv"))
+    for side, curve, bar in zip(compression(result).T, (measured.fy_med, measured.fy_lat), (312.0, 326.0), strict=True):
+        error = side - np.interp(walk.time_s, measured.time_s, -curve)
+        assert np.sqrt(np.mean(error**2)) < bar
+
+
+def test_a_load_beyond_the_muscles_falls_to_the_reserves_and_is_seen(knee):
+    walk = example_walk(frames=5)
+    loads = {**walk.loads, "knee_flexion": walk.loads["knee_flexion"] + 600.0}
+    result = muscle_contact.solve(muscle_contact.build(knee, replace(walk, loads=loads)))
+    assert result.converged.all()
+    assert result.overloaded.all()
+    assert result.activations.max(axis=1).min() > 0.999
+    assert result.reserves["knee_flexion"].min() > 300.0
+
+
+def test_a_problem_can_be_inspected_unsolved_and_stopped_early(knee):
+    problem = muscle_contact.build(knee, example_walk(frames=5))
+    assert problem.nlp["x"].numel() == 5 * (13 + 2 + 3) == len(problem.start)
+    assert problem.nlp["g"].numel() == 5 * (3 + 2) == len(problem.upper_g)
+    result = muscle_contact.solve(problem, max_iterations=1)
+    assert not result.converged.any()
+    assert "IPOPT stopped: Maximum_Iterations_Exceeded" in result.reason[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"balanced": ("knee_ty", "hip")}, "has no loads and arms of 'hip'"),
+        ({"balanced": ("knee_ty", "knee_ty")}, "each named once"),
+        ({"balanced": ("knee_ty", "knee_flexion")}, "rx is free, but nothing balanced moves along it"),
+        ({"free": ("ty",)}, "expected ty and rx"),
+        ({"exponent": 1.0}, "exponent is 1.0"),
+        ({"least_activation": 1.0}, "least activation 1.0"),
+        ({"model": "elastic"}, "muscle model is 'elastic'"),
+    ],
+)
+def test_wrong_requests_are_refused(knee, settings, said):
+    with pytest.raises(ValueError, match=said):
+        muscle_contact.build(knee, example_walk(frames=5), **settings)
+
+
+def test_rotations_outside_the_learned_range_are_refused(knee):
+    walk = example_walk(frames=5)
+    with pytest.raises(ValueError, match=r"rz reaches from .* the surrogate learned"):
+        muscle_contact.build(knee, replace(walk, rz=walk.rz - 2.0))
+
+
+def test_the_command_writes_table_csv_opensim_files_summary_and_picture(tmp_path, solved):
+    arguments = [sys.executable, "-m", "problems.muscle_contact", "--out", str(tmp_path / "results")]
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "101 of 101 frames converged" in done.stdout
+    _, result = solved
+    rows = list(csv.DictReader((tmp_path / "results" / "muscle_contact.csv").open()))
+    assert float(rows[17]["Fy_med_N"]) == pytest.approx(-compression(result)[17, 0], abs=0.01)
+    poses = read_table(tmp_path / "results" / "poses.sto")
+    np.testing.assert_allclose(1000.0 * poses.column("ty"), result.poses[:, 1], atol=1e-6)
+    summary = json.loads((tmp_path / "results" / "summary.json").read_text())
+    assert summary["converged"] == 101
+    assert summary["errors_n"]["Fy_med"]["teacher_ef"]["rms"] < 1.0
+    assert (tmp_path / "results" / "muscle_contact.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--surrogate", "hip"), "unknown surrogate 'hip'"),
+        (("--muscles", "m.csv"), "--inverse-dynamics, --parameters, --rotations not given"),
+        (("--measured", "none.csv"), "cycle file none.csv does not exist"),
+        (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
+    ],
+)
+def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, monkeypatch, tmp_path):
+    out = () if "--out" in arguments else ("--out", str(tmp_path))
+    monkeypatch.setattr(sys, "argv", ["muscle_contact", *arguments, *out])
+    with pytest.raises(SystemExit) as exit_info:
+        muscle_contact.main()
+    message = str(exit_info.value)  # Python prints it on stderr and exits with status 1
+    assert said in message
+    assert len(message.splitlines()) == 1

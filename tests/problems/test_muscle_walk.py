@@ -1,0 +1,150 @@
+"""Input of the muscle problem: CSV and OpenSim files give the same walk, faults are named."""
+
+import csv
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.opensim import ColumnMap, Table, write_table
+from problems.knee_coordinates import load_unit
+from problems.muscle_example import example_walk
+from problems.muscle_walk import PARAMETER_COLUMNS, read_walk
+from tests.shared_data import shared_file
+
+WALK = example_walk(frames=41)
+
+
+def write_csv(path, header, rows):
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+    return path
+
+
+@pytest.fixture
+def files(tmp_path):
+    """The example walk as CSV files: arguments of read_walk."""
+    muscles = WALK.muscles
+    table = np.column_stack([getattr(muscles, field.name) for field in fields(muscles) if field.name != "names"])
+    geometry = [
+        [k, name, WALK.lengths_m[k, m], WALK.velocities_m_per_s[k, m], *(WALK.arms[c][k, m] for c in WALK.arms)]
+        for k in range(len(WALK))
+        for m, name in enumerate(muscles.names)
+    ]
+    return {
+        "rotations": write_csv(
+            tmp_path / "rotations.csv",
+            ["time_s", "flexion_rz_rad", "rotation_ry_rad"],
+            zip(WALK.time_s, WALK.rz, WALK.ry, strict=True),
+        ),
+        "inverse_dynamics": write_csv(
+            tmp_path / "walk_inverse_dynamics.csv",
+            ["time_s", *(f"{name}_{load_unit(name)}" for name in WALK.loads)],
+            np.column_stack([WALK.time_s, *WALK.loads.values()]).tolist(),
+        ),
+        "muscles": write_csv(
+            tmp_path / "muscles.csv",
+            ["frame", "muscle", "length_m", "velocity_m_per_s", *(f"arm_{name}" for name in WALK.arms)],
+            geometry,
+        ),
+        "parameters": write_csv(
+            tmp_path / "parameters.csv",
+            ["muscle", *PARAMETER_COLUMNS],
+            [[name, *row] for name, row in zip(muscles.names, table.tolist(), strict=True)],
+        ),
+    }
+
+
+def assert_same(walk, rtol):
+    assert walk.muscles.names == WALK.muscles.names
+    np.testing.assert_allclose(walk.rz, WALK.rz, rtol=rtol)
+    np.testing.assert_allclose(walk.ry, WALK.ry, rtol=rtol)
+    np.testing.assert_allclose(walk.lengths_m, WALK.lengths_m, rtol=rtol)
+    for name in WALK.loads:
+        np.testing.assert_allclose(walk.loads[name], WALK.loads[name], rtol=rtol, atol=1e-9)
+        np.testing.assert_allclose(walk.arms[name], WALK.arms[name], rtol=rtol, atol=1e-9)
+
+
+def test_csv_files_give_the_walk_they_were_written_from(files):
+    walk = read_walk(**files)
+    assert walk.name == "walk"
+    assert_same(walk, rtol=0.0)
+    np.testing.assert_array_equal(walk.velocities_m_per_s, WALK.velocities_m_per_s)
+
+
+def test_opensim_files_give_the_same_walk(files, tmp_path):
+    def write(name, curves, in_degrees=None):
+        write_table(Table(name, {"time": WALK.time_s, **curves}, in_degrees), tmp_path / name)
+        return tmp_path / name
+
+    def by_muscle(table):
+        return dict(zip(WALK.muscles.names, table.T, strict=True))
+
+    turns = {"knee_angle_r": -np.degrees(WALK.rz), "knee_rot_r": np.degrees(WALK.ry)}
+    files["rotations"] = write("walk.mot", turns, in_degrees=True)
+    files["inverse_dynamics"] = write("id.sto", WALK.loads)
+    files["muscles"] = tmp_path
+    write("walk_MuscleAnalysis_Length.sto", by_muscle(WALK.lengths_m))
+    for name, arms in WALK.arms.items():
+        write(f"walk_MuscleAnalysis_MomentArm_{name}.sto", by_muscle(arms))
+    walk = read_walk(**files, maps=[ColumnMap.parse("knee_angle_r=-rz"), ColumnMap.parse("knee_rot_r=ry:deg")])
+    assert_same(walk, rtol=1e-12)
+    # velocities come from the lengths: they move a muscle from its first length to its last
+    travelled = np.trapezoid(walk.velocities_m_per_s, walk.time_s, axis=0)
+    np.testing.assert_allclose(travelled, WALK.lengths_m[-1] - WALK.lengths_m[0], atol=0.001)
+
+
+def drop(path, text):
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for line in lines if not line.startswith(text)) + "\n")
+
+
+def swap(path, old, new):
+    path.write_text(path.read_text().replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("which", "harm", "said"),
+    [
+        ("muscles", lambda p: drop(p, "3,semimem"), r"muscles.csv lacks muscle semimem at frame 3 of 41"),
+        ("muscles", lambda p: swap(p, "\n40,vasmed", "\n39,vasmed"), "muscle vasmed at frame 39 is there twice"),
+        ("muscles", lambda p: swap(p, "length_m", "length"), "lacks the column length_m; it has frame, muscle, length"),
+        ("muscles", lambda p: p.write_text(p.read_text() + "0,x\n"), r"line 535: got 2 values, expected \d+"),
+        ("inverse_dynamics", lambda p: p.write_text(p.read_text().replace("knee", "hip")), "has none of the columns"),
+        ("inverse_dynamics", lambda p: swap(p, "\n0.0,", "\n0.0,nan,#"), "line 2"),
+        ("inverse_dynamics", lambda p: swap(p, "time_s", "t"), "lacks the column time_s"),
+        ("rotations", lambda p: swap(p, "flexion_rz_rad", "flexion"), "has no column 'flexion_rz_rad'; it has time"),
+        ("rotations", lambda p: swap(p, "\n0.0,", "\n9.0,"), "time does not rise, expected rows sorted by time"),
+        ("parameters", lambda p: swap(p, "grac,140.0", "grac,-140.0"), "parameters.csv: max_isometric_force_n of grac"),
+        ("parameters", lambda p: swap(p, "grac,140.0", "grac,x"), "max_isometric_force_N: got 'x', expected a number"),
+        ("parameters", lambda p: p.unlink(), "parameters.csv does not exist"),
+        ("muscles", lambda p: p.write_bytes(b"\xff\xfe"), "is not a CSV text file"),
+    ],
+)
+def test_a_fault_is_named(files, which, harm, said):
+    harm(files[which])
+    with pytest.raises((ValueError, FileNotFoundError), match=said):
+        read_walk(**files)
+
+
+def test_a_walk_that_does_not_fit_together_is_refused():
+    with pytest.raises(ValueError, match=r"lengths have shape \(41, 12\), expected \(41, 13\)"):
+        replace(WALK, lengths_m=WALK.lengths_m[:, 1:])
+    with pytest.raises(ValueError, match="rz hold NaN at frame 0"):
+        replace(WALK, rz=np.full(41, np.nan))
+    with pytest.raises(ValueError, match="coordinates knee_ty lack loads or arms"):
+        replace(WALK, loads={name: curve for name, curve in WALK.loads.items() if name != "knee_ty"})
+    with pytest.raises(ValueError, match="time does not rise"):
+        replace(WALK, time_s=np.zeros(41))
+
+
+def test_a_measured_walk_is_read():
+    names = ("og1_loads", "og1_inverse_dynamics", "og1_muscles", "muscle_parameters")
+    walk = read_walk(*(shared_file(f"data/jw/{name}.csv") for name in names))
+    assert (walk.name, len(walk), len(walk.muscles.names)) == ("og1", 101, 13)
+    # the vasti lengthen as the knee bends: arm = -dlength/drz, times and frames of the files belong together
+    muscle = walk.muscles.names.index("vasint")
+    slope = np.gradient(walk.lengths_m[:, muscle]) / np.gradient(walk.rz)
+    moving = np.abs(np.gradient(walk.rz)) > 0.02
+    difference = -slope[moving] - walk.arms["knee_flexion"][moving, muscle]
+    assert np.median(np.abs(difference)) < 0.003  # m; the femur's translations change lengths too
