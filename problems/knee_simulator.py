@@ -32,7 +32,6 @@ import numpy as np
 import typer
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.files import writable_folder
@@ -140,9 +139,7 @@ class Simulation:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-def build(
-    model: ContactModel | Surrogate, waveforms: Waveforms | None = None, rig: Rig | None = None
-) -> KneeSimulator:
+def build(model: ContactModel | Surrogate, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
     """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out."""
     waveforms = WALKING.with_loads_scaled(LOAD_SCALE) if waveforms is None else waveforms
     rig = Rig() if rig is None else rig
@@ -153,9 +150,7 @@ def build(
     share = t / rig.period_s
     rz = -np.pi / 180.0 * waveforms.flexion_deg.at(share)
     axial = waveforms.axial_n.at(share)
-    given = ca.vertcat(
-        waveforms.ap_n.at(share), -axial, 0, rig.axial_offset_mm * axial, waveforms.ie_nmm.at(share), 0
-    )
+    given = ca.vertcat(waveforms.ap_n.at(share), -axial, 0, rig.axial_offset_mm * axial, waveforms.ie_nmm.at(share), 0)
     by_given = generalised_forces(pose, given, about="moving")
     by_contact = -generalised_forces(pose, wrench)
     forces = (by_given + by_contact)[:5] - ca.DM(rig.stiffness) * (pose[:5] - ca.DM(rig.rest_mm_rad))
@@ -228,15 +223,17 @@ def solve(
     if first.shape != (10,) or not np.isfinite(first).all():
         raise ValueError(f"start has shape {first.shape}, expected 10 finite numbers: pose without rz, then its rates")
     time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
-    options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000, "linear_solver": "qr"}
-
-    function = ca.integrator("simulate", integrator, simulator.dae(energies=energies), 0.0, time_s[1:].tolist(), options)
+    options: dict[str, Any] = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
+    dae = simulator.dae(energies=energies)
+    function = ca.integrator("simulate", integrator, dae, 0.0, time_s[1:].tolist(), options)
     began = time.perf_counter()
     try:
         answer = function(x0=first)
     except RuntimeError as error:
         said = next((line for line in reversed(str(error).splitlines()) if line.strip()), "no reason given")
-        raise ValueError(f"{integrator} gave up ({said.strip()}): loads or poses beyond what the joint carries?") from None
+        raise ValueError(
+            f"{integrator} gave up, expected loads and poses that the joint carries: {said.strip()}"
+        ) from None
     seconds = time.perf_counter() - began
     stats = function.stats()
     states = np.vstack([first, np.asarray(answer["xf"]).T])
@@ -254,3 +251,36 @@ def solve(
         seconds=seconds,
         settings={"integrator": integrator, "tolerance": tolerance, "cycles": cycles},
     )
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def run(
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    load_scale: Annotated[float, typer.Option(help="share of the loads of ISO 14243-1")] = LOAD_SCALE,
+    integrator: Annotated[str, typer.Option(help="cvodes or idas, for surrogate and EF alike")] = "cvodes",
+    cycles: Annotated[float, typer.Option(help="length of the simulation")] = 1.0,
+    repeats: Annotated[int, typer.Option(min=1, help="timed runs of each model, in turn")] = 3,
+    out: Annotated[Path, typer.Option(help="folder for knee_simulator.csv, .png, .json")] = Path("results"),
+) -> None:
+    """Simulate a cycle on the surrogate and on the EF with the same integrator; compare times, poses and balances."""
+    from problems.knee_simulator_report import report  # draws with matplotlib: not needed to solve
+
+    writable_folder(out)
+    model = load_surrogate(surrogate)
+    simulator = build(model, WALKING.with_loads_scaled(load_scale))
+    report(model, simulator, out, integrator=integrator, cycles=cycles, repeats=repeats)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        sys.exit(f"knee_simulator: {error}")
+
+
+if __name__ == "__main__":
+    main()

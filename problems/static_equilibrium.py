@@ -13,8 +13,8 @@ by IPOPT with exact Hessian, all given loads in one problem. Without springs (k 
 this asks for W(q) = loads. Two condyles without friction cannot carry any six loads: their forces pass through the
 axis of the condyle arcs, so nothing holds the flexion rz, and along tz and about ry the dishes hold only as much as
 the joint is pressed together. So rz is locked by default, and where it is free a spring holds it; `SOFT_TISSUE` are
-stated springs of about the size of a knee held by its tissue and muscles, used where asked for. Loads that no pose carries end at the nearest
-pose in the sense of the sum above and are reported with the reason.
+stated springs of about the size of a knee held by its tissue and muscles, used where asked for. Loads that no pose
+carries end at the nearest pose in the sense of the sum above and are reported with the reason.
 
 A start may be anywhere: it is brought into the learned range, and ty and rx are settled under the shares of Fy and
 Tx that condyles carry at their offset, in root loads, which keep their slope out of contact.
@@ -262,7 +262,7 @@ def run(
     tz: Annotated[float, typer.Option(help="torque about z [N·mm]; balanced by the lock while rz is locked")] = 0.0,
     flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,15,30,45,60,75",
     soft: Annotated[bool, typer.Option(help="free rz too, with soft-tissue springs slack at the flexion")] = False,
-    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 200,
+    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 20,
     out: Annotated[Path, typer.Option(help="folder for static_equilibrium.csv, .png, .json")] = Path("results"),
 ) -> None:
     """Find the poses that carry six loads over flexion; check them on the EF and from random starts."""
