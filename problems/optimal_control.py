@@ -32,11 +32,10 @@ import numpy as np
 import typer
 from scipy.interpolate import CubicSpline
 
-from casadi_contact.conventions import WRENCH_NAMES, Array, is_force, pose_index
+from casadi_contact.conventions import Array, is_force, pose_index
 from casadi_contact.files import writable_folder
-from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
-from problems import knee_simulator
+from problems import knee_simulator, static_equilibrium
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, SURROGATE_OPTIONS, generalised_forces
 from problems.knee_simulator import Rig
@@ -210,26 +209,22 @@ def build(
 
 
 def start_values(problem: OptimalControl) -> Array:
-    """x at the middle of the learned range with ty and rx settled under the wanted side forces, rz as wanted, at rest,
-    actuators at the wanted loads."""
+    """x at poses in static equilibrium with the wanted loads, flexion as wanted, moving from one to the next; actuators
+    at the wanted loads, as if nothing else acted."""
     surrogate, wanted = problem.surrogate, problem.wanted
     node_times = np.linspace(0.0, wanted.time_s[-1] - wanted.time_s[0], problem.intervals + 1)
-    values = []
-    for times in (node_times, problem.times):
-        loads, rz = wanted.at(wanted.time_s[0] + times)
-        poses = np.tile(middle_pose(surrogate), (len(times), 1))
-        poses[:, _RZ] = rz
-        sides = {
-            name: np.minimum(loads[:, surrogate.load_names.index(name)], -1.0)
-            for name in surrogate.scene.sensitive_loads
-        }
-        poses, _ = settle(surrogate, poses, ("ty", "rx"), sides, tolerance=1.0, max_iterations=30)
-        values += [(poses / STEPS).ravel(), np.zeros(6 * len(times))]
-        if times is problem.times:
-            wrench = loads @ total_selection(surrogate.load_names).T
-            wrench[:, 3:] = 0.0
-            values.append((wrench / (_LOAD_SCALE_N * IN_MM)).ravel())
-    return np.clip(np.concatenate(values), problem.lower, problem.upper)
+    times = np.union1d(node_times, problem.times)
+    loads, rz = wanted.at(wanted.time_s[0] + times)
+    rest = np.tile(middle_pose(surrogate), (len(times), 1))
+    rest[:, _RZ] = rz
+    total = loads @ total_selection(surrogate.load_names).T
+    poses = static_equilibrium.solve(static_equilibrium.build(surrogate, total, rest=rest)).poses
+    motion = CubicSpline(times, poses)
+    about_moving = total.copy()
+    about_moving[:, 3:] -= np.cross(poses[:, :3], total[:, :3])
+    actuators = CubicSpline(times, about_moving)(problem.times) / (_LOAD_SCALE_N * IN_MM)
+    parts = [part for at in (node_times, problem.times) for part in (motion(at) / STEPS, motion(at, 1) / _RATES)]
+    return np.clip(np.concatenate([part.ravel() for part in (*parts, actuators)]), problem.lower, problem.upper)
 
 
 def solve(
@@ -242,8 +237,9 @@ def solve(
             "print_level": print_level,
             "sb": "yes",
             "max_iter": max_iterations,
-            "tol": 1e-8,
+            "tol": 1e-6,
             "hessian_approximation": "exact",
+            "mu_init": 1e-3,  # the start is near the solution
         },
         "print_time": False,
     }
