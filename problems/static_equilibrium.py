@@ -36,6 +36,7 @@ import numpy as np
 import typer
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.statics import settle
@@ -101,15 +102,15 @@ def middle_pose(surrogate: Surrogate) -> Array:
     return 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
 
 
-def _residual_function(surrogate: Surrogate, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
+def _residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
     """(scaled free q (f), loads (6), rest (6)) -> r/L of the free parameters (f) [N]."""
     columns = [pose_index(name) for name in free]
     q, loads, rest = ca.MX.sym("q", len(columns)), ca.MX.sym("loads", 6), ca.MX.sym("rest", 6)
     entries = [q[columns.index(i)] * STEPS[i] if i in columns else rest[i] for i in range(6)]
     pose = ca.vertcat(*entries)
     given = generalised_forces(pose, loads, about=about)
-    contact = generalised_forces(pose, wrench_function(surrogate)(pose))
-    r = (given - contact - ca.DM(stiffness) * (pose - rest)) / ca.DM(IN_MM)
+    carried = generalised_forces(pose, contact(pose))
+    r = (given - carried - ca.DM(stiffness) * (pose - rest)) / ca.DM(IN_MM)
     return ca.Function("residuals", [q, loads, rest], [r[columns]])
 
 
@@ -145,7 +146,7 @@ def build(
     poses = as_poses(np.broadcast_to(at, (count, 6)) if at.shape == (6,) else at)
     if len(poses) != count:
         raise ValueError(f"rest has {len(poses)} poses, expected one, or one for each of {count} loads")
-    residual = _residual_function(surrogate, free, about, springs)
+    residual = _residual_function(wrench_function(surrogate), free, about, springs)
     q = ca.MX.sym("q", len(columns), count)
     residuals = residual.map(count)(q, ca.DM(wanted.T), ca.DM(poses.T))
     nlp = {"x": ca.vec(q), "f": 0.5 * ca.sumsqr(residuals)}
@@ -183,9 +184,12 @@ def _start(problem: StaticEquilibrium, start: Array) -> Array:
     least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))
     first = np.clip(first, least, np.maximum(down - least, least))
     shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
-    settled, report = settle(surrogate, poses, ("ty", "rx"), shares, tolerance=1.0, max_iterations=30)
-    inside = report.converged & ((settled >= low) & (settled <= high))[:, columns].all(axis=1)
-    poses[inside] = settled[inside]
+    inside = np.zeros(len(poses), dtype=bool)
+    for begin in (poses, problem.rest):  # where a start leads out of the learned range, begin at rest
+        tried, report = settle(surrogate, begin, ("ty", "rx"), shares, tolerance=1.0, max_iterations=30)
+        good = ~inside & report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
+        poses = np.where(good[:, None], tried, poses)
+        inside |= good
     return poses
 
 
@@ -233,6 +237,21 @@ def solve(
     )
 
 
+def on_model(problem: StaticEquilibrium, poses: Array, model: ContactModel) -> Array:
+    """The poses (n, 6) at which another contact model carries the same loads, by Newton's method from poses near by;
+    NaN in rows where it finds none."""
+    columns = problem.columns
+    contact = wrench_function(model)
+    residual = _residual_function(contact, problem.free, problem.about, problem.stiffness)
+    options: dict[str, Any] = {"abstol": 1e-3, "error_on_fail": False, "max_iter": 50}
+    newton = ca.rootfinder("equilibrium", "newton", residual, options)
+    found = poses.copy()
+    for row in range(len(poses)):
+        q = newton(poses[row, columns] / STEPS[columns], problem.loads[row], problem.rest[row])
+        found[row, columns] = np.asarray(q).ravel() * STEPS[columns] if newton.stats()["success"] else np.nan
+    return found
+
+
 def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, status: str) -> np.ndarray:
     solved = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
     reason = np.full(len(misfit), "", dtype=object)
@@ -254,13 +273,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def run(
     surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
-    fx: Annotated[float, typer.Option(help="posterior force on the insert [N]")] = 0.0,
+    fx: Annotated[float, typer.Option(help="posterior force on the insert [N]")] = -100.0,
     fy: Annotated[float, typer.Option(help="vertical force on the insert, compression negative [N]")] = -1500.0,
     fz: Annotated[float, typer.Option(help="medial force on the insert [N]")] = 0.0,
     tx: Annotated[float, typer.Option(help="torque about x, at the moving origin [N·mm]")] = 7500.0,
-    ty: Annotated[float, typer.Option(help="torque about y [N·mm]")] = 0.0,
+    ty: Annotated[float, typer.Option(help="torque about y [N·mm]")] = -2000.0,
     tz: Annotated[float, typer.Option(help="torque about z [N·mm]; balanced by the lock while rz is locked")] = 0.0,
-    flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,15,30,45,60,75",
+    flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,5,15,30,45,60,75",
     soft: Annotated[bool, typer.Option(help="free rz too, with soft-tissue springs slack at the flexion")] = False,
     starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 20,
     out: Annotated[Path, typer.Option(help="folder for static_equilibrium.csv, .png, .json")] = Path("results"),

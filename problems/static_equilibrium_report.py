@@ -18,7 +18,7 @@ from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM
-from problems.static_equilibrium import EquilibriumResult, StaticEquilibrium, solve
+from problems.static_equilibrium import EquilibriumResult, StaticEquilibrium, on_model, solve
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # starts out of contact, and too deep
 SAME_MM = 0.01  # rotations over 25 mm
@@ -65,7 +65,11 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
     writable_folder(out)
     scene = problem.surrogate.scene
     grids = {name: scene.grids[name] for name in ("fine", "teacher")}
-    ef = {name: _total(ElasticFoundation(scene, grid), result.poses) for name, grid in grids.items()}
+    foundations = {name: ElasticFoundation(scene, grid) for name, grid in grids.items()}
+    ef = {
+        name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
+    }
+    ef_poses = {name: on_model(problem, result.poses, foundation) for name, foundation in foundations.items()}
     console = Console()
     table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
     table.add_column("flexion [deg]", justify="right")
@@ -86,10 +90,12 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
     for row in np.flatnonzero(~result.converged):
         console.print(f"row {row}: {result.reason[row]}", highlight=False)
     off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
+    moved = {name: np.abs(poses - result.poses).max(axis=0) for name, poses in ef_poses.items()}
     for name, difference in off.items():
         console.print(
             f"EF {grids[name][0]}×{grids[name][1]} - surrogate, largest: force {difference[:, :3].max():.2g} N, "
-            f"torque {difference[:, 3:].max():.2g} N·mm",
+            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium lies {moved[name][:3].max():.2g} mm, "
+            f"{np.degrees(moved[name][3:].max()):.2g}° away",
             highlight=False,
         )
     if starts is not None:
@@ -107,6 +113,7 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
             name: dict(zip(WRENCH_NAMES, difference.max(axis=0).tolist(), strict=True))
             for name, difference in off.items()
         },
+        "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
         "machine": machine_record(),
     }
     if starts is not None:
@@ -118,12 +125,8 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
         }
     with replacing(out / "static_equilibrium.json") as beside:
         beside.write_text(json.dumps(summary, indent=1), "utf-8")
-    draw(problem, result, ef["fine"], out / "static_equilibrium.png")
+    draw(result, ef_poses["fine"], ef["fine"], out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
-
-
-def _total(foundation: ElasticFoundation, poses: Array) -> Array:
-    return np.asarray(foundation(poses) @ total_selection(foundation.load_names).T)
 
 
 def _write_csv(path: Path, problem: StaticEquilibrium, result: EquilibriumResult, ef: Array) -> None:
@@ -138,8 +141,8 @@ def _write_csv(path: Path, problem: StaticEquilibrium, result: EquilibriumResult
             writer.writerow([row, *(f"{v:.9g}" for v in numbers), int(result.converged[row]), result.reason[row]])
 
 
-def draw(problem: StaticEquilibrium, result: EquilibriumResult, ef: Array, path: Path) -> None:
-    """The settled poses over flexion, and forces and torques there, on the surrogate and on the EF, as a PNG."""
+def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, path: Path) -> None:
+    """The settled poses over flexion and the EF's own; and what the EF says of the loads there, as a PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -148,25 +151,20 @@ def draw(problem: StaticEquilibrium, result: EquilibriumResult, ef: Array, path:
     axes = figure.subplots(1, 4)
     flexion = np.degrees(-result.poses[:, POSE_NAMES.index("rz")])
     colours = ("#0072B2", "#D55E00", "#009E73")
-    middle = result.poses.mean(axis=0)
-    for name, colour in zip(("tx", "ty", "tz"), colours, strict=True):
-        column = POSE_NAMES.index(name)
-        shift = round(float(middle[column])) if name == "ty" else 0
-        label = f"{name} - {shift}" if shift else name
-        axes[0].plot(flexion, result.poses[:, column] - shift, "o-", ms=3, color=colour, label=label)
-    axes[0].set_title("pose [mm]")
-    for name, colour in zip(("rx", "ry"), colours, strict=False):
-        axes[1].plot(flexion, np.degrees(result.poses[:, POSE_NAMES.index(name)]), "o-", ms=3, color=colour, label=name)
-    axes[1].set_title("pose [degrees]")
-    for axis, names, title in (
-        (axes[2], WRENCH_NAMES[:3], "forces [N]"),
-        (axes[3], WRENCH_NAMES[3:], "torques [N·mm]"),
-    ):
+    low_ty = np.floor(result.poses[:, POSE_NAMES.index("ty")].min())
+    for axis, names, title in ((axes[0], POSE_NAMES[:3], "pose [mm]"), (axes[1], POSE_NAMES[3:5], "pose [degrees]")):
+        for name, colour in zip(names, colours, strict=False):
+            column = POSE_NAMES.index(name)
+            shift, scale = (low_ty if name == "ty" else 0.0), (180.0 / np.pi if name.startswith("r") else 1.0)
+            label = f"{name} - {shift:g}" if shift else name
+            axis.plot(flexion, scale * (result.poses[:, column] - shift), "-", color=colour, label=label)
+            axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
+        axis.set_title(title)
+    off = ef - result.wrenches
+    for axis, names, title in ((axes[2], WRENCH_NAMES[:3], "force [N]"), (axes[3], WRENCH_NAMES[3:], "torque [N·mm]")):
         for name, colour in zip(names, colours, strict=True):
-            column = WRENCH_NAMES.index(name)
-            axis.plot(flexion, result.wrenches[:, column], "-", color=colour, label=f"{name} surrogate")
-            axis.plot(flexion, ef[:, column], "x", color=colour, label=f"{name} EF")
-        axis.set_title(f"{title}, about the fixed origin")
+            axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
+        axis.set_title(f"EF - surrogate, {title}")
     for axis in axes:
         axis.set_xlabel("flexion [degrees]")
         axis.grid(alpha=0.3)
