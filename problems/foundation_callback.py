@@ -76,7 +76,7 @@ class FoundationCallback(ca.Callback):
 
 
 class _JacobianCallback(ca.Callback):
-    """Pose (6), wrench (unused) -> d wrench / d pose (6, 6)."""
+    """Pose (6), wrench (not needed) -> d wrench / d pose (6, 6)."""
 
     def __init__(self, of: FoundationCallback, name: str, options: Any) -> None:
         super().__init__()
@@ -90,7 +90,7 @@ class _JacobianCallback(ca.Callback):
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(6, 1)
+        return ca.Sparsity(6, 1) if i else ca.Sparsity.dense(6, 1)  # no entries: the wrench is not evaluated for it
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(6, 6)

@@ -69,7 +69,7 @@ class OptimalControl:
     """A problem that can be looked at unsolved: CasADi's nlp and bounds, collocation times, and what it came from.
 
     times (points,) are those of the collocation points; unpack: x -> poses (6, points), rates (6, points), actuator
-    wrenches (6, points) in physical units.
+    wrenches (6, points) and poses at the ends of intervals (6, intervals + 1), in physical units.
     """
 
     surrogate: Surrogate
@@ -86,11 +86,12 @@ class OptimalControl:
 @dataclass(frozen=True)
 class ControlResult:
     """At the collocation points: poses, rates, actuator wrenches about the moving origin (points, 6), contact loads
-    (points, L) and how far they are from the wanted ones."""
+    (points, L) and how far they are from the wanted ones; node_poses (intervals + 1, 6) at the ends of intervals."""
 
     poses: Array
     rates: Array
     actuators: Array
+    node_poses: Array
     loads: Array
     load_error: Array
     flexion_error_deg: Array
@@ -201,7 +202,10 @@ def build(
         unpack=ca.Function(
             "unpack",
             [x],
-            [ca.repmat(scale, 1, points) * part for scale, part in zip(physical, (q, v, u), strict=True)],
+            [
+                *(ca.repmat(scale, 1, points) * part for scale, part in zip(physical, (q, v, u), strict=True)),
+                ca.repmat(physical[0], 1, intervals + 1) * nodes_q,
+            ],
         ),
         intervals=intervals,
         degree=degree,
@@ -247,7 +251,7 @@ def solve(
     x0 = start_values(problem) if start is None else start
     answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
     stats = solver.stats()
-    poses, rates, actuators = (np.asarray(part).T for part in problem.unpack(answer["x"]))
+    poses, rates, actuators, node_poses = (np.asarray(part).T for part in problem.unpack(answer["x"]))
     loads = problem.surrogate(poses)
     wanted, rz = problem.wanted.at(problem.wanted.time_s[0] + problem.times)
     status = str(stats["return_status"])
@@ -255,6 +259,7 @@ def solve(
         poses=poses,
         rates=rates,
         actuators=actuators,
+        node_poses=node_poses,
         loads=loads,
         load_error=loads - wanted,
         flexion_error_deg=np.degrees(poses[:, _RZ] - rz),

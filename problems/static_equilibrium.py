@@ -35,6 +35,7 @@ import casadi as ca
 import numpy as np
 import typer
 from numpy.typing import ArrayLike
+from scipy.optimize import root
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
@@ -237,18 +238,25 @@ def solve(
     )
 
 
-def on_model(problem: StaticEquilibrium, poses: Array, model: ContactModel) -> Array:
-    """The poses (n, 6) at which another contact model carries the same loads, by Newton's method from poses near by;
-    NaN in rows where it finds none."""
+def on_model(problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel) -> Array:
+    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by SciPy's
+    Powell hybrid method with the model's Jacobian; NaN where there was none to begin from or none is found."""
     columns = problem.columns
     contact = wrench_function(model)
     residual = _residual_function(contact, problem.free, problem.about, problem.stiffness)
-    options: dict[str, Any] = {"abstol": 1e-3, "error_on_fail": False, "max_iter": 50}
-    newton = ca.rootfinder("equilibrium", "newton", residual, options)
-    found = poses.copy()
-    for row in range(len(poses)):
-        q = newton(poses[row, columns] / STEPS[columns], problem.loads[row], problem.rest[row])
-        found[row, columns] = np.asarray(q).ravel() * STEPS[columns] if newton.stats()["success"] else np.nan
+    q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
+    slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
+    found = np.full_like(result.poses, np.nan)
+    for row in np.flatnonzero(result.converged):
+        given = (problem.loads[row], problem.rest[row])
+        answer = root(
+            lambda q, given=given: np.asarray(residual(q, *given)).ravel(),
+            result.poses[row, columns] / STEPS[columns],
+            jac=lambda q, given=given: np.asarray(slope(q, *given)),
+        )
+        if np.abs(answer.fun).max() <= TOLERANCE_N:
+            found[row] = problem.rest[row]
+            found[row, columns] = answer.x * STEPS[columns]
     return found
 
 

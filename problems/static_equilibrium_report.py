@@ -69,7 +69,7 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
     ef = {
         name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
     }
-    ef_poses = {name: on_model(problem, result.poses, foundation) for name, foundation in foundations.items()}
+    ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
     console = Console()
     table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
     table.add_column("flexion [deg]", justify="right")
@@ -90,7 +90,7 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
     for row in np.flatnonzero(~result.converged):
         console.print(f"row {row}: {result.reason[row]}", highlight=False)
     off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
-    moved = {name: np.abs(poses - result.poses).max(axis=0) for name, poses in ef_poses.items()}
+    moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
     for name, difference in off.items():
         console.print(
             f"EF {grids[name][0]}×{grids[name][1]} - surrogate, largest: force {difference[:, :3].max():.2g} N, "
@@ -127,6 +127,11 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
         beside.write_text(json.dumps(summary, indent=1), "utf-8")
     draw(result, ef_poses["fine"], ef["fine"], out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _largest(moves: Array) -> Array:
+    """Largest size (6,) over the rows that hold numbers, 0 where none does."""
+    return np.abs(np.nan_to_num(moves)).max(axis=0)
 
 
 def _write_csv(path: Path, problem: StaticEquilibrium, result: EquilibriumResult, ef: Array) -> None:
