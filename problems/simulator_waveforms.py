@@ -26,12 +26,11 @@ class Waveform:
 
     def at(self, share: Any) -> Any:
         """Value at a share of the cycle: a number, a NumPy array or a CasADi expression."""
+        library: Any = ca if isinstance(share, ca.SX | ca.MX) else np
         total = self.base + 0.0 * share
         for height, centre, width in self.bumps:
-            nearness = (ca.cos if isinstance(share, ca.SX | ca.MX) else np.cos)(2.0 * np.pi * (share - centre)) - 1.0
-            total = total + height * (ca if isinstance(share, ca.SX | ca.MX) else np).exp(
-                nearness / (2.0 * np.pi * width) ** 2
-            )
+            nearness = library.cos(2.0 * np.pi * (share - centre)) - 1.0
+            total = total + height * library.exp(nearness / (2.0 * np.pi * width) ** 2)
         return total
 
     def scaled(self, factor: float) -> Waveform:
