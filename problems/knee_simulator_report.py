@@ -149,7 +149,7 @@ def _run_record(run: Run, runs: list[Run]) -> dict[str, Any]:
 
 def _race_table(runs: list[Run], integrator: str, repeats: int) -> Table:
     table = Table(title=f"Knee simulator, {integrator}: medians of {repeats} runs in turn")
-    for column in ("model", "tol", "steps", "rhs", "Jac", "ms per s", "ratio", "off mm", "off deg"):
+    for column in ("model", "tol", "steps", "rhs", "Jac", "ms/s", "ratio", "off mm", "off °"):
         table.add_column(column, justify="left" if column == "model" else "right", no_wrap=True)
     for run in runs:
         sim = run.simulation
@@ -211,9 +211,10 @@ def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: Ene
     axes[0, 0].set_title("axial force [N]")
     axes[0, 0].legend(fontsize=8)
     axes[0, 1].plot(time_s, waves.ap_n.at(share), color="#0072B2", label="anterior-posterior force [N]")
-    axes[0, 1].plot(time_s, waves.ie_nmm.at(share) / 10.0, color="#D55E00", label="torque [N·cm]")
+    axes[0, 1].plot(time_s, waves.ie_nmm.at(share) / 100.0, color="#D55E00", label="torque [N·m × 10]")
     axes[0, 1].plot(time_s, waves.flexion_deg.at(share), color="#009E73", label="flexion [deg]")
     axes[0, 1].set_title("applied, prescribed")
+    axes[0, 1].set_ylim(bottom=-420.0)
     axes[0, 1].legend(fontsize=8, loc="lower right")
     for axis, name in zip((axes[0, 2], axes[0, 3], *axes[1, :3]), POSE_NAMES[:5], strict=True):
         column = POSE_NAMES.index(name)
@@ -234,4 +235,4 @@ def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: Ene
         axis.grid(alpha=0.3)
     figure.suptitle("Load-driven knee simulator, one cycle")
     with replacing(path) as beside:
-        figure.savefig(beside, dpi=80, format="png")
+        figure.savefig(beside, dpi=76, format="png")

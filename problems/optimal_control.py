@@ -213,20 +213,18 @@ def build(
 
 
 def start_values(problem: OptimalControl) -> Array:
-    """x at poses in static equilibrium with the wanted loads, flexion as wanted, moving from one to the next; actuators
-    at the wanted loads, as if nothing else acted."""
+    """x at poses in static equilibrium with the wanted loads at the ends of intervals, flexion as wanted, and a spline
+    between them; actuators at the wanted loads, as if nothing else acted."""
     surrogate, wanted = problem.surrogate, problem.wanted
     node_times = np.linspace(0.0, wanted.time_s[-1] - wanted.time_s[0], problem.intervals + 1)
-    times = np.union1d(node_times, problem.times)
-    loads, rz = wanted.at(wanted.time_s[0] + times)
-    rest = np.tile(middle_pose(surrogate), (len(times), 1))
+    loads, rz = wanted.at(wanted.time_s[0] + node_times)
+    rest = np.tile(middle_pose(surrogate), (len(node_times), 1))
     rest[:, _RZ] = rz
     total = loads @ total_selection(surrogate.load_names).T
     poses = static_equilibrium.solve(static_equilibrium.build(surrogate, total, rest=rest)).poses
-    motion = CubicSpline(times, poses)
-    about_moving = total.copy()
-    about_moving[:, 3:] -= np.cross(poses[:, :3], total[:, :3])
-    actuators = CubicSpline(times, about_moving)(problem.times) / (_LOAD_SCALE_N * IN_MM)
+    total[:, 3:] -= np.cross(poses[:, :3], total[:, :3])  # about the moving origin
+    motion = CubicSpline(node_times, poses)
+    actuators = CubicSpline(node_times, total)(problem.times) / (_LOAD_SCALE_N * IN_MM)
     parts = [part for at in (node_times, problem.times) for part in (motion(at) / STEPS, motion(at, 1) / _RATES)]
     return np.clip(np.concatenate([part.ravel() for part in (*parts, actuators)]), problem.lower, problem.upper)
 

@@ -127,4 +127,4 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, path: Path) 
         axis.grid(alpha=0.3)
     figure.suptitle(f"Optimal control: {result.ipopt_status}, {result.iterations} iterations")
     with replacing(path) as beside:
-        figure.savefig(beside, dpi=80, format="png")
+        figure.savefig(beside, dpi=72, format="png")
