@@ -35,11 +35,12 @@ from scipy.interpolate import CubicSpline
 from casadi_contact.conventions import Array, is_force, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.surrogate import Surrogate, load_surrogate
-from problems import knee_simulator, static_equilibrium
+from problems import static_equilibrium
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, SURROGATE_OPTIONS, generalised_forces
-from problems.knee_simulator import Rig
-from problems.static_equilibrium import middle_pose, pose_bounds
+from problems.learned_range import middle_pose, pose_bounds
+from problems.simulator_rig import Rig
+from problems.wanted_cycle import WantedCycle, simulated_cycle
 
 SCHEMES = ("radau", "legendre")
 FLEXION_RAD = np.radians(0.01)  # flexion off by this weighs as much as a force off by 1 N
@@ -48,20 +49,6 @@ _FLEXION_DAMPING = 1000.0  # N·mm·s/rad
 _RATES = 20.0 * STEPS  # [mm/s, rad/s] like in effect
 _LOAD_SCALE_N = 100.0  # of actuator loads (torques over 25 mm) and dynamics
 _RZ = pose_index("rz")
-
-
-@dataclass(frozen=True)
-class WantedCycle:
-    """time_s (n,) from 0 over one cycle; loads (n, L) as in ``load_names`` of the surrogate; rz (n,) [rad]."""
-
-    time_s: Array
-    loads: Array
-    rz: Array
-
-    def at(self, time_s: Array) -> tuple[Array, Array]:
-        """Loads (m, L) and rz (m,) at other times, by cubic splines."""
-        spline = CubicSpline(self.time_s, np.column_stack([self.loads, self.rz]))(time_s)
-        return spline[:, :-1], spline[:, -1]
 
 
 @dataclass(frozen=True)
@@ -99,18 +86,6 @@ class ControlResult:
     ipopt_status: str
     iterations: int
     seconds: float
-
-
-def simulated_cycle(surrogate: Surrogate, rig: Rig | None = None, frames: int = 401) -> WantedCycle:
-    """The loads that the knee simulator's second cycle, by then periodic, carries."""
-    simulator = knee_simulator.build(surrogate, rig=rig)
-    motion = knee_simulator.solve(simulator, cycles=2.0, frames=2 * frames - 1, tolerance=1e-8)
-    second = slice(frames - 1, None)
-    return WantedCycle(
-        time_s=motion.time_s[second] - motion.time_s[frames - 1],
-        loads=surrogate(motion.poses[second]),
-        rz=motion.poses[second, _RZ],
-    )
 
 
 def _point_function(surrogate: Surrogate, rig: Rig) -> ca.Function:

@@ -40,14 +40,14 @@ from scipy.optimize import root
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.files import writable_folder
-from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
+from problems.equilibrium_start import pressed_together
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, generalised_forces, wrench_function
+from problems.learned_range import middle_pose, pose_bounds
 
 FREE = ("tx", "ty", "tz", "rx", "ry")
 SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.0e5}  # [N/mm, N·mm/rad]
 TOLERANCE_N = 0.1  # of every residual, torques over 25 mm
-_LEAST_FORCE_N = 20.0  # of each side while settling, so that a start is always in contact
 
 
 @dataclass(frozen=True)
@@ -87,20 +87,6 @@ class EquilibriumResult:
     ipopt_status: str
     iterations: int
     seconds: float
-
-
-def pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:
-    """Range (6,), (6,) of the pose that the surrogate was trained on, unbounded where it does not say."""
-    ranges = surrogate.record.get("pose_range", {})
-    pairs = np.array([ranges.get(name, (-np.inf, np.inf)) for name in POSE_NAMES])
-    return pairs[:, 0], pairs[:, 1]
-
-
-def middle_pose(surrogate: Surrogate) -> Array:
-    """The middle (6,) of the learned range, 0 where there is none."""
-    low, high = pose_bounds(surrogate)
-    bounded = np.isfinite(low) & np.isfinite(high)
-    return 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
 
 
 def _residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
@@ -166,34 +152,6 @@ def build(
     )
 
 
-def _start(problem: StaticEquilibrium, start: Array) -> Array:
-    """Poses in the learned range, locked parameters as given, ty and rx settled under each side's share of the load."""
-    poses, surrogate = start.copy(), problem.surrogate
-    columns = problem.columns
-    low, high = pose_bounds(surrogate)
-    poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
-    locked = [i for i in range(6) if i not in columns]
-    poses[:, locked] = problem.rest[:, locked]
-    anchors_z = surrogate.scene.anchors_mm[:, 2]
-    sides = surrogate.scene.sensitive_loads
-    if len(sides) != 2 or not {"ty", "rx"} <= set(problem.free):
-        return poses
-    # Two vertical forces at the condyles' centres with the wanted sum and the wanted torque about x.
-    down = -problem.loads[:, WRENCH_NAMES.index("Fy")]
-    torque = problem.loads[:, WRENCH_NAMES.index("Tx")]
-    first = (torque - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
-    least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))
-    first = np.clip(first, least, np.maximum(down - least, least))
-    shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
-    inside = np.zeros(len(poses), dtype=bool)
-    for begin in (poses, problem.rest):  # where a start leads out of the learned range, begin at rest
-        tried, report = settle(surrogate, begin, ("ty", "rx"), shares, tolerance=1.0, max_iterations=30)
-        good = ~inside & report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
-        poses = np.where(good[:, None], tried, poses)
-        inside |= good
-    return poses
-
-
 def solve(
     problem: StaticEquilibrium, start: ArrayLike | None = None, max_iterations: int = 300, print_level: int = 0
 ) -> EquilibriumResult:
@@ -205,7 +163,7 @@ def solve(
     poses = problem.rest.copy() if start is None else as_poses(start).copy()
     if len(poses) != len(problem.loads):
         raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(problem.loads)} loads")
-    poses = _start(problem, poses)
+    poses = pressed_together(problem.surrogate, poses, problem.rest, problem.loads, problem.free)
     columns = problem.columns
     options: dict[str, Any] = {
         "ipopt": {

@@ -8,8 +8,9 @@ import pytest
 
 import casadi_contact as cc
 from problems import knee_simulator, static_equilibrium
-from problems.knee_simulator import Rig
+from problems.learned_range import pose_bounds
 from problems.simulator_balance import EnergyBalance, lifting_energy, unbalanced
+from problems.simulator_rig import Rig
 from problems.simulator_waveforms import WALKING, Waveforms
 
 
@@ -59,7 +60,7 @@ def test_golden_poses_of_the_walking_cycle(motion):
 
 
 def test_poses_and_loads_stay_in_the_learned_range(knee, motion):
-    low, high = static_equilibrium.pose_bounds(knee)
+    low, high = pose_bounds(knee)
     assert ((motion.poses > low) & (motion.poses < high)).all()
     assert knee(motion.poses, ["Fy_lat"]).min() > -885.0  # the samples' largest lateral load in D3
 

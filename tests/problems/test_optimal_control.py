@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.conventions import WRENCH_NAMES
 from problems import knee_simulator, optimal_control
-from problems.optimal_control import WantedCycle
+from problems.wanted_cycle import WantedCycle, simulated_cycle
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def knee():
 
 @pytest.fixture(scope="module")
 def wanted(knee):
-    return optimal_control.simulated_cycle(knee, frames=201)
+    return simulated_cycle(knee, frames=201)
 
 
 @pytest.fixture(scope="module")
