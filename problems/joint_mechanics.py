@@ -16,9 +16,8 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.surrogate import Surrogate
-from problems.foundation_callback import FoundationCallback
+from problems.foundation_callback import FoundationCallback, total_selection
 
 SURROGATE_OPTIONS: dict[str, Any] = {}  # keywords of Surrogate.function for every problem here
 LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
@@ -32,9 +31,11 @@ def wrench_function(model: ContactModel | Surrogate, name: str = "contact_wrench
     A surrogate gives its own function with exact derivatives; any other contact model is called back, with its
     analytic Jacobian. Raises ValueError where the model lacks a component of the wrench.
     """
-    if isinstance(model, Surrogate):
-        return model.function(WRENCH_NAMES, name, **SURROGATE_OPTIONS)
-    return FoundationCallback(model, name)
+    if not isinstance(model, Surrogate):
+        return FoundationCallback(model, name)
+    pose = ca.MX.sym("pose", 6)
+    loads = model.function(name=f"{name}_loads", **SURROGATE_OPTIONS)(pose)
+    return ca.Function(name, [pose], [ca.mtimes(ca.sparsify(ca.DM(total_selection(model.load_names))), loads)])
 
 
 def angular_velocity_map(angles: Any) -> Any:

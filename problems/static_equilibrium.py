@@ -42,6 +42,7 @@ from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses
 from casadi_contact.files import writable_folder
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from problems.equilibrium_start import pressed_together
+from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, generalised_forces, wrench_function
 from problems.learned_range import middle_pose, pose_bounds
 
@@ -186,7 +187,7 @@ def solve(
     status = str(stats["return_status"])
     return EquilibriumResult(
         poses=poses,
-        wrenches=problem.surrogate(poses, WRENCH_NAMES),
+        wrenches=problem.surrogate(poses) @ total_selection(problem.surrogate.load_names).T,
         misfit_n=misfit,
         converged=converged,
         reason=_reasons(problem, misfit, converged, status),
@@ -248,6 +249,7 @@ def run(
     flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,5,15,30,45,60,75",
     soft: Annotated[bool, typer.Option(help="free rz too, with soft-tissue springs slack at the flexion")] = False,
     starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 20,
+    warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
     out: Annotated[Path, typer.Option(help="folder for static_equilibrium.csv, .png, .json")] = Path("results"),
 ) -> None:
     """Find the poses that carry six loads over flexion; check them on the EF and from random starts."""
@@ -265,8 +267,12 @@ def run(
     loads = np.tile([fx, fy, fz, tx, ty, tz], (len(angles), 1))
     free = POSE_NAMES if soft else FREE
     springs = np.array([SOFT_TISSUE[name] for name in POSE_NAMES]) if soft else None
-    problem = build(model, loads, free=free, rest=rest, stiffness=springs, about="moving")
-    result = solve(problem)
+
+    def on(chosen: Surrogate) -> StaticEquilibrium:
+        return build(chosen, loads, free=free, rest=rest, stiffness=springs, about="moving")
+
+    problem = on(model)
+    result = solve(problem, None if warm is None else solve(on(load_surrogate(warm))).poses)
     report(problem, result, out, random_starts(problem, result, starts) if starts else None)
     if not result.converged.all():
         rows = ", ".join(map(str, np.flatnonzero(~result.converged)))

@@ -92,10 +92,11 @@ def report(problem: StaticEquilibrium, result: EquilibriumResult, out: Path, sta
     off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
     for name, difference in off.items():
+        found = int(np.isfinite(ef_poses[name][:, 0]).sum())
         console.print(
             f"EF {grids[name][0]}×{grids[name][1]} - surrogate, largest: force {difference[:, :3].max():.2g} N, "
-            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium lies {moved[name][:3].max():.2g} mm, "
-            f"{np.degrees(moved[name][3:].max()):.2g}° away",
+            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium, found in {found} rows, lies "
+            f"{moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away",
             highlight=False,
         )
     if starts is not None:
