@@ -52,8 +52,8 @@ _RZ = pose_index("rz")
 class KneeSimulator:
     """Equations that can be looked at unsolved: dae for casadi.integrator, with the powers as quadratures by choice.
 
-    rate: (state (10), t) -> d state/dt; powers: (state, t) -> `POWERS` [N·mm/s]; applied: (pose, t) -> applied wrench
-    about the moving origin (6); contact: pose -> wrench on the insert (6), kept here because callbacks must live.
+    rate: (state (10), t) -> d state/dt; powers: (state, t) -> `POWERS` [N·mm/s]; applied: t -> applied wrench about the
+    moving origin (6); contact: pose -> wrench on the insert (6), kept here because callbacks must live.
     """
 
     model: ContactModel | Surrogate

@@ -31,6 +31,8 @@ class Rig:
         for name in ("damping_ns_per_mm", "damping_nmms_per_rad"):
             if not min(getattr(self, name)) >= 0.0:
                 raise ValueError(f"rig: {name} is {getattr(self, name)}, expected numbers >= 0")
+        if len(self.rest_mm_rad) != 5:
+            raise ValueError(f"rig: rest_mm_rad has {len(self.rest_mm_rad)} numbers, expected 5: tx ty tz rx ry")
         if not (self.ap_spring_n_per_mm >= 0.0 and self.ie_spring_nmm_per_deg >= 0.0 and self.period_s > 0.0):
             raise ValueError("rig: a spring is negative or the period not positive, expected springs >= 0, period > 0")
 
