@@ -1,0 +1,22 @@
+"""The range of poses that a surrogate has learned, as arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.surrogate import Surrogate
+
+
+def pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:
+    """Range (6,), (6,) of the pose that the surrogate was trained on, unbounded where it does not say."""
+    ranges = surrogate.record.get("pose_range", {})
+    pairs = np.array([ranges.get(name, (-np.inf, np.inf)) for name in POSE_NAMES])
+    return pairs[:, 0], pairs[:, 1]
+
+
+def middle_pose(surrogate: Surrogate) -> Array:
+    """The middle (6,) of the learned range, 0 where there is none."""
+    low, high = pose_bounds(surrogate)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    return 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))

@@ -1,0 +1,186 @@
+"""Forward simulation: rest, energy, convergence, golden poses, and the same motion on the elastic foundation."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from problems import knee_simulator, static_equilibrium
+from problems.learned_range import pose_bounds
+from problems.simulator_balance import EnergyBalance, lifting_energy, unbalanced
+from problems.simulator_rig import Rig
+from problems.simulator_waveforms import WALKING, Waveforms
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+@pytest.fixture(scope="module")
+def simulator(knee):
+    return knee_simulator.build(knee)
+
+
+@pytest.fixture(scope="module")
+def start(simulator):
+    return knee_simulator.start_state(simulator)
+
+
+@pytest.fixture(scope="module")
+def motion(simulator, start):
+    return knee_simulator.solve(simulator, start, tolerance=1e-9, energies=True)
+
+
+def largest_difference(a, b):
+    off = np.abs(a.poses - b.poses)
+    return off[:, :3].max(), np.degrees(off[:, 3:].max())
+
+
+def test_waveforms_are_periodic_and_of_the_standards_size():
+    share = np.linspace(0.0, 1.0, 1001)
+    for wave in (WALKING.flexion_deg, WALKING.axial_n, WALKING.ap_n, WALKING.ie_nmm):
+        assert wave.at(0.0) == pytest.approx(wave.at(1.0), abs=1e-9)
+    assert WALKING.axial_n.at(share).max() == pytest.approx(2600.0, rel=0.03)
+    assert WALKING.flexion_deg.at(share).max() == pytest.approx(58.0, rel=0.03)
+    assert WALKING.ap_n.at(share).min() == pytest.approx(-265.0, rel=0.03)
+    assert WALKING.ie_nmm.at(share).min() == pytest.approx(-6000.0, rel=0.03)
+
+
+def test_golden_poses_of_the_walking_cycle(motion):
+    golden = {
+        10: [0.751, 27.242, -0.005, 0.0012, 0.0082],
+        50: [0.011, 27.534, 0.178, -0.0049, -0.0476],
+        80: [-0.028, 27.265, 0.001, 0.0002, -0.0001],
+    }
+    for frame, pose in golden.items():
+        np.testing.assert_allclose(motion.poses[frame, :5], pose, atol=2e-3)
+
+
+def test_poses_and_loads_stay_in_the_learned_range(knee, motion):
+    low, high = pose_bounds(knee)
+    assert ((motion.poses > low) & (motion.poses < high)).all()
+    assert knee(motion.poses, ["Fy_lat"]).min() > -885.0  # the samples' largest lateral load in D3
+
+
+def test_energy_is_accounted_for(simulator, motion):
+    balance = EnergyBalance.of(simulator, motion)
+    turnover = np.abs(balance.applied + balance.drive).max()
+    assert turnover > 100.0
+    assert np.abs(balance.error).max() < 1e-6 * turnover
+    # The work against contact comes back when contact does: forces of springs along fixed normals nearly derive from
+    # an energy, and the surrogate has learned that.
+    assert np.abs(balance.unstored).max() < 0.01 * turnover
+    assert balance.stored.max() > 50.0
+    assert (np.diff(balance.dissipation) >= 0.0).all()
+
+
+def test_the_stored_energy_is_the_elastic_foundations(knee, motion):
+    poses = motion.poses[::20]
+    foundation = cc.ElasticFoundation(knee.scene, (80, 40))
+    np.testing.assert_allclose(lifting_energy(knee, poses), lifting_energy(foundation, poses), rtol=0.02, atol=0.05)
+
+
+def test_at_rest_it_stays_at_rest(knee):
+    held = knee_simulator.build(knee, Waveforms.constant(25.0, 900.0, -80.0, -1500.0))
+    still = knee_simulator.solve(held, cycles=0.5, frames=6, tolerance=1e-8)
+    np.testing.assert_allclose(still.states, np.tile(still.states[0], (6, 1)), atol=1e-5)
+    # and what it rests on is the static equilibrium's wrench: applied loads less the springs
+    rest = static_equilibrium.build(
+        knee,
+        np.asarray(held.applied(0.0)).T,
+        rest=[0.0, 0.0, 0.0, 0.0, 0.0, -np.radians(25.0)],
+        stiffness=np.append(held.rig.stiffness, 0.0),
+        about="moving",
+    )
+    np.testing.assert_allclose(static_equilibrium.solve(rest).poses[0], still.poses[-1], atol=1e-5)
+
+
+def test_damped_motion_comes_to_rest_in_the_static_equilibrium(knee):
+    held = knee_simulator.build(knee, Waveforms.constant(25.0, 900.0))
+    rest = knee_simulator.start_state(held)
+    off = rest + np.array([0.5, 0.3, 0.2, 0.004, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    moved = knee_simulator.solve(held, off, cycles=3.0, frames=4, tolerance=1e-8)
+    np.testing.assert_allclose(moved.states[-1], rest, atol=1e-4)
+
+
+def test_error_falls_with_the_tolerance_and_idas_agrees(simulator, start, motion):
+    errors = [
+        max(largest_difference(knee_simulator.solve(simulator, start, tolerance=tolerance), motion))
+        for tolerance in (1e-3, 1e-5, 1e-7)
+    ]
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+    assert errors[2] < 1e-4
+    by_idas = knee_simulator.solve(simulator, start, integrator="idas", tolerance=1e-7)
+    assert max(largest_difference(by_idas, motion)) < 1e-3
+
+
+def test_the_elastic_foundation_moves_alike_on_the_same_integrator(knee, simulator, start):
+    foundation = cc.ElasticFoundation(knee.scene, (80, 40))
+    on_foundation = knee_simulator.solve(knee_simulator.build(foundation), start, cycles=0.6, frames=31, tolerance=1e-4)
+    on_surrogate = knee_simulator.solve(simulator, start, cycles=0.6, frames=31, tolerance=1e-4)
+    mm, deg = largest_difference(on_surrogate, on_foundation)
+    assert mm < 0.02
+    assert deg < 0.02
+    left = unbalanced(on_surrogate, foundation)
+    assert np.abs(left[:, :3]).max() < 10.0
+
+
+def test_a_lighter_load_presses_less(knee, motion):
+    lighter = knee_simulator.build(knee, WALKING.with_loads_scaled(0.4))
+    half = knee_simulator.solve(lighter, frames=21, tolerance=1e-5)
+    ratio = half.wrenches[:, 1].min() / motion.wrenches[:, 1].min()
+    assert ratio == pytest.approx(0.5, abs=0.02)
+
+
+def test_wrong_requests_are_refused(knee, simulator):
+    with pytest.raises(ValueError, match="integrator is 'euler', expected one of cvodes, idas"):
+        knee_simulator.solve(simulator, integrator="euler")
+    with pytest.raises(ValueError, match="start has shape"):
+        knee_simulator.solve(simulator, np.zeros(6))
+    with pytest.raises(ValueError, match="mass_kg"):
+        Rig(mass_kg=(0.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match="load scale is -1"):
+        WALKING.with_loads_scaled(-1.0)
+    with pytest.raises(ValueError, match="no equilibrium to start from"):
+        knee_simulator.start_state(knee_simulator.build(knee, Waveforms.constant(20.0, -500.0)))
+    foundation = knee_simulator.build(cc.ElasticFoundation(knee.scene, (40, 30)))
+    with pytest.raises(ValueError, match="a start is sought on a surrogate"):
+        knee_simulator.solve(foundation)
+    short = knee_simulator.solve(simulator, cycles=0.01, frames=2)
+    with pytest.raises(ValueError, match="energies=True"):
+        EnergyBalance.of(simulator, short)
+
+
+def command(monkeypatch, *arguments):
+    """Exit status (text where a mistake is reported) of the command line."""
+    monkeypatch.setattr(sys, "argv", ["knee_simulator", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        knee_simulator.main()
+    return end.value.code
+
+
+def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypatch):
+    assert command(monkeypatch, "--out", tmp_path, "--cycles", 0.02, "--repeats", 1) == 0
+    summary = json.loads((tmp_path / "knee_simulator.json").read_text("utf-8"))
+    assert {run["model"] for run in summary["runs"]} == {"surrogate", "EF 80×40", "EF 160×80"}
+    assert all(run["off_mm"] < 0.02 for run in summary["runs"])
+    assert (tmp_path / "knee_simulator.csv").read_text("utf-8").count("\n") == 102
+    assert (tmp_path / "knee_simulator.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--surrogate", "hip"), "unknown surrogate 'hip'"),
+        (("--integrator", "euler"), "integrator is 'euler'"),
+        (("--load-scale", "0"), "load scale is 0.0"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments, said, tmp_path, monkeypatch):
+    code = command(monkeypatch, "--out", tmp_path, *arguments)
+    assert code.startswith("knee_simulator: ")
+    assert said in code
+    assert "\n" not in code

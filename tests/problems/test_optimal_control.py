@@ -1,0 +1,126 @@
+"""Optimal control of the simulated cycle: the known motion and loads are found again, to the transcription's order."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import casadi_contact as cc
+from casadi_contact.conventions import WRENCH_NAMES
+from problems import knee_simulator, optimal_control
+from problems.wanted_cycle import WantedCycle, simulated_cycle
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+@pytest.fixture(scope="module")
+def wanted(knee):
+    return simulated_cycle(knee, frames=201)
+
+
+@pytest.fixture(scope="module")
+def solved(knee, wanted):
+    problem = optimal_control.build(knee, wanted, intervals=25)
+    return problem, optimal_control.solve(problem)
+
+
+@pytest.fixture(scope="module")
+def simulated(knee):
+    """The simulator, and its poses in the second cycle as a function of time."""
+    simulator = knee_simulator.build(knee)
+    motion = knee_simulator.solve(simulator, cycles=2.0, frames=401, tolerance=1e-8)
+    return simulator, CubicSpline(motion.time_s - 1.0, motion.poses)
+
+
+def applied_loads(simulator, times):
+    return np.array([np.asarray(simulator.applied(t)).ravel() for t in times])
+
+
+def test_wanted_loads_are_tracked_with_all_six_degrees_free(solved):
+    _, result = solved
+    assert result.converged, result.ipopt_status
+    assert result.iterations < 40
+    assert np.sqrt(np.mean(result.load_error[:, :4] ** 2)) < 0.1  # forces [N]
+    assert np.sqrt(np.mean(result.load_error[:, 4:] ** 2)) < 2.0  # torques [N·mm]
+    assert np.abs(result.flexion_error_deg).max() < 0.01
+
+
+def test_it_finds_the_simulators_motion_and_applied_loads(solved, simulated):
+    problem, result = solved
+    off = np.abs(result.poses - simulated[1](problem.times)).max(axis=0)
+    assert off[:3].max() < 0.02
+    assert np.degrees(off[3:].max()) < 0.02
+    applied = applied_loads(simulated[0], problem.times)
+    # 25 intervals hold the accelerations less well than the poses.
+    for name, scale in (("Fx", 200.0), ("Fy", 2000.0), ("Ty", 4800.0)):
+        column = WRENCH_NAMES.index(name)
+        assert np.sqrt(np.mean((result.actuators[:, column] - applied[:, column]) ** 2)) < 0.05 * scale
+
+
+def test_actuators_come_closer_to_the_applied_loads_with_more_intervals(knee, wanted, solved, simulated):
+    coarse_problem = optimal_control.build(knee, wanted, intervals=12)
+    fy = WRENCH_NAMES.index("Fy")
+    error = [
+        np.sqrt(np.mean((result.actuators - applied_loads(simulated[0], problem.times))[:, fy] ** 2))
+        for problem, result in ((coarse_problem, optimal_control.solve(coarse_problem)), solved)
+    ]
+    assert error[1] < 0.5 * error[0]
+
+
+def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
+    drifting = WantedCycle(wanted.time_s, wanted.loads, wanted.rz - 0.05 * wanted.time_s)
+    drift = {}
+    for periodic in (True, False):
+        result = optimal_control.solve(optimal_control.build(knee, drifting, intervals=12, periodic=periodic))
+        assert result.converged
+        drift[periodic] = result.node_poses[-1] - result.node_poses[0]
+    assert drift[False][5] < -0.03
+    np.testing.assert_allclose(drift[True], 0.0, atol=1e-8)
+
+
+def test_legendre_points_without_periodicity_give_the_same_motion(knee, wanted, simulated):
+    problem = optimal_control.build(knee, wanted, intervals=25, scheme="legendre", periodic=False)
+    result = optimal_control.solve(problem)
+    assert result.converged
+    np.testing.assert_allclose(result.poses, simulated[1](problem.times), atol=0.02)
+
+
+def test_the_elastic_foundation_carries_nearly_the_same(knee, solved):
+    _, result = solved
+    off = cc.ElasticFoundation(knee.scene, (160, 80))(result.poses) - result.loads
+    assert np.sqrt(np.mean(off[:, :2] ** 2)) < 2.0
+
+
+def test_wrong_requests_are_refused(knee, wanted):
+    with pytest.raises(ValueError, match="scheme is 'euler', expected one of radau, legendre"):
+        optimal_control.build(knee, wanted, scheme="euler")
+    with pytest.raises(ValueError, match="intervals 1"):
+        optimal_control.build(knee, wanted, intervals=1)
+    with pytest.raises(ValueError, match="wanted loads have shape"):
+        optimal_control.build(knee, WantedCycle(wanted.time_s, wanted.loads[:, :3], wanted.rz))
+
+
+def command(monkeypatch, *arguments):
+    """Exit status (text where a mistake is reported) of the command line."""
+    monkeypatch.setattr(sys, "argv", ["optimal_control", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        optimal_control.main()
+    return end.value.code
+
+
+def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch):
+    assert command(monkeypatch, "--out", tmp_path, "--intervals", 10, "--no-periodic") == 0
+    summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
+    assert summary["ipopt_status"] == "Solve_Succeeded"
+    assert (tmp_path / "optimal_control.csv").read_text("utf-8").count("\n") == 31
+    assert (tmp_path / "optimal_control.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mistake_is_one_line(tmp_path, monkeypatch):
+    code = command(monkeypatch, "--out", tmp_path, "--scheme", "euler")
+    assert code == "optimal_control: scheme is 'euler', expected one of radau, legendre"
