@@ -35,7 +35,7 @@ from casadi_contact.sampling import (
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycles
-from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
+from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, calibrated, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.transcription import save_function
@@ -173,7 +173,8 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
                 update(f"{structure} {name}", allotted, allotted, remark)
         surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
         record = _record(project, samples, surrogate, fits)
-        kind(project.scene, surrogate.networks, record).save(project.surrogate_path(structure))
+        trained_surrogate = calibrated(kind(project.scene, surrogate.networks, record), samples)
+        trained_surrogate.save(project.surrogate_path(structure))
         paths.append(project.surrogate_path(structure))
     return paths
 
@@ -203,6 +204,14 @@ def trained(project: Project) -> dict[str, Surrogate]:
     if not paths:
         raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
     return {structure: load_surrogate(path) for structure, path in paths.items()}
+
+
+def calibrate(project: Project) -> list[Path]:
+    """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
+    samples = project.samples()
+    for structure, surrogate in trained(project).items():
+        calibrated(surrogate, samples).save(project.surrogate_path(structure))
+    return [project.surrogate_path(structure) for structure in trained(project)]
 
 
 def evaluate(project: Project) -> Path:

@@ -48,7 +48,7 @@ def calibrated(surrogate: Surrogate, samples: Samples) -> Surrogate:
     kind = type(surrogate)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     coverage = trust_coverage(trusted, samples.select(role=TEST))
-    return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "trust": coverage}, trust)
+    return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "coverage": coverage}, trust)
 
 
 def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
