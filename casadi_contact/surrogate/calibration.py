@@ -23,12 +23,12 @@ COVERAGE = 0.95  # share of held-out errors below the expected error
 INSIDE = 0.995  # share of held-out poses near enough to the samples for a validity above 0.9
 CENTRES, DENSE_CENTRES = 256, 64
 BANDWIDTH, DENSE_BANDWIDTH = 0.5, 0.4  # of the scales, the deviation of an even spread over the sampled range
-SHARPNESS = 3.0
-MARGIN = 0.1  # of the sampled root loads: so far outside their range validity is below 0.05
+SHARPNESS = 1.8
+MARGIN = 0.2  # of the sampled root loads: so far outside their range validity is below 0.06, half as far 0.5
 NEIGHBOURS = 60  # samples around a centre that its error level comes from
 _LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
 _LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
-_LOGIT = float(np.log(9.0))  # of a validity of 0.9
+_EXCESS = 4.0 / 3.0  # at a validity of 0.1; its negative at 0.9
 
 
 def calibrated(surrogate: Surrogate, samples: Samples) -> Surrogate:
@@ -67,11 +67,11 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
         centres=centres,
         bandwidth=BANDWIDTH,
         sharpness=SHARPNESS,
-        edge=float(np.quantile(distance, INSIDE)) + _LOGIT / SHARPNESS,
+        edge=float(np.quantile(distance, INSIDE)) + _EXCESS / SHARPNESS,
         root_low=low,
         root_high=high,
-        margin_low=np.maximum(MARGIN * np.abs(low), boundary_root) / 6.0,
-        margin_high=np.maximum(MARGIN * np.abs(high), boundary_root) / 6.0,
+        margin_low=np.maximum(MARGIN * np.abs(low), boundary_root) / 4.0,
+        margin_high=np.maximum(MARGIN * np.abs(high), boundary_root) / 4.0,
         levels=np.zeros((len(centres), count)),
         dense_centres=dense,
         dense_bandwidth=DENSE_BANDWIDTH,

@@ -3,13 +3,16 @@
 Every cause of distrust is an excess u_i, below zero inside what was sampled and above zero outside:
 
     u_0 = sharpness·(E - edge),   E = -log Σ_j exp(-|z - c_j|²/2h²)    smooth squared distance from the sampled poses
-    u_p = (s_p - high_p)/margin_p - 3,  (low_p - s_p)/margin_p - 3     root load of patch p beyond the sampled range
+    u_p = (s_p - high_p)/margin_p - 2,  (low_p - s_p)/margin_p - 2     root load of patch p beyond the sampled range
 
 with z the pose over its scales and c_j centres spread over the sampled poses. A scale belongs to a parameter's whole
 sampled range: too coarse to tell depth, which the root loads tell, but no pose far away counts as known because a
 network there happens to give a known load. Together, and smooth to every order:
 
-    u = log Σ_i exp(u_i),   validity = 1/(1 + e^u)
+    u = log Σ_i exp(u_i),   validity = ½(1 - u/√(1 + u²))
+
+which is 0.9 at u = -4/3, 0.1 at u = 4/3, and far outside falls with a slope that leads an optimiser back (a logistic
+function is flat there: IPOPT, kept by validity >= 1/2, then solved none of the cases of which it now solves most).
 
 The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-out samples:
 
@@ -27,7 +30,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.special import expit, logsumexp
+from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
 from casadi_contact.surrogate.kernels import kernel_expressions, soft_distance, weighted_mean
@@ -68,13 +71,14 @@ class Trust:
     def excess(self, poses: Array, roots: Array) -> Array:
         """u (n,) of poses (n, 6) with root loads (n, P)."""
         tube = self.sharpness * (soft_distance(self.scaled(poses), self.centres, self.bandwidth) - self.edge)
-        deep = (roots - self.root_high) / self.margin_high - 3.0
-        far = (self.root_low - roots) / self.margin_low - 3.0
+        deep = (roots - self.root_high) / self.margin_high - 2.0
+        far = (self.root_low - roots) / self.margin_low - 2.0
         return np.asarray(logsumexp(np.column_stack([tube, deep, far]), axis=1))
 
     def validity(self, poses: Array, roots: Array) -> Array:
         """Validity (n,) in 0..1."""
-        return np.asarray(expit(-self.excess(poses, roots)))
+        u = self.excess(poses, roots)
+        return np.asarray(0.5 - 0.5 * u / np.sqrt(1.0 + u * u))
 
     def features(self, poses: Array, roots: Array) -> Array:
         """1, ρ, ρ², r_1, ..., r_P of each pose (n, 3 + P)."""
@@ -99,8 +103,8 @@ class Trust:
         z = ca.fmin(ca.fmax(pose / ca.DM(self.scales), -_FAR), _FAR)
         distance, weights = kernel_expressions(z, self.centres, self.bandwidth)
         tube = self.sharpness * (distance - self.edge)
-        deep = (roots - ca.DM(self.root_high)) / ca.DM(self.margin_high) - 3.0
-        far = (ca.DM(self.root_low) - roots) / ca.DM(self.margin_low) - 3.0
+        deep = (roots - ca.DM(self.root_high)) / ca.DM(self.margin_high) - 2.0
+        far = (ca.DM(self.root_low) - roots) / ca.DM(self.margin_low) - 2.0
         excess = ca.logsumexp(ca.vertcat(tube, deep, far))
         out = ca.fmax(excess, 0.0)
         growth = out * (out * out / (1.0 + out * out))
@@ -109,4 +113,4 @@ class Trust:
         pressed = 0.5 * (roots + ca.sqrt(roots**2 + self.boundary_root**2))
         features = ca.vertcat(1.0, rare, rare**2, pressed)
         inside = ca.mtimes(ca.DM(self.levels.T), weights) * ca.mtimes(ca.DM(self.shares), features)
-        return 0.5 * (1.0 - ca.tanh(0.5 * excess)), inside + growth * ca.DM(self.usual_loads)
+        return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), inside + growth * ca.DM(self.usual_loads)
