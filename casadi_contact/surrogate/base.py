@@ -11,7 +11,8 @@ import casadi as ca
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.network import Network
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.info import SurrogateInfo, describe
@@ -62,6 +63,11 @@ class Surrogate(ABC):
     @abstractmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         """Every network this structure can have for a scene, with its number of inputs."""
+
+    @staticmethod
+    @abstractmethod
+    def regressions(samples: Samples) -> list[Regression]:
+        """The regressions, one for each network, that samples pose."""
 
     @abstractmethod
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
@@ -118,7 +124,8 @@ class Surrogate(ABC):
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
-    def _trusted(self) -> Trust:
+    def trusted(self) -> Trust:
+        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
         if self.trust is None:
             raise ValueError(
                 "this surrogate has no validity and expected error (it was never calibrated, or written by an older "
@@ -129,23 +136,23 @@ class Surrogate(ABC):
 
     def validity(self, poses: ArrayLike) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
-        trust, poses = self._trusted(), as_poses(poses)
+        trust, poses = self.trusted(), as_poses(poses)
         return trust.validity(poses, self.root_loads(poses)[0])
 
     def expected_error(self, poses: ArrayLike) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
-        trust, poses = self._trusted(), as_poses(poses)
+        trust, poses = self.trusted(), as_poses(poses)
         return trust.expected_errors(poses, self.root_loads(poses)[0])
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
         """casadi.Function pose (6) -> validity (1), twice continuously differentiable: a constraint for IPOPT."""
-        trust, pose = self._trusted(), ca.MX.sym("pose", 6)
+        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
         validity, _ = trust.expressions(pose, self.root_function()(pose))
         return ca.Function(name, [pose], [validity], ["pose"], ["validity"])
 
     def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
         """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
-        trust, pose = self._trusted(), ca.MX.sym("pose", 6)
+        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
         _, errors = trust.expressions(pose, self.root_function()(pose))
         return ca.Function(name, [pose], [errors], ["pose"], ["expected_error"])
 

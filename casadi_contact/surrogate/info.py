@@ -4,6 +4,7 @@ The record is plain JSON data that travels in the surrogate's file. These keys a
 all others are kept and printed as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
+    pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9, and of
@@ -17,7 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.conventions import load_unit
+from casadi_contact.conventions import POSE_NAMES, load_unit
+from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 
@@ -119,3 +121,14 @@ def describe(
     """Collect a surrogate's description."""
     sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
     return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)
+
+
+def samples_record(samples: Samples) -> dict[str, Any]:
+    """The record's ``samples`` and ``pose_range`` of a surrogate trained on the samples that are not held back."""
+    used = samples.select(role=(TRAIN, VALIDATION)).poses
+    return {
+        "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "pose_range": {
+            name: [float(column.min()), float(column.max())] for name, column in zip(POSE_NAMES, used.T, strict=True)
+        },
+    }
