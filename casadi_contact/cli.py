@@ -1,4 +1,4 @@
-"""The command line: ``casadi-contact build | sample | train | calibrate | evaluate | export | info``, thin over `pipeline`."""
+"""The command line, thin over `pipeline`: ``casadi-contact build | sample | train | calibrate | evaluate | ...``."""
 
 from __future__ import annotations
 

@@ -84,8 +84,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def run(
     project: Annotated[Path, typer.Option(help="folder of a built scene, with samples.h5 and the surrogate")],
     structure: Annotated[str, typer.Option(help="patch or two_stage")] = "patch",
-    loads: Annotated[float, typer.Option(help="factor on the forces")] = 1.5,
-    flexion: Annotated[float, typer.Option(help="additional flexion [degrees]")] = 20.0,
+    loads: Annotated[float, typer.Option(help="factor on the forces")] = 2.0,
+    flexion: Annotated[float, typer.Option(help="additional flexion [degrees]")] = 40.0,
     frames: Annotated[int, typer.Option(min=2, help="frames of the cycle")] = 101,
     rounds: Annotated[int, typer.Option(min=0, help="refinements at most")] = 3,
     seconds: Annotated[float, typer.Option(help="training at most, for each network in each round")] = 30.0,

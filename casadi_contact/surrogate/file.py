@@ -151,5 +151,6 @@ def _read_network(group: h5py.Group) -> Network:
 
 
 def _read_trust(group: h5py.Group) -> Trust:
-    values = {field.name: group[field.name][()] for field in fields(Trust)}
-    return Trust(**{name: value if value.ndim else float(value) for name, value in values.items()})
+    arrays = {field.name: group[field.name][()] for field in fields(Trust)}
+    values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+    return Trust(**values)

@@ -7,8 +7,8 @@ all others are kept and printed as they are:
     pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
-    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9, and of
-                                                                    errors below the expected error (calibration)
+    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9,
+                                                                    and of errors below the expected error
     command, versions, seconds, seed, ...                           how it was made
 """
 

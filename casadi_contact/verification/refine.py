@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.evaluation import domain_errors
 from casadi_contact.sampling import SamplePoint, SamplingSettings
-from casadi_contact.sampling.chunk import Chunk, draw_chunk
+from casadi_contact.sampling.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.surrogate import Surrogate, calibrated
 from casadi_contact.surrogate.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
@@ -28,6 +29,10 @@ _TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, becau
 
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
+
+
+class RefinementModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that also gives the wrench of each patch, as elastic foundations and `CallableModel` do."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ def refine(
     surrogate: Surrogate,
     samples: Samples,
     solve: Solve,
-    model: ContactModel,
+    model: RefinementModel,
     *,
     rounds: int = 3,
     seconds: float = 60.0,
@@ -102,7 +107,7 @@ def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verifi
 def _drawn_around(
     surrogate: Surrogate,
     check: Verification,
-    model: ContactModel,
+    model: RefinementModel,
     point: SamplePoint,
     per_frame: int,
     rng: np.random.Generator,
@@ -115,7 +120,7 @@ def _drawn_around(
     starts = frames.copy()
     starts[:, columns] += SPREAD * trust.scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
     loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
-    pressing = [name in scene.sensitive_loads for name in point.load_inputs]
+    pressing = np.array([name in scene.sensitive_loads for name in point.load_inputs])
     loads[:, pressing] = np.minimum(loads[:, pressing], -scene.boundary_load)
     role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
     lifted = rng.random(len(frames)) < LIFTED_SHARE
@@ -128,7 +133,8 @@ def _drawn_around(
     if not any(len(part.poses) for part in parts):
         reasons = sorted({reason for part in parts for reason in part.dropped})
         raise ValueError(f"no sample could be drawn around the failing frames: {'; '.join(reasons)}")
-    return Samples(scene, **{name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS})
+    drawn: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    return Samples(scene, **drawn)
 
 
 def _trained_on(

@@ -18,8 +18,8 @@ LEAST_VALIDITY = 0.5
 class Verification:
     """Surrogate against contact model at the poses (n, 6) of a solution; ``print`` it.
 
-    solved (n,): False for frames that the problem's solver gave up; errors (n, L): surrogate minus model [N, N·mm] of load_names; tolerances (L,): the scene's; validity (n,) and
-    expected (n, L): what the surrogate itself says there.
+    solved (n,): False for frames that the problem's solver gave up; errors (n, L): surrogate minus model [N, N·mm] of
+    load_names; tolerances (L,): the scene's; validity (n,) and expected (n, L): what the surrogate itself says there.
     """
 
     load_names: tuple[str, ...]
@@ -83,8 +83,10 @@ def verify(
     """Compare surrogate and contact model at the poses (n, 6) of a solution, against the scene's tolerances.
 
     model: what decides; its own error should be well below the tolerances (the scene's teacher grid, for an elastic
-    foundation). solved (n,): False for frames that the problem's solver gave up, which then do not pass. Raises ValueError for bad or no poses, for a model without the surrogate's loads, and for a surrogate
-    that was not calibrated.
+    foundation). solved (n,): False for frames that the problem's solver gave up, which then do not pass.
+
+    Raises ValueError for bad or no poses, for a model without the surrogate's loads, and for a surrogate that was not
+    calibrated.
     """
     poses = as_poses(poses)
     if not len(poses):

@@ -1,4 +1,4 @@
-"""Validity and expected error of the shipped knee: NumPy = CasADi, smooth, honest far outside, covering unseen walking."""
+"""Validity and expected error of the shipped knee: NumPy = CasADi, smooth, honest far outside, cover unseen walking."""
 
 import casadi as ca
 import numpy as np
