@@ -8,8 +8,11 @@ import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.evaluation import unseen_walking
 from casadi_contact.sampling import SamplingSettings, reference_motion
+from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycles
+from problems import pose_estimation
 from tests.random_surrogates import random_surrogate
+from tests.shared_data import shared_file
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +133,17 @@ def test_expected_error_covers_unseen_walking(name, low, high, walking):
     share = np.mean(error <= surrogate.expected_error(walking))
     assert low <= share <= high
     assert surrogate.validity(walking).min() > 0.9
+
+
+@pytest.mark.parametrize("cycle", ["og1", "og4"])
+def test_expected_error_covers_measured_walking(knee, cycle):
+    """Cycles of the instrumented knee that the built-in ones derive from, none of which is a sample."""
+    measured = read_cycle(shared_file(f"data/jw/{cycle}_loads.csv"))
+    poses = pose_estimation.solve(pose_estimation.build(knee, measured)).poses
+    teacher = cc.ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
+    share = np.mean(np.abs(knee(poses) - teacher(poses)) <= knee.expected_error(poses))
+    assert 0.93 <= share <= 0.99
+    assert knee.validity(poses).min() > 0.9
 
 
 def test_ipopt_keeps_to_the_learned_region_and_comes_back_to_it(knee, walking):
