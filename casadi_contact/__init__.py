@@ -8,5 +8,16 @@ from casadi_contact.contact import CallableModel, ElasticFoundation
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, settle
 from casadi_contact.surrogate import load_surrogate
+from casadi_contact.verification import refine, verify
 
-__all__ = ["CallableModel", "ElasticFoundation", "Scene", "load_scene", "load_surrogate", "relax", "settle"]
+__all__ = [
+    "CallableModel",
+    "ElasticFoundation",
+    "Scene",
+    "load_scene",
+    "load_surrogate",
+    "refine",
+    "relax",
+    "settle",
+    "verify",
+]

@@ -1,4 +1,4 @@
-"""The command line: ``casadi-contact build | sample | train | evaluate | export | info | cycle``, a thin layer."""
+"""The command line, thin over `pipeline`: ``casadi-contact build | sample | train | calibrate | evaluate | ...``."""
 
 from __future__ import annotations
 
@@ -93,6 +93,13 @@ def sample(
 def train(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Train the preset's networks on the samples."""
     _train(_project(scene, preset, out))
+
+
+@app.command()
+def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+    """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
+    for path in pipeline.calibrate(_project(scene, preset, out)):
+        console.print(f"calibrated {path}", highlight=False)
 
 
 @app.command()

@@ -72,6 +72,13 @@ class Samples:
             rows &= np.isin(self.role, role)
         return Samples(self.scene, **{name: getattr(self, name)[rows] for name in COLUMNS}, provenance=self.provenance)
 
+    def joined(self, more: Samples) -> Samples:
+        """These samples and then more of the same scene; raises ValueError for another scene."""
+        if more.scene.digest != self.scene.digest:
+            raise ValueError("the samples to join belong to another scene (digests differ)")
+        columns = {name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in COLUMNS}
+        return Samples(self.scene, **columns, provenance=self.provenance)
+
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""
         return {

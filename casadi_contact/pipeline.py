@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples
+from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.files import replacing, writable_folder
@@ -35,8 +34,9 @@ from casadi_contact.sampling import (
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycles
-from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
+from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, calibrated, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.transcription import save_function
 from casadi_contact.workers import worker_pool
@@ -173,20 +173,16 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
                 update(f"{structure} {name}", allotted, allotted, remark)
         surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
         record = _record(project, samples, surrogate, fits)
-        kind(project.scene, surrogate.networks, record).save(project.surrogate_path(structure))
+        trained_surrogate = calibrated(kind(project.scene, surrogate.networks, record), samples)
+        trained_surrogate.save(project.surrogate_path(structure))
         paths.append(project.surrogate_path(structure))
     return paths
 
 
 def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any]) -> dict[str, Any]:
     """What the surrogate's file says of how it was made (see `surrogate.info`)."""
-    counts = {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, start=1)}
     return {
-        "samples": counts,
-        "pose_range": {
-            name: [float(column.min()), float(column.max())]
-            for name, column in zip(POSE_NAMES, samples.select(role=(TRAIN, VALIDATION)).poses.T, strict=True)
-        },
+        **samples_record(samples),
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",
@@ -203,6 +199,14 @@ def trained(project: Project) -> dict[str, Surrogate]:
     if not paths:
         raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
     return {structure: load_surrogate(path) for structure, path in paths.items()}
+
+
+def calibrate(project: Project) -> list[Path]:
+    """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
+    samples = project.samples()
+    for structure, surrogate in trained(project).items():
+        calibrated(surrogate, samples).save(project.surrogate_path(structure))
+    return [project.surrogate_path(structure) for structure in trained(project)]
 
 
 def evaluate(project: Project) -> Path:

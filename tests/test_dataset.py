@@ -2,7 +2,7 @@ import h5py
 import numpy as np
 import pytest
 
-from casadi_contact.dataset import TEST, TRAIN, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.dataset import COLUMNS, TEST, TRAIN, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.scenes import load_scene
 
 
@@ -54,6 +54,16 @@ def test_selection_by_domain_and_role():
     assert samples.counts()["D2"]["train"] == ((samples.domain == 2) & (samples.role == TRAIN)).sum()
     with pytest.raises(ValueError, match="unknown domain 'D9'"):
         samples.select(domain="D9")
+
+
+def test_samples_of_one_scene_are_joined():
+    samples = some_samples()
+    both = samples.joined(samples.select(role=TRAIN))
+    assert len(both) == 20 + len(samples.select(role=TRAIN))
+    np.testing.assert_array_equal(both.poses[:20], samples.poses)
+    other = Samples(load_scene("knee", youngs_modulus=400.0), *(getattr(samples, n) for n in COLUMNS))
+    with pytest.raises(ValueError, match="another scene"):
+        samples.joined(other)
 
 
 def test_mismatched_columns_are_refused():

@@ -76,6 +76,22 @@ def test_it_says_what_it_was_trained_on(project):
     assert "casadi-contact build knee" in str(info)
 
 
+def test_it_says_where_it_is_out_of_its_depth(project):
+    """Both structures are calibrated by training; calibrating anew from the same samples changes nothing."""
+    samples = project.samples()
+    low, high = samples.poses.min(axis=0), samples.poses.max(axis=0)
+    for structure in ("patch", "two_stage"):
+        surrogate = cc.load_surrogate(project.surrogate_path(structure))
+        assert np.median(surrogate.validity(samples.poses)) > 0.9
+        assert surrogate.validity([high + (high - low)])[0] < 0.01
+        assert 0.8 < surrogate.info().coverage["D1"]["Fy_med"] <= 1.0
+    before = cc.load_surrogate(project.surrogate_path("patch")).trust
+    pipeline.calibrate(project)
+    after = cc.load_surrogate(project.surrogate_path("patch")).trust
+    np.testing.assert_array_equal(after.levels, before.levels)
+    np.testing.assert_array_equal(after.shares, before.shares)
+
+
 def test_a_rerun_keeps_what_is_done(project):
     before = project.surrogate_path("patch").read_bytes(), project.samples_path.read_bytes()
     pipeline.sample(project)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import qmc
 
 from casadi_contact.conventions import Array
 
@@ -19,6 +18,8 @@ def hammersley(count: int, dimensions: int, shift: Array | None = None) -> Array
         raise ValueError(
             f"got {count} Hammersley points in {dimensions} dimensions, expected count >= 0, dimensions >= 1"
         )
+    from scipy.stats import qmc  # a second of import that nothing but sampling needs
+
     points = np.empty((count, dimensions))
     points[:, 0] = np.arange(count) / max(count, 1)
     if dimensions > 1:

@@ -10,11 +10,13 @@ from typing import Any, ClassVar
 import casadi as ca
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array
-from casadi_contact.network import Network
+from casadi_contact.conventions import Array, as_poses
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.info import SurrogateInfo, describe
+from casadi_contact.surrogate.trust import Trust
 from casadi_contact.transcription import export_c, function_with_derivatives
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
@@ -23,16 +25,24 @@ from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_
 class Surrogate(ABC):
     """Networks and the scene they were trained for.
 
-    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values.
+    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; trust: what
+    `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
     ``load_names`` are the scene's loads that the given networks are enough for.
     """
 
     structure: ClassVar[str]
 
-    def __init__(self, scene: Scene, networks: Mapping[str, Network], record: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        networks: Mapping[str, Network],
+        record: Mapping[str, Any] | None = None,
+        trust: Trust | None = None,
+    ) -> None:
         self.scene = scene
         self.networks = dict(networks)
         self.record = dict(record or {})
+        self.trust = trust
         self.patch_names = scene.patch_names
         known = self.network_inputs(scene)
         for name, network in self.networks.items():
@@ -54,6 +64,11 @@ class Surrogate(ABC):
     @abstractmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         """Every network this structure can have for a scene, with its number of inputs."""
+
+    @staticmethod
+    @abstractmethod
+    def regressions(samples: Samples) -> list[Regression]:
+        """The regressions, one for each network, that samples pose."""
 
     @abstractmethod
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
@@ -112,6 +127,38 @@ class Surrogate(ABC):
         missing = [name for name in self._root_networks() if name not in self.networks]
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
+
+    def trusted(self) -> Trust:
+        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
+        if self.trust is None:
+            raise ValueError(
+                "this surrogate has no validity and expected error (it was never calibrated, or written by an older "
+                "version): build it again, or run casadi-contact calibrate on its samples"
+            )
+        self._check_roots()
+        return self.trust
+
+    def validity(self, poses: ArrayLike) -> Array:
+        """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
+        trust, poses = self.trusted(), as_poses(poses)
+        return trust.validity(poses, self.root_loads(poses)[0])
+
+    def expected_error(self, poses: ArrayLike) -> Array:
+        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
+        trust, poses = self.trusted(), as_poses(poses)
+        return trust.expected_errors(poses, self.root_loads(poses)[0])
+
+    def validity_function(self, name: str = "contact_validity") -> ca.Function:
+        """casadi.Function pose (6) -> validity (1), twice continuously differentiable: a constraint for IPOPT."""
+        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
+        validity, _ = trust.expressions(pose, self.root_function()(pose))
+        return ca.Function(name, [pose], [validity], ["pose"], ["validity"])
+
+    def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
+        """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
+        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
+        _, errors = trust.expressions(pose, self.root_function()(pose))
+        return ca.Function(name, [pose], [errors], ["pose"], ["expected_error"])
 
     def function(
         self,
@@ -208,4 +255,4 @@ class Surrogate(ABC):
 
     def save(self, path: str | Path) -> None:
         """Write an HDF5 file that `load_surrogate` reads; raises OSError where it cannot be written."""
-        write_file(path, Content(self.structure, self.scene, self.networks, self.record))
+        write_file(path, Content(self.structure, self.scene, self.networks, self.record, self.trust))

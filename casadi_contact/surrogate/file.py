@@ -4,6 +4,7 @@
 /scene           scene as TOML text
 /record          JSON text: what trained it, errors per domain, versions, command
 /networks/NAME   attributes activation, output_scale; data sets input_shift, input_scale, weight_0, bias_0, ...
+/trust           from format 2, where the surrogate was calibrated: a data set for each field of `Trust`
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,10 @@ import numpy as np
 
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 1
+FORMAT = 2  # 1 has no trust
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,10 @@ class Content:
     scene: Scene
     networks: Mapping[str, Network]
     record: Mapping[str, Any]
+    trust: Trust | None = None
 
 
-def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Network]) -> str:
+def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Network], trust: Trust | None) -> str:
     digest = hashlib.sha256()
     for text in (structure, scene, record):
         digest.update(text.encode() + b"\0")
@@ -45,6 +48,10 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
         digest.update(f"{name} {network.activation} {float(network.output_scale)!r} {network.hidden}".encode())
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    if trust is not None:
+        for field in fields(trust):
+            array = np.ascontiguousarray(getattr(trust, field.name), dtype="<f8")
+            digest.update(f"{field.name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
 
 
@@ -64,7 +71,7 @@ def write_file(path: str | Path, content: Content) -> None:
             file.attrs["kind"] = KIND
             file.attrs["format"] = FORMAT
             file.attrs["structure"] = content.structure
-            file.attrs["digest"] = _digest(content.structure, scene, record, content.networks)
+            file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
             file["scene"] = scene
             file["record"] = record
             networks = file.create_group("networks", track_order=True)
@@ -77,6 +84,10 @@ def write_file(path: str | Path, content: Content) -> None:
                 for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
                     group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
                     group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
+            if content.trust is not None:
+                group = file.create_group("trust")
+                for field in fields(content.trust):
+                    group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
         os.replace(beside, path)
     except OSError as error:
         raise OSError(f"cannot write surrogate file {path}: {error}") from None
@@ -97,14 +108,15 @@ def read_file(path: str | Path) -> Content:
         with h5py.File(path, "r") as file:
             if file.attrs.get("kind") != KIND:
                 raise _RefusedError(f"{path} is not a surrogate file, expected one written by casadi_contact")
-            if file.attrs["format"] != FORMAT:
+            if not 1 <= file.attrs["format"] <= FORMAT:
                 raise _RefusedError(
-                    f"{path} has surrogate format {file.attrs['format']}, this version reads {FORMAT}: "
+                    f"{path} has surrogate format {file.attrs['format']}, this version reads up to {FORMAT}: "
                     "update casadi_contact, or build the surrogate again"
                 )
             structure = str(file.attrs["structure"])
             scene, record = file["scene"][()].decode(), file["record"][()].decode()
             networks = {name: _read_network(group) for name, group in file["networks"].items()}
+            trust = _read_trust(file["trust"]) if "trust" in file else None
             digest = file.attrs["digest"]
     except _RefusedError as refusal:
         raise ValueError(str(refusal)) from None
@@ -114,10 +126,10 @@ def read_file(path: str | Path) -> Content:
         raise ValueError(f"{path} is damaged or not an HDF5 file, expected a surrogate file") from None
     except Exception as error:  # h5py raises many kinds for damaged bytes
         raise ValueError(f"{path} is damaged ({type(error).__name__} while reading), build or copy it again") from None
-    if _digest(structure, scene, record, networks) != digest:
+    if _digest(structure, scene, record, networks, trust) != digest:
         raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
     try:
-        return Content(structure, Scene.from_toml(scene), networks, json.loads(record))
+        return Content(structure, Scene.from_toml(scene), networks, json.loads(record), trust)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -136,3 +148,9 @@ def _read_network(group: h5py.Group) -> Network:
         output_scale=float(group.attrs["output_scale"]),
         activation=str(group.attrs["activation"]),
     )
+
+
+def _read_trust(group: h5py.Group) -> Trust:
+    arrays = {field.name: group[field.name][()] for field in fields(Trust)}
+    values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+    return Trust(**values)

@@ -4,8 +4,11 @@ The record is plain JSON data that travels in the surrogate's file. These keys a
 all others are kept and printed as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
+    pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
+    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9,
+                                                                    and of errors below the expected error
     command, versions, seconds, seed, ...                           how it was made
 """
 
@@ -15,11 +18,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.conventions import load_unit
+from casadi_contact.conventions import POSE_NAMES, load_unit
+from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 
-_TABLES = ("samples", "training_errors", "test_errors")
+_TABLES = ("samples", "training_errors", "test_errors", "coverage")
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,12 @@ class SurrogateInfo:
         """Per domain and load: ``rms`` and ``max`` on held-back samples, N or N·mm."""
         return self.record.get("test_errors", {})
 
+    @property
+    def coverage(self) -> Mapping[str, Mapping[str, float]]:
+        """Per domain: share of held-back samples inside the learned region ("valid") and, per load, of errors below
+        the expected error; empty for a surrogate that was not calibrated."""
+        return self.record.get("coverage", {})
+
     def __str__(self) -> str:
         parameters = sum(network.parameters for network in self.networks.values())
         lines = [
@@ -75,6 +85,7 @@ class SurrogateInfo:
         else:
             lines.append("trained on: not recorded")
         lines += self._test_lines()
+        lines += self._coverage_lines()
         lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
         return "\n".join(lines)
 
@@ -90,6 +101,19 @@ class SurrogateInfo:
             lines.append(f"  {domain:<7}" + "".join(f"{cell:>16}" for cell in cells))
         return lines
 
+    def _coverage_lines(self) -> list[str]:
+        if not self.coverage:
+            return ["validity and expected error: not calibrated"]
+        columns = ("valid", *self.loads)
+        lines = [
+            "held-back samples with validity above 0.9, errors below the expected error [%]:",
+            "  domain " + "".join(f"{column:>8}" for column in columns),
+        ]
+        for domain, shares in self.coverage.items():
+            cells = [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
+            lines.append(f"  {domain:<7}" + "".join(f"{cell:>8}" for cell in cells))
+        return lines
+
 
 def describe(
     structure: str, scene: Scene, loads: tuple[str, ...], networks: Mapping[str, Network], record: Mapping[str, Any]
@@ -97,3 +121,14 @@ def describe(
     """Collect a surrogate's description."""
     sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
     return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)
+
+
+def samples_record(samples: Samples) -> dict[str, Any]:
+    """The record's ``samples`` and ``pose_range`` of a surrogate trained on the samples that are not held back."""
+    used = samples.select(role=(TRAIN, VALIDATION)).poses
+    return {
+        "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "pose_range": {
+            name: [float(column.min()), float(column.max())] for name, column in zip(POSE_NAMES, used.T, strict=True)
+        },
+    }

@@ -41,6 +41,6 @@ def _load(path: Path) -> Surrogate:
     if content.structure not in STRUCTURES:
         raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
     try:
-        return STRUCTURES[content.structure](content.scene, content.networks, content.record)
+        return STRUCTURES[content.structure](content.scene, content.networks, content.record, content.trust)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

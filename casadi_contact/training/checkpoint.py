@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
 
 FORMAT = 1
@@ -27,8 +27,8 @@ _NOT_IN_DIGEST = ("max_time_s", "max_iterations", "device", "chunk_rows", "check
 _log = logging.getLogger(__name__)
 
 
-def digest(regression: Regression, settings: TrainingSettings) -> str:
-    """Hex name of the data and of the settings that shape the result (not of limits and machine)."""
+def digest(regression: Regression, settings: TrainingSettings, start: Network | None = None) -> str:
+    """Hex name of the data, the settings that shape the result (not limits and machine) and the start."""
     chosen = {key: value for key, value in asdict(settings).items() if key not in _NOT_IN_DIGEST}
     head = json.dumps([FORMAT, regression.name, float(regression.tolerance), chosen], sort_keys=True)
     name = hashlib.sha256(head.encode())
@@ -36,6 +36,10 @@ def digest(regression: Regression, settings: TrainingSettings) -> str:
         array = np.ascontiguousarray(array)
         name.update(f"{array.dtype.str}{array.shape}".encode())
         name.update(array.data)
+    if start is not None:
+        for array in (start.input_shift, start.input_scale, *start.weights, *start.biases):
+            name.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        name.update(repr(float(start.output_scale)).encode())
     return name.hexdigest()
 
 

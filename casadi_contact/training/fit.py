@@ -75,21 +75,27 @@ def fit(
     settings: TrainingSettings | None = None,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
+    start: Network | None = None,
 ) -> Fit:
     """Fit a network within the settings' limits; the best found is returned, whatever the reason to stop.
+
+    start: a network to go on from instead of random weights, of the settings' first size and activation.
 
     With a ``checkpoint`` path the state is written there every ``checkpoint_every_s`` and on Ctrl-C; a later call
     with the same regression and settings goes on from it (its allotted time too), or returns a finished fit at once.
     More ``max_time_s`` or ``max_iterations`` than before continues a fit that those had ended.
 
-    Raises ValueError for a regression that cannot be fitted (NaN, shapes) and for a checkpoint of other data.
+    Raises ValueError for a regression that cannot be fitted (NaN, shapes), for a start of another size, and for a
+    checkpoint of other data.
     """
     settings = settings or TrainingSettings()
     check(regression)
-    identity = checkpoint_file.digest(regression, settings) if checkpoint else ""
+    if start is not None:
+        _check_start(regression, settings, start)
+    identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
     saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
     with threadpool_limits(settings.threads):
-        search = Search(regression, settings, saved)
+        search = Search(regression, settings, saved, start)
         snapshot, written = search.snapshot(), time.monotonic()
         began = time.monotonic() - search.seconds
         try:
@@ -106,6 +112,15 @@ def fit(
             if checkpoint:
                 checkpoint_file.write(checkpoint, identity, search.content(snapshot))
         return _result(regression, search)
+
+
+def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:
+    got = (len(start.input_shift), start.hidden, start.activation)
+    wanted = (regression.inputs.shape[1], settings.sizes[0], settings.activation)
+    if got != wanted:
+        raise ValueError(
+            f"regression {regression.name}: start has (inputs, hidden layers, activation) {got}, expected {wanted}"
+        )
 
 
 def _result(regression: Regression, search: Search) -> Fit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,14 @@ _LIMITS = (stopping.TIME_USED, stopping.ITERATION_LIMIT)
 class Search:
     """One fit in progress; `iterate` until ``stop_reason`` is set."""
 
-    def __init__(self, regression: Regression, settings: TrainingSettings, saved: dict[str, Any] | None = None) -> None:
-        self.regression, self.settings = regression, settings
+    def __init__(
+        self,
+        regression: Regression,
+        settings: TrainingSettings,
+        saved: dict[str, Any] | None = None,
+        start: Network | None = None,
+    ) -> None:
+        self.regression, self.settings, self._given = regression, settings, start
         self._arrays = arrays_for(settings.device)
         self._training, self._validation = ~regression.validation, regression.validation
         self.history = History()
@@ -160,11 +166,17 @@ class Search:
         return [self.settings.seed, level, self.attempt]
 
     def _fresh(self, level: int | None = None) -> Network:
-        """A random network of one size, scaled by the training rows alone."""
+        """A random network of one size, scaled by the training rows alone; first of all the given start."""
         level = self.level if level is None else level
+        if self._given is not None and level == 0 and self.attempt == 0:
+            return self._given
         rows, regression = self._training, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
-        return initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
+        fresh = initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
+        if self._given is None or level > 0:
+            return fresh
+        scales = ("input_shift", "input_scale", "output_scale")  # kept, so that weights of all attempts compare
+        return replace(fresh, **{name: getattr(self._given, name) for name in scales})
 
     def _grow(self) -> None:
         """Go on with the next size: warm if it is only wider, from random weights if it is deeper (see `widen`)."""

@@ -84,8 +84,8 @@ def test_damaged_files_are_refused(saved):
 
 def test_foreign_and_newer_files_are_refused(saved, tmp_path):
     with h5py.File(saved, "r+") as file:
-        file.attrs["format"] = 2
-    with pytest.raises(ValueError, match="format 2, this version reads 1"):
+        file.attrs["format"] = 3
+    with pytest.raises(ValueError, match="format 3, this version reads up to 2"):
         load_surrogate(saved)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1.0
@@ -94,6 +94,24 @@ def test_foreign_and_newer_files_are_refused(saved, tmp_path):
     (tmp_path / "text.h5").write_text("hello")
     with pytest.raises(ValueError, match="not an HDF5 file"):
         load_surrogate(tmp_path / "text.h5")
+
+
+def test_files_from_before_validity_still_load_and_say_what_they_lack(saved):
+    with h5py.File(saved, "r+") as file:
+        file.attrs["format"] = 1
+    old = load_surrogate(saved)
+    assert old(random_poses(3)).shape == (3, 7)
+    with pytest.raises(ValueError, match="older version"):
+        old.validity(random_poses(3))
+
+
+def test_a_changed_bound_is_found(tmp_path):
+    path = tmp_path / "knee.h5"
+    load_surrogate("knee").save(path)
+    with h5py.File(path, "r+") as file:
+        file["trust/levels"][0, 0] *= 0.5
+    with pytest.raises(ValueError, match="check sum"):
+        load_surrogate(path)
 
 
 def test_unknown_names_and_missing_files_are_named(tmp_path):

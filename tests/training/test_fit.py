@@ -249,3 +249,27 @@ def test_duplicated_rows_and_constant_inputs_are_fitted():
 def test_bad_settings_are_refused_by_name(change, message):
     with pytest.raises(ValueError, match=message):
         replace(FIXED, **change)
+
+
+def test_a_start_is_gone_on_from():
+    """On shifted data a warm fit begins where the first one ended, with the first one's scales, and gets better."""
+    data = smooth()
+    first = fit(data, FIXED)
+    moved = replace(data, inputs=data.inputs + 0.01, targets=1.01 * data.targets)
+    short = replace(FIXED, max_iterations=5)
+    warm, cold = fit(moved, short, start=first.network), fit(moved, short)
+    assert warm.rms < 0.2 * cold.rms
+    np.testing.assert_array_equal(warm.network.input_shift, first.network.input_shift)
+    assert warm.network.output_scale == first.network.output_scale
+    same = fit(data, replace(FIXED, max_iterations=1), start=first.network)
+    assert same.rms <= first.rms * (1.0 + 1e-9)
+
+
+def test_a_start_of_another_size_or_with_another_checkpoint_is_refused(tmp_path):
+    data = smooth()
+    network = fit(data, replace(FIXED, max_iterations=2)).network
+    with pytest.raises(ValueError, match=r"start has .*\(6, 5\).* expected .*\(4, 4\)"):
+        fit(data, replace(FIXED, sizes=((4, 4),)), start=network)
+    fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz", start=network)
+    with pytest.raises(ValueError, match="other data or settings"):
+        fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz")

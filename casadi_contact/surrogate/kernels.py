@@ -1,0 +1,40 @@
+"""Gaussian kernels around centres: k_j(z) = -|z - c_j|²/2h², in NumPy and in CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+from scipy.special import logsumexp, softmax
+
+from casadi_contact.conventions import Array
+
+_ROWS = 2000  # rows worked on at once
+
+
+def _blocks(points: Array, centres: Array, bandwidth: float) -> Iterator[Array]:
+    for start in range(0, max(len(points), 1), _ROWS):
+        block = points[start : start + _ROWS, None]
+        yield -0.5 * ((block - centres) ** 2).sum(axis=2) / bandwidth**2
+
+
+def soft_distance(points: Array, centres: Array, bandwidth: float) -> Array:
+    """E (n,) = -log Σ_j exp k_j of points (n, 6): smooth; of the size |z - nearest centre|²/2h²."""
+    return np.concatenate([-logsumexp(k, axis=1) for k in _blocks(points, centres, bandwidth)])
+
+
+def weighted_mean(points: Array, centres: Array, bandwidth: float, values: Array) -> Array:
+    """Σ_j w_j·values_j (n, L) with w = softmax(k), for values (K, L)."""
+    return np.concatenate([softmax(k, axis=1) @ values for k in _blocks(points, centres, bandwidth)])
+
+
+def kernel_expressions(z: ca.MX, centres: Array, bandwidth: float) -> tuple[ca.MX, ca.MX]:
+    """E (1) and the weights w (K) of a point z (6).
+
+    |z - c|² is written out: derivatives of 2·c·z are matrix products, and |z|²/2h² is common to all kernels.
+    """
+    h2 = bandwidth**2
+    kernels = ca.mtimes(ca.DM(centres), z) / h2 - ca.DM((centres**2).sum(axis=1) / (2.0 * h2))
+    total = ca.logsumexp(kernels)
+    return 0.5 * ca.sumsqr(z) / h2 - total, ca.exp(kernels - total)

@@ -1,0 +1,108 @@
+"""Re-evaluation of a solved problem's poses on the contact model that the surrogate stands for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import Array, as_poses, load_unit
+from casadi_contact.surrogate import Surrogate
+
+LEAST_VALIDITY = 0.5
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Surrogate against contact model at the poses (n, 6) of a solution; ``print`` it.
+
+    solved (n,): False for frames that the problem's solver gave up; errors (n, L): surrogate minus model [N, N·mm] of
+    load_names; tolerances (L,): the scene's; validity (n,) and expected (n, L): what the surrogate itself says there.
+    """
+
+    load_names: tuple[str, ...]
+    poses: Array
+    solved: np.ndarray
+    errors: Array
+    tolerances: Array
+    validity: Array
+    expected: Array
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square difference of each load (L,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors**2, axis=0)))
+
+    @property
+    def worst(self) -> Array:
+        """Largest difference of each load (L,)."""
+        return np.asarray(np.abs(self.errors).max(axis=0))
+
+    @property
+    def outside(self) -> np.ndarray:
+        """True (n,) for frames outside the learned region, validity below 1/2."""
+        return self.validity < LEAST_VALIDITY
+
+    @property
+    def failing(self) -> np.ndarray:
+        """True (n,) for frames unsolved, outside the learned region or with a load off by more than its tolerance."""
+        return ~self.solved | self.outside | (np.abs(self.errors) > self.tolerances).any(axis=1)
+
+    @property
+    def passed(self) -> bool:
+        """Every load within the scene's tolerance (root mean square), every frame solved and in the learned region."""
+        return bool((self.rms <= self.tolerances).all() and self.solved.all() and not self.outside.any())
+
+    def __str__(self) -> str:
+        lines = [
+            f"{len(self.poses)} frames, surrogate - model:",
+            f"  {'load':<8}{'RMS':>10}{'worst':>10}{'tolerance':>11}",
+        ]
+        for name, rms, worst, tolerance in zip(self.load_names, self.rms, self.worst, self.tolerances, strict=True):
+            verdict = "" if rms <= tolerance else "  too large"
+            lines.append(f"  {name:<8}{rms:>10.3g}{worst:>10.3g}{tolerance:>11.3g} {load_unit(name)}{verdict}")
+        lines.append(f"  {_listed(self.outside)} outside the learned region")
+        if not self.solved.all():
+            lines.append(f"  {_listed(~self.solved)} not solved")
+        lines.append("  passed" if self.passed else "  not passed")
+        return "\n".join(lines)
+
+
+def _listed(rows: np.ndarray) -> str:
+    """Number of frames and, of the first of them, which."""
+    frames = np.flatnonzero(rows)
+    which = f" ({', '.join(map(str, frames[:10]))}{', ...' if len(frames) > 10 else ''})" if len(frames) else ""
+    return f"{len(frames)} of {len(rows)} frames{which}"
+
+
+def verify(
+    surrogate: Surrogate, poses: ArrayLike, model: ContactModel, solved: np.ndarray | None = None
+) -> Verification:
+    """Compare surrogate and contact model at the poses (n, 6) of a solution, against the scene's tolerances.
+
+    model: what decides; its own error should be well below the tolerances (the scene's teacher grid, for an elastic
+    foundation). solved (n,): False for frames that the problem's solver gave up, which then do not pass.
+
+    Raises ValueError for bad or no poses, for a model without the surrogate's loads, and for a surrogate that was not
+    calibrated.
+    """
+    poses = as_poses(poses)
+    if not len(poses):
+        raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
+    if solved is not None and np.shape(solved) != (len(poses),):
+        raise ValueError(f"solved has shape {np.shape(solved)}, expected ({len(poses)},), one for each pose")
+    missing = [name for name in surrogate.load_names if name not in model.load_names]
+    if missing:
+        raise ValueError(f"the model lacks the loads {', '.join(missing)}, expected all that the surrogate gives")
+    columns = [model.load_names.index(name) for name in surrogate.load_names]
+    return Verification(
+        surrogate.load_names,
+        poses,
+        np.ones(len(poses), dtype=bool) if solved is None else np.asarray(solved, dtype=bool),
+        surrogate(poses) - model(poses)[:, columns],
+        np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names]),
+        surrogate.validity(poses),
+        surrogate.expected_error(poses),
+    )

@@ -1,0 +1,119 @@
+"""A walking cycle beyond what a surrogate learned: more load, more flexion, brought to tolerance by `refine`.
+
+The reference cycle with its forces multiplied and its flexion increased is solved by pose estimation, verified on the
+elastic foundation's teacher grid, and as long as that fails the surrogate learns around the failing frames. Needs the
+samples that the surrogate was trained on: a folder made by ``casadi-contact build``.
+
+Run ``python -m problems.refine_beyond --project results/knee-quick``.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import read_samples
+from casadi_contact.files import replacing, writable_folder
+from casadi_contact.scenes.cycles import LoadCycle
+from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.verification import Refinement, Solve, refine
+from problems import pose_estimation
+
+
+def beyond(cycle: LoadCycle, loads: float, flexion_deg: float) -> LoadCycle:
+    """The cycle with its forces times `loads`, and `flexion_deg` more flexion (rz is negative) in every frame."""
+    return replace(
+        cycle,
+        name=f"{cycle.name}, {loads:g} times the loads, {flexion_deg:g}° more flexion",
+        rz=cycle.rz - np.deg2rad(flexion_deg),
+        fy_med=loads * cycle.fy_med,
+        fy_lat=loads * cycle.fy_lat,
+    )
+
+
+def build(cycle: LoadCycle, tell: Callable[[str], None] | None = None) -> Solve:
+    """The problem that `refine` solves again and again: surrogate -> poses of the cycle, and which frames converged."""
+
+    def solve(surrogate: Surrogate) -> tuple[Array, np.ndarray]:
+        result = pose_estimation.solve(pose_estimation.build(surrogate, cycle))
+        if tell is not None:
+            tell(f"{int(result.converged.sum())} of {len(cycle)} frames converged")
+        return result.poses, result.converged
+
+    return solve
+
+
+def report(result: Refinement, path: Path) -> None:
+    """One row for each solution: samples added and seconds spent before it, RMS of each load, frames outside."""
+    names = result.surrogate.load_names
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            ("round", "samples_added", "seconds", "passed", "unsolved", "outside", *(f"rms_{n}" for n in names))
+        )
+        costs = zip([0, *result.added], [0.0, *result.seconds], result.verifications, strict=True)
+        for number, (added, seconds, check) in enumerate(costs):
+            rms = [f"{value:.4g}" for value in check.rms]
+            writer.writerow(
+                (
+                    number,
+                    added,
+                    f"{seconds:.1f}",
+                    check.passed,
+                    int((~check.solved).sum()),
+                    int(check.outside.sum()),
+                    *rms,
+                )
+            )
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def run(
+    project: Annotated[Path, typer.Option(help="folder of a built scene, with samples.h5 and the surrogate")],
+    structure: Annotated[str, typer.Option(help="patch or two_stage")] = "patch",
+    loads: Annotated[float, typer.Option(help="factor on the forces")] = 2.0,
+    flexion: Annotated[float, typer.Option(help="additional flexion [degrees]")] = 40.0,
+    frames: Annotated[int, typer.Option(min=2, help="frames of the cycle")] = 101,
+    rounds: Annotated[int, typer.Option(min=0, help="refinements at most")] = 3,
+    seconds: Annotated[float, typer.Option(help="training at most, for each network in each round")] = 30.0,
+    out: Annotated[Path, typer.Option(help="folder for refine_beyond.csv and refined.h5")] = Path("results"),
+) -> None:
+    """Solve a cycle outside the learned region, verify the solution, and refine the surrogate until it passes."""
+    writable_folder(out)  # before minutes of training
+    surrogate, samples = load_surrogate(project / f"{structure}.h5"), read_samples(project / "samples.h5")
+    cycle = beyond(reference_cycle(frames), loads, flexion)
+    teacher = ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
+    result = refine(surrogate, samples, build(cycle, print), teacher, rounds=rounds, seconds=seconds, progress=print)
+    print(result.verifications[-1])
+    print(f"{cycle.name}: {len(result.added)} rounds, {sum(result.added)} samples, {sum(result.seconds):.0f} s")
+    report(result, out / "refine_beyond.csv")
+    if result.added:
+        result.surrogate.save(out / "refined.h5")
+    if not result.passed:
+        print(f"refine_beyond: not within tolerance after {rounds} rounds", file=sys.stderr)
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1; a failed refinement is exit status 2."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        sys.exit(f"refine_beyond: {error}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""The cycle beyond the learned region: what the shipped knee still holds, what it says of the rest, one line for a
+mistake. Refinement itself is tested in tests/verification."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.dataset import Samples, write_samples
+from casadi_contact.scenes.motion import reference_cycle
+from problems import pose_estimation, refine_beyond
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A folder with the shipped knee and a few samples, enough to verify."""
+    folder = tmp_path_factory.mktemp("project")
+    knee = cc.load_surrogate("knee")
+    knee.save(folder / "patch.h5")
+    poses = pose_estimation.solve(pose_estimation.build(knee, reference_cycle(11))).poses
+    model = cc.ElasticFoundation(knee.scene)
+    ones = np.ones(len(poses), dtype=np.uint8)
+    write_samples(
+        folder / "samples.h5", Samples(knee.scene, poses, model.wrenches(poses), model.gaps(poses), ones, ones)
+    )
+    return folder
+
+
+def command(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "problems.refine_beyond", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+
+
+def test_the_cycle_is_heavier_and_more_flexed():
+    cycle = reference_cycle(11)
+    more = refine_beyond.beyond(cycle, 1.5, 20.0)
+    np.testing.assert_allclose(more.fy_med, 1.5 * cycle.fy_med)
+    np.testing.assert_allclose(np.rad2deg(more.rz), np.rad2deg(cycle.rz) - 20.0)
+    np.testing.assert_allclose(more.targets()["Tz"], 1.5 * cycle.targets()["Tz"])
+
+
+def test_one_and_a_half_times_the_loads_and_20_degrees_need_no_refinement(project, tmp_path):
+    done = command("--project", project, "--loads", 1.5, "--flexion", 20, "--frames", 21, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "0 rounds, 0 samples" in done.stdout
+    (row,) = csv.DictReader((tmp_path / "refine_beyond.csv").open(encoding="utf-8"))
+    assert row["passed"] == "True"
+    assert float(row["rms_Fy_med"]) < 1.0
+
+
+def test_twice_the_loads_and_40_degrees_are_seen_to_be_beyond(project, tmp_path):
+    done = command("--project", project, "--rounds", 0, "--frames", 21, "--out", tmp_path)
+    assert done.returncode == 2
+    assert "not within tolerance after 0 rounds" in done.stderr
+    (row,) = csv.DictReader((tmp_path / "refine_beyond.csv").open(encoding="utf-8"))
+    assert int(row["outside"]) > 0
+    assert not (tmp_path / "refined.h5").exists()
+
+
+def test_a_missing_project_is_one_line(tmp_path):
+    done = command("--project", tmp_path / "none", "--out", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("refine_beyond: surrogate file")
+    assert done.stderr.count("\n") == 1

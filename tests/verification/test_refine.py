@@ -1,0 +1,91 @@
+"""Refinement at small scale: a sphere pressed on a plane further out than its surrogate ever saw."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.surrogate import PatchSurrogate, calibrated
+from casadi_contact.surrogate.info import samples_record
+from casadi_contact.training import TrainingSettings, fit
+
+SCENE = cc.load_scene("sphere_on_plane")
+MODEL = cc.ElasticFoundation(SCENE, (60, 60))
+FAR_MM = 6.0
+
+
+def sampled(half_width_mm: float, count: int = 1500) -> Samples:
+    """Sphere settled under loads up to 1 kN within so many mm of the middle, some lifted off."""
+    rng = np.random.default_rng(4)
+    poses = np.zeros((count, 6))
+    poses[:, [0, 2]] = half_width_mm * rng.uniform(-1.0, 1.0, (count, 2))
+    poses[:, 3:] = rng.uniform(-0.05, 0.05, (count, 3))
+    poses[:, 1] = SCENE.geometry["radius"] - 0.05
+    poses, report = cc.settle(MODEL, poses, ("ty",), {"Fy": -rng.uniform(5.0, 1000.0, count)})
+    assert report.converged.all()
+    poses[::5, 1] += rng.uniform(0.0, 1.0, len(poses[::5]))
+    role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
+    return Samples(SCENE, poses, MODEL.wrenches(poses), MODEL.gaps(poses), np.ones(count, dtype=np.uint8), role)
+
+
+@pytest.fixture(scope="module")
+def start():
+    """A small surrogate of the middle of the plane, and its samples."""
+    samples = sampled(2.0)
+    settings = TrainingSettings(sizes=((6, 6),), max_time_s=5.0, max_iterations=150)
+    networks = {r.name: fit(r, settings).network for r in PatchSurrogate.regressions(samples)}
+    return calibrated(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
+
+
+def solve(surrogate):
+    """Poses from the middle to FAR_MM beside it, under 200 to 800 N; frames that do not settle are left where they are.
+
+    The last frame is kept in the learned range, as an optimiser's bounds would keep it.
+    """
+    high = surrogate.record["pose_range"]["tx"][1]
+    poses = np.zeros((15, 6))
+    poses[:, 0] = np.linspace(0.0, FAR_MM, 15)
+    poses[-1, 0] = min(FAR_MM, high)
+    poses[:, 1] = SCENE.geometry["radius"] - 0.05
+    poses, report = cc.settle(surrogate, poses, ("ty",), {"Fy": -np.linspace(200.0, 800.0, 15)})
+    return poses, report.converged & (poses[:, 0] == np.linspace(0.0, FAR_MM, 15))
+
+
+def test_a_case_outside_the_learned_region_is_brought_to_tolerance(start):
+    surrogate, samples = start
+    before = {name: network.weights[0].copy() for name, network in surrogate.networks.items()}
+    told = []
+    result = cc.refine(surrogate, samples, solve, MODEL, rounds=5, seconds=2.0, progress=told.append)
+    first = result.verifications[0]
+    assert not first.passed
+    assert not first.solved[-1]
+    assert first.outside.any()
+    assert result.passed
+    assert len(result.verifications) == len(result.added) + 1 == len(result.seconds) + 1
+    assert len(result.samples) == len(samples) + sum(result.added)
+    assert result.surrogate.record["pose_range"]["tx"][1] >= FAR_MM
+    assert result.surrogate.record["refined"] == len(result.added)
+    assert solve(result.surrogate)[1].all()
+    assert told
+    for name, weights in before.items():
+        np.testing.assert_array_equal(surrogate.networks[name].weights[0], weights, "the given one is unchanged")
+
+
+def test_what_passes_is_returned_as_it_is_and_rounds_may_be_used_up(start):
+    surrogate, samples = start
+    given_up = cc.refine(surrogate, samples, solve, MODEL, rounds=0)
+    assert not given_up.passed
+    assert given_up.surrogate is surrogate
+    at_home = cc.refine(surrogate, samples, lambda _: (samples.poses[:1], np.array([True])), surrogate)
+    assert at_home.passed
+    assert at_home.added == []
+    assert at_home.surrogate is surrogate
+
+
+def test_mistakes_are_named(start):
+    surrogate, samples = start
+    with pytest.raises(ValueError, match="rounds is -1"):
+        cc.refine(surrogate, samples, solve, MODEL, rounds=-1)
+    sunk = np.array([[1e4, 500.0, 0.0, 0.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match="no sample could be drawn"):
+        cc.refine(surrogate, samples, lambda _: (sunk, np.array([True])), MODEL)
