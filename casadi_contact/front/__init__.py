@@ -1,0 +1,5 @@
+"""The measured speed-accuracy front: train its sizes, measure it, choose from it."""
+
+from casadi_contact.front.sizes import Sized, planned, train_sizes
+
+__all__ = ["Sized", "planned", "train_sizes"]
