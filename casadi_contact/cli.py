@@ -1,4 +1,4 @@
-"""The command line: ``casadi-contact build | sample | train | evaluate | export | info``, thin over `pipeline`."""
+"""The command line: ``casadi-contact build | sample | train | evaluate | chart | choose | ...``, over `pipeline`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact import pipeline
+from casadi_contact import front, pipeline
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.surrogate import load_surrogate
@@ -103,6 +103,23 @@ def evaluate(scene: SceneName, preset: PresetName = "quick", out: Out = None) ->
 def export(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Write CasADi files, and C source with an example."""
     _export(_project(scene, preset, out))
+
+
+@app.command()
+def chart(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    peers: Annotated[
+        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
+    ] = False,
+    out: Out = None,
+) -> None:
+    """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
+    project = _project(scene, preset, out)
+    with _bars() as update:
+        paths = front.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
+    for path in paths:
+        console.print(f"written {path}", highlight=False)
 
 
 @app.command()

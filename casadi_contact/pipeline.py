@@ -23,7 +23,6 @@ from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.network import Regression
 from casadi_contact.presets import PRESETS, Effort, Preset, effort_for
-from casadi_contact.report import draw_speed_accuracy, read_evaluation
 from casadi_contact.sampling import (
     ReferenceMotion,
     ReferenceReport,
@@ -238,10 +237,7 @@ def trained(project: Project) -> dict[str, Surrogate]:
 
 
 def evaluate(project: Project) -> Path:
-    """Write ``evaluation.json`` (Tables 2 to 4), ``evaluation.csv`` (the domain errors) and a speed-accuracy chart.
-
-    Returns the path of the first, which the tables and the chart are drawn from.
-    """
+    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
     content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
     path = project.folder / "evaluation.json"
 
@@ -254,7 +250,6 @@ def evaluate(project: Project) -> Path:
                     writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
     with replacing(path) as beside:
         beside.write_text(json.dumps(content, indent=1), "utf-8")
-    draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
     return path
 
 

@@ -19,28 +19,30 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Front:
+class ChartEffort:
     """What the speed-accuracy chart trains beside the preset's own surrogates.
 
     sizes: by structure, one effort for each size; its seconds go to each root network (patch) or to each network
     (two_stage), and a ratio network gets RATIO_SHARE of them. swept: the patch size (one of `sizes`) that is trained
-    again with fewer samples (sample_counts) and with other seconds (training_seconds).
+    again with fewer samples (sample_counts) and with other seconds (training_seconds). peer_seconds: allotted to
+    each peer.
     """
 
     sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
     swept: tuple[int, ...] = (12, 12)
     sample_counts: tuple[int, ...] = ()
     training_seconds: tuple[float, ...] = ()
+    peer_seconds: float = 20.0
 
 
 @dataclass(frozen=True)
 class Preset:
     """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
-    network's name (see `effort_for`); front: what the speed-accuracy chart trains."""
+    network's name (see `effort_for`); chart: what the speed-accuracy chart trains."""
 
     sampling_scale: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
-    front: Front = field(default_factory=Front)
+    chart: ChartEffort = field(default_factory=ChartEffort)
 
 
 def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
@@ -72,7 +74,7 @@ PRESETS: dict[str, Preset] = {
                 "ratio": Effort(((6, 6), (10, 10)), 12.0),
             }
         },
-        front=Front(
+        chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
@@ -94,7 +96,7 @@ PRESETS: dict[str, Preset] = {
             },
             "two_stage": {"": Effort(_PAPER_NETWORK, 120.0, "tanh", max_rows=12_000)},
         },
-        front=Front(
+        chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
@@ -105,6 +107,7 @@ PRESETS: dict[str, Preset] = {
             },
             sample_counts=(300, 1_000, 3_000, 10_000),
             training_seconds=(2.0, 5.0, 15.0, 120.0),
+            peer_seconds=300.0,
         ),
     ),
     "paper": Preset(
@@ -118,7 +121,7 @@ PRESETS: dict[str, Preset] = {
             },
             "two_stage": {"": Effort(_PAPER_NETWORK, 6 * 3600.0, "tanh", max_rows=80_000)},
         },
-        front=Front(
+        chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
@@ -129,6 +132,7 @@ PRESETS: dict[str, Preset] = {
             },
             sample_counts=(300, 1_000, 3_000, 10_000, 30_000),
             training_seconds=(5.0, 20.0, 80.0, 300.0, 1200.0),
+            peer_seconds=600.0,
         ),
     ),
 }

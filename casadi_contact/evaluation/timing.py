@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import casadi as ca
+import numba
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from casadi_contact.conventions import Array
 
@@ -33,13 +36,28 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
-def time_single_calls(function: ca.Function, poses: Array) -> float:
-    """Seconds per pose of a CasADi function pose -> outputs, called pose by pose through its buffer.
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """numba and BLAS on one thread, so that times compare models and not their use of cores."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        numba.set_num_threads(threads)
 
-    Includes the copy of each pose into the buffer, as a simulation would make it.
+
+def time_single_calls(function: ca.Function, poses: Array, *parameters: Array) -> float:
+    """Seconds per pose of a CasADi function (pose, *parameters) -> outputs, called pose by pose through its buffer.
+
+    Includes the copy of each pose into the buffer, as a simulation would make it. Parameters, such as the multipliers
+    of a Lagrangian, stay the same for all poses; inputs not given are zero.
     """
     buffer, call = function.buffer()
     pose = np.zeros(6)
+    for i, parameter in enumerate(parameters, start=1):
+        buffer.set_arg(i, memoryview(parameter))  # type: ignore[call-arg, arg-type]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
     buffer.set_arg(0, memoryview(pose))  # type: ignore[call-arg, arg-type]
     for i, output in enumerate(outputs):
@@ -48,6 +66,18 @@ def time_single_calls(function: ca.Function, poses: Array) -> float:
     for row in poses:
         pose[:] = row
         call()
+    return (time.perf_counter() - start) / len(poses)
+
+
+def time_mapped(mapped: ca.Function, poses: Array) -> float:
+    """Seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
+    buffer, call = mapped.buffer()
+    columns = np.ascontiguousarray(poses).reshape(-1)  # CasADi stores columns one after the other: pose by pose
+    output = np.zeros(mapped.nnz_out(0))
+    buffer.set_arg(0, memoryview(columns))  # type: ignore[call-arg, arg-type]
+    buffer.set_res(0, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.perf_counter()
+    call()
     return (time.perf_counter() - start) / len(poses)
 
 

@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.dataset import COLUMNS, TEST, Samples
+from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, SIZE
 from casadi_contact.files import writable_folder
 from casadi_contact.pipeline import Project, Update, fit_surrogate, size_text
-from casadi_contact.presets import RATIO_SHARE, Effort, Front
+from casadi_contact.presets import RATIO_SHARE, ChartEffort, Effort
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from casadi_contact.workers import worker_pool
-
-SIZE, SAMPLES, SECONDS = "size", "samples", "training time"
-SWEEPS = (SIZE, SAMPLES, SECONDS)
 
 
 @dataclass(frozen=True)
@@ -32,14 +30,14 @@ class Sized:
 
     @property
     def name(self) -> str:
-        """Name on the chart: "patch 12-12", "patch 12-12, 300 samples", "patch 12-12, 5 s"."""
-        extra = {SIZE: "", SAMPLES: f", {self.samples} samples", SECONDS: f", {self.effort.seconds:g} s"}[self.sweep]
+        """Name on the chart: "patch 12-12", "patch 12-12 (300 samples)", "patch 12-12 (5 s)"."""
+        extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.seconds:g} s)"}[self.sweep]
         return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}"
 
     @property
     def stem(self) -> str:
         """Name of its file and of its folder of checkpoints."""
-        return self.name.replace(", ", "_").replace(" ", "_")
+        return self.name.replace("(", "").replace(")", "").replace(" ", "_")
 
     @property
     def efforts(self) -> dict[str, Effort]:
@@ -47,17 +45,17 @@ class Sized:
         return {"": self.effort, "ratio": replace(self.effort, seconds=RATIO_SHARE * self.effort.seconds)}
 
 
-def planned(front: Front) -> list[Sized]:
+def planned(chart: ChartEffort) -> list[Sized]:
     """Every surrogate that a preset's chart shows, sizes first."""
-    sizes = [Sized(structure, effort) for structure, efforts in front.sizes.items() for effort in efforts]
-    swept = [sized for sized in sizes if sized.structure == "patch" and sized.effort.sizes == (front.swept,)]
+    sizes = [Sized(structure, effort) for structure, efforts in chart.sizes.items() for effort in efforts]
+    swept = [sized for sized in sizes if sized.structure == "patch" and sized.effort.sizes == (chart.swept,)]
     return [
         *sizes,
-        *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in front.sample_counts),
+        *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in chart.sample_counts),
         *(
             replace(sized, effort=replace(sized.effort, seconds=seconds), sweep=SECONDS)
             for sized in swept
-            for seconds in front.training_seconds
+            for seconds in chart.training_seconds
         ),
     ]
 
@@ -100,7 +98,7 @@ def train_sizes(
     Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
     FileNotFoundError without samples, ValueError for samples of another scene.
     """
-    wanted = planned(project.preset.front) if wanted is None else list(wanted)
+    wanted = planned(project.preset.chart) if wanted is None else list(wanted)
     missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
     if missing:
         samples = project.samples()
