@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from casadi_contact import front, pipeline
 from casadi_contact.pipeline import PRESETS, Project
+from casadi_contact.front.choice_table import choice_table
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.surrogate import load_surrogate
 
@@ -120,6 +121,31 @@ def chart(
         paths = front.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
     for path in paths:
         console.print(f"written {path}", highlight=False)
+
+
+@app.command()
+def choose(
+    scene: SceneName,
+    force_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the forces [N]")] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the torques [N·mm]")] = None,
+    loads: Annotated[str | None, typer.Option(help="only these, as Fy_med,Fy_lat; all if left out")] = None,
+    preset: PresetName = "quick",
+    out: Out = None,
+) -> None:
+    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk."""
+    names = None if loads is None else [name.strip() for name in loads.split(",")]
+    with _bars() as update:
+        choice = front.choose(
+            scene,
+            force_tolerance_n=force_tol,
+            torque_tolerance_nmm=torque_tol,
+            loads=names,
+            preset=preset,
+            folder=out,
+            update=update,
+        )
+    console.print(choice_table(choice))
+    console.print(f"in Python: {choice.python}", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -20,6 +20,7 @@ from casadi_contact.scenes import Scene
 from casadi_contact.surrogate import Surrogate, load_surrogate
 
 EF_FAMILY = "EF"
+MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 

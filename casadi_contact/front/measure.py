@@ -117,12 +117,12 @@ def _key(name: str, what: str) -> str:
 
 def _timed(point: Point, timings: dict[str, Timing]) -> Point:
     keys = {what: _key(point.name, what) for what in TIMES}
-    return replace(point, **{what: timings[key] for what, key in keys.items() if key in timings})
+    return replace(point, **{what: timings[key] for what, key in keys.items() if key in timings})  # type: ignore[arg-type]
 
 
 def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], float]]:
     """Measurements by name and kind of time; single calls on as many poses as the time for one allows."""
-    found = {}
+    found: dict[str, Callable[[], float]] = {}
     for what in TIMES:
         stopwatch: Stopwatch | None = getattr(candidate, f"time_{what}")
         if stopwatch is None:

@@ -20,7 +20,7 @@ def draw_error_by_domain(front: Front) -> Any:
     styles = family_styles(families(front.points))
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         for family, style in styles.items():
-            for point, dash in _extremes([p for p in sized(front) if p.family == family], error).items():
+            for point, dash in _extremes([p for p in sized(front) if p.family == family], error):
                 places = [(d, rms) for d, rms in getattr(point, f"domain_{error}").items() if rms > 0.0]
                 x, y = [DOMAINS.index(d) for d, _ in places], [rms for _, rms in places]
                 axis.plot(x, y, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
@@ -41,14 +41,14 @@ def draw_error_by_training_time(front: Front) -> Any | None:
     return _swept(front, SECONDS, lambda point: point.training_seconds, "training time of all networks [s of one core]")
 
 
-def _extremes(points: Sequence[Point], error: str) -> dict[Point, str]:
-    """Line style of the cheapest and the most accurate point, of those with an error in some domain."""
+def _extremes(points: Sequence[Point], error: str) -> list[tuple[Point, str]]:
+    """The cheapest and the most accurate point with their line styles, of those with an error in some domain."""
     timed = [(p, p.value.median_us) for p in points if p.value and any(getattr(p, f"domain_{error}").values())]
     if not timed:
-        return {}
+        return []
     cheapest = min(timed, key=lambda pair: pair[1])[0]
     best = min((p for p, _ in timed), key=lambda p: getattr(p, error))
-    return {cheapest: "--"} | {best: "-"}
+    return [(best, "-")] if cheapest is best else [(cheapest, "--"), (best, "-")]
 
 
 def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str) -> Any | None:
