@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from casadi_contact import front, pipeline
-from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.front.choice_table import choice_table
+from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.surrogate import load_surrogate
 

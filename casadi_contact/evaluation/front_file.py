@@ -198,13 +198,17 @@ def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
         raise ValueError(f"{where}: sweep is {row['sweep']!r}, expected one of {', '.join(SWEEPS)}")
     if not row["name"] or not row["family"]:
         raise ValueError(f"{where}: no name or no family, expected both")
-    timings = {
+    timings: dict[str, Any] = {
         what: Timing(*(number(f"{what}{end}") for end in ("_us", "_low_us", "_high_us")))
         for what in TIMES
         if row[f"{what}_us"]
     }
     return Point(
-        **{name: row[name] for name in ("name", "family", "sweep", "remark", "failure")},
+        name=row["name"],
+        family=row["family"],
+        sweep=row["sweep"],
+        remark=row["remark"],
+        failure=row["failure"],
         **timings,
         load_rms=present({load: _rms_column(load) for load in loads}),
         domain_force_rms_n=present({domain: f"{domain}_force_rms_n" for domain in DOMAINS}),

@@ -79,7 +79,7 @@ def own_name(project: Project, structure: str) -> str:
 
 def peer_candidates(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples for the preset's seconds each."""
-    from casadi_contact.peers import peer_candidates as fitted_peers  # needs the extra packages `peers`
+    from casadi_contact.peers import peer_candidates as fitted_peers  # type: ignore[import-untyped,import-not-found]
 
     two_stage = trained(project).get("two_stage")
     yield from fitted_peers(project.samples(), seconds=project.preset.chart.peer_seconds, two_stage=two_stage)

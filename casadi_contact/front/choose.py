@@ -92,9 +92,7 @@ def choose(
     if set(names) != set(front.loads):
         points = [point for point in front.points if point.name in {offer.name for offer in offers}]
         times = times_for_loads(project, points, names)
-        offers = [
-            replace(offer, **dict(zip(("time_us", "timing"), times[offer.name], strict=True))) for offer in offers
-        ]
+        offers = [replace(o, time_us=times[o.name][0], timing=times[o.name][1]) for o in offers]
     model, better = cheapest(offers, tolerance)
     file = make_surrogate(project, model.name, None if set(names) == set(front.loads) else names, update)
     return Choice(model, better, names, file, python_line(str(scene), model.name, names, file))

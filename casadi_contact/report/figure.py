@@ -14,17 +14,18 @@ KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
 _DPI = 130
 
 
-def two_panels(front: Front, title: str, note: str = "") -> tuple[Any, Any]:
-    """A figure and its two axes; failures of the file's models are listed in the footnote, after the note."""
+def two_panels(front: Front, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
+    """A figure and its two axes; measured says on what (the walking sequence if left out), note goes below;
+    failures of the file's models are listed there too."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(14, 6.8), layout="constrained")
     FigureCanvasAgg(figure)
     header = front.header
-    measured = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
+    walking = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
     machine = f"{header.get('processor', 'unknown processor')}, {header.get('threads', '?')} thread"
-    figure.suptitle(f"{header['scene']}: {title}\n{measured}; {machine}", fontsize=10)
+    figure.suptitle(f"{header['scene']}: {title}\n{measured or walking}; {machine}", fontsize=10)
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
     if footnote:

@@ -13,8 +13,15 @@ _LEADER_FROM = 12.0
 _MARKER_PX = 5.0
 
 
-def place_labels(axis: Any, labels: Sequence[tuple[float, float, str, str]], size: float = 7.5) -> None:
+def place_labels(
+    axis: Any,
+    labels: Sequence[tuple[float, float, str, str]],
+    bars: Sequence[tuple[float, float, float]] = (),
+    size: float = 7.5,
+) -> None:
     """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place.
+
+    bars: horizontal error bars (x from, x to, y) that no label should lie on.
 
     A label far from its point gets a thin line to it. Where no place is free, the label goes where it covers least.
     """
@@ -24,6 +31,9 @@ def place_labels(axis: Any, labels: Sequence[tuple[float, float, str, str]], siz
     scale = figure.dpi / 72.0
     points = axis.transData.transform([(x, y) for x, y, _, _ in labels])
     taken = [(x - _MARKER_PX, y - _MARKER_PX, x + _MARKER_PX, y + _MARKER_PX) for x, y in points]
+    for low, high, y in bars:
+        (left, level), (right, _) = axis.transData.transform([(low, y), (high, y)])
+        taken.append((left, level - 1.0, right, level + 1.0))
     for (x, y, text, colour), pixel in zip(labels, points, strict=True):
         drawn = axis.annotate(text, (x, y), fontsize=size, color=colour)
         extent = drawn.get_window_extent(renderer)

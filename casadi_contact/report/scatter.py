@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from casadi_contact.evaluation.front_file import Front, Point, pareto
+from casadi_contact.evaluation.timing import Timing
 from casadi_contact.report.figure import KINDS, families, family_name, sized, two_panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles
+
+Measured = tuple[Point, Timing, float]
 
 
 def draw_speed_accuracy(front: Front) -> Any:
@@ -30,9 +33,9 @@ def draw_gradient_hessian_time(front: Front) -> Any:
     return _labelled(figure, axes, shown)
 
 
-def _scatter(axis: Any, front: Front, what: str, error: str) -> list[tuple[Point, float, float]]:
-    """Draw the points (model, time, error) that have both numbers, with the spread of their times."""
-    shown: list[tuple[Point, float, float]] = []
+def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
+    """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
+    shown: list[Measured] = []
     for family, style in family_styles(families(front.points)).items():
         mine = [(p, getattr(p, what), getattr(p, error)) for p in sized(front) if p.family == family]
         mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
@@ -42,16 +45,16 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[tuple[Point
         spread = [[t.median_us - t.low_us for _, t, _ in mine], [t.high_us - t.median_us for _, t, _ in mine]]
         keywords = {"ls": "none", "ms": 6, "elinewidth": 0.8, "label": family_name(family), **style.keywords}
         axis.errorbar(times, errors, xerr=spread, **keywords)
-        shown += [(point, timing.median_us, rms) for point, timing, rms in mine]
-    best = [shown[i] for i in pareto([(time, rms) for _, time, rms in shown])]
+        shown += mine
+    best = [shown[i] for i in pareto([(timing.median_us, rms) for _, timing, rms in shown])]
     line = {"color": "0.6", "lw": 4.0, "alpha": 0.5, "zorder": 0, "label": "Pareto front"}
-    axis.plot([time for _, time, _ in best], [rms for *_, rms in best], **line)
+    axis.plot([timing.median_us for _, timing, _ in best], [rms for *_, rms in best], **line)
     axis.set(xscale="log", yscale="log")
     axis.margins(0.08)
     return shown
 
 
-def _labelled(figure: Any, axes: Any, shown: list[list[tuple[Point, float, float]]]) -> Any:
+def _labelled(figure: Any, axes: Any, shown: list[list[Measured]]) -> Any:
     """Legend below, then the labels, when nothing moves any more."""
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 6), fontsize=8, frameon=False)
@@ -59,5 +62,9 @@ def _labelled(figure: Any, axes: Any, shown: list[list[tuple[Point, float, float
     figure.set_layout_engine("none")
     for axis, points in zip(axes, shown, strict=True):
         styles = family_styles(families([point for point, *_ in points]))
-        place_labels(axis, [(t, e, p.name.removeprefix(f"{p.family} "), styles[p.family].colour) for p, t, e in points])
+        labels = [
+            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].colour)
+            for point, timing, rms in points
+        ]
+        place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])
     return figure

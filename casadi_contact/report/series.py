@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,14 +17,14 @@ WALKING = "unseen walking"
 def draw_error_by_domain(front: Front) -> Any:
     """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family."""
     note = "Dashed: cheapest of its family, solid: most accurate. An error of exactly zero (D5) is not on a log axis."
-    figure, axes = two_panels(front, "error per domain on test samples, against the samples' own EF", note)
+    figure, axes = two_panels(front, "error per domain", "test samples, errors against the samples' own EF", note)
     styles = family_styles(families(front.points))
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         for family, style in styles.items():
             for point, dash in _extremes([p for p in sized(front) if p.family == family], error):
-                places = [(d, rms) for d, rms in getattr(point, f"domain_{error}").items() if rms > 0.0]
-                x, y = [DOMAINS.index(d) for d, _ in places], [rms for _, rms in places]
-                axis.plot(x, y, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
+                by_domain = getattr(point, f"domain_{error}")
+                rms = [by_domain.get(domain) or math.nan for domain in DOMAINS]
+                axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
         axis.set(yscale="log", xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
         axis.set_xticks(range(len(DOMAINS)), DOMAINS)
     handles, names = axes[0].get_legend_handles_labels()
