@@ -75,7 +75,7 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | None) 
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
-    return f"casadi_contact.peers.peer_candidates(samples, seconds=..., names=[{name!r}])"
+    return f"casadi_contact.peers.peer_candidates(samples, seconds=..., names={list(loads)!r}), the one named {name!r}"
 
 
 def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iterator[Candidate]:

@@ -15,7 +15,7 @@ from casadi_contact.evaluation.evaluate import grid_text
 from casadi_contact.evaluation.front_file import SIZE
 from casadi_contact.evaluation.timing import time_batch, time_mapped, time_single_calls
 from casadi_contact.front.sizes import planned, sized_path
-from casadi_contact.pipeline import Project, trained
+from casadi_contact.pipeline import Project, read_motion, trained
 from casadi_contact.scenes import Scene
 from casadi_contact.surrogate import Surrogate, load_surrogate
 
@@ -58,7 +58,7 @@ def surrogate_candidates(name: str, surrogate: Surrogate, loads: Sequence[str] |
             time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
             time_batch=partial(_time_map, function),
             samples=sum(record.get("samples", {}).values()),
-            training_seconds=sum(record.get("seconds", {}).values()),
+            training_seconds=round(sum(record.get("seconds", {}).values()), 1),
             parameters=sum(network.parameter_count for network in surrogate.networks.values()),
             remark="batch: CasADi map",
         )
@@ -81,8 +81,12 @@ def peer_candidates(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples for the preset's seconds each."""
     from casadi_contact.peers import peer_candidates as fitted_peers  # type: ignore[import-untyped,import-not-found]
 
-    two_stage = trained(project).get("two_stage")
-    yield from fitted_peers(project.samples(), seconds=project.preset.chart.peer_seconds, two_stage=two_stage)
+    yield from fitted_peers(
+        project.samples(),
+        seconds=project.preset.chart.peer_seconds,
+        two_stage=trained(project).get("two_stage"),
+        motion=read_motion(project)[0],
+    )
 
 
 def lagrangian_hessian(function: ca.Function) -> ca.Function:

@@ -40,7 +40,8 @@ def test_texts_with_commas_quotes_and_line_breaks_stay_one_cell(tmp_path):
 
 def test_numpy_and_csv_read_it_by_column_name():
     front = read_front(STORED)
-    table = np.genfromtxt(STORED, delimiter=",", names=True, comments="#", dtype=None, encoding="utf-8")
+    comments = sum(line.startswith("#") for line in lines_of(STORED))
+    table = np.genfromtxt(STORED, delimiter=",", names=True, skip_header=comments, dtype=None, encoding="utf-8")
     np.testing.assert_allclose(
         table["value_us"], [p.value.median_us if p.value else np.nan for p in front.points], rtol=1e-5
     )
@@ -65,7 +66,7 @@ def test_force_and_torque_are_root_mean_squares_over_their_loads():
             lambda lines: [line for line in lines if not line.startswith("name,")],
             r"line \d+: expected the column names",
         ),
-        (lambda lines: [*lines[:-1], lines[-1][:40]], r"line \d+ has \d+ cells, expected \d+"),
+        (lambda lines: [*lines[:-1], lines[-1][:20]], r"line \d+ has \d+ cells, expected \d+"),
         (
             lambda lines: [*lines[:-1], lines[-1].replace(",size,", ",size,fast", 1)],
             "value_us is 'fast.*expected a number",
@@ -78,15 +79,10 @@ def test_force_and_torque_are_root_mean_squares_over_their_loads():
     ],
 )
 def test_a_damaged_file_is_refused_with_its_line(damage, said, tmp_path):
-    lines = [line for line in lines_of(STORED) if ",samples," not in line and ",training time," not in line]
-    lines = [line for line in lines if not line.endswith(",")] + [line for line in lines if line.endswith(",")]
-    lines = [*[line for line in lines if line.startswith("#")], *[line for line in lines if not line.startswith("#")]]
-    head = next(line for line in lines if line.startswith("name,"))
-    lines.remove(head)
-    comments = sum(line.startswith("#") for line in lines)
-    lines.insert(comments, head)
     path = tmp_path / "f.csv"
-    path.write_text("\n".join(damage(lines)) + "\n", "utf-8")
+    point = Point("a", "A", value=Timing(2.0, 1.0, 3.0), load_rms={"Fx": 0.5})
+    write_front(path, Front({"scene": "s", "scene_digest": "d", "loads": "Fx Tx"}, (point,)))
+    path.write_text("\n".join(damage(lines_of(path))) + "\n", "utf-8")
     with pytest.raises(ValueError, match=said):
         read_front(path)
 
