@@ -79,6 +79,11 @@ class Front:
         """The scene's loads in their order."""
         return tuple(self.header["loads"].split())
 
+    @property
+    def models(self) -> tuple[Point, ...]:
+        """The models of the speed-accuracy chart itself: neither failures nor the swept ones."""
+        return tuple(point for point in self.points if point.sweep == SIZE and not point.failure)
+
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     """Indices of the (cost, error) pairs that no other equals or beats in both, cheapest first."""

@@ -23,8 +23,8 @@ def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[s
     """Microseconds per pose of each model for some loads only, and how they were found.
 
     EF grids and surrogates on disk are timed again on a reference cycle, in one run on one thread, surrogates with
-    just the networks that the loads need. A surrogate not on disk is estimated by the share of its networks; any other model keeps its
-    measured time for all loads.
+    just the networks that the loads need. A surrogate not on disk is estimated by the share of its
+    networks; any other model keeps its measured time for all loads.
     """
     poses = read_motion(project)[0].poses[0]
     names = {point.name for point in points}

@@ -11,7 +11,7 @@ from casadi_contact.front.choose import Choice
 
 def choice_table(choice: Choice) -> Table:
     """The chosen model and the next better one: time per pose, how it was found, RMS errors on unseen walking."""
-    table = Table(title=f"Cheapest model for {', '.join(choice.loads)} within tolerance")
+    table = Table(title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen walking")
     for column in ("", "model", "time [µs]", "time is", "RMS force [N]", "RMS torque [N·mm]"):
         table.add_column(column, justify="right" if "[" in column else "left")
     for what, offer in (("chosen", choice.model), ("next better", choice.better)):

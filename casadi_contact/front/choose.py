@@ -90,7 +90,7 @@ def choose(
     names, tolerance = _asked(front, loads, force_tolerance_n, torque_tolerance_nmm)
     offers = meeting(front, tolerance, names)
     if set(names) != set(front.loads):
-        points = [point for point in front.points if point.name in {offer.name for offer in offers}]
+        points = [point for point in front.models if point.name in {offer.name for offer in offers}]
         times = times_for_loads(project, points, names)
         offers = [replace(o, time_us=times[o.name][0], timing=times[o.name][1]) for o in offers]
     model, better = cheapest(offers, tolerance)
@@ -115,13 +115,15 @@ def _asked(
 
 
 def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
-    """Every measured model that meets the tolerance for the loads, with its time for all loads.
+    """Every model of the chart that meets the tolerance for the loads, with its time for all loads.
+
+    The swept models are left out: they cost what their size costs, and learned less.
 
     Raises ValueError, naming the nearest, if none does.
     """
     offers = []
-    for point in front.points:
-        if point.failure or point.value is None or any(load not in point.load_rms for load in loads):
+    for point in front.models:
+        if point.value is None or any(load not in point.load_rms for load in loads):
             continue
         force, torque = (point.rms(force=kind, loads=loads) for kind in (True, False))
         offers.append(Offer(point.name, point.family, point.value.median_us, MEASURED, force, torque))

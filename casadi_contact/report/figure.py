@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.evaluation.front_file import SIZE, Front, Point
+from casadi_contact.evaluation.front_file import Front, Point
 from casadi_contact.files import replacing
 
 KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
@@ -45,11 +45,6 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
             figure.savefig(beside, dpi=_DPI, format=ending, metadata={"Date": None} if ending == "svg" else None)
         paths.append(path)
     return paths
-
-
-def sized(front: Front) -> list[Point]:
-    """The models of the speed-accuracy chart itself: neither failures nor the swept ones."""
-    return [point for point in front.points if point.sweep == SIZE and not point.failure]
 
 
 def family_name(family: str) -> str:

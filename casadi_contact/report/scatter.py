@@ -6,7 +6,7 @@ from typing import Any
 
 from casadi_contact.evaluation.front_file import Front, Point, pareto
 from casadi_contact.evaluation.timing import Timing
-from casadi_contact.report.figure import KINDS, families, family_name, sized, two_panels
+from casadi_contact.report.figure import KINDS, families, family_name, two_panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles
 
@@ -37,7 +37,7 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
     """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
     shown: list[Measured] = []
     for family, style in family_styles(families(front.points)).items():
-        mine = [(p, getattr(p, what), getattr(p, error)) for p in sized(front) if p.family == family]
+        mine = [(p, getattr(p, what), getattr(p, error)) for p in front.models if p.family == family]
         mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
         if not mine:
             continue

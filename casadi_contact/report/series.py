@@ -8,7 +8,7 @@ from typing import Any
 
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, Front, Point
-from casadi_contact.report.figure import KINDS, families, sized, two_panels
+from casadi_contact.report.figure import KINDS, families, two_panels
 from casadi_contact.report.style import family_styles
 
 WALKING = "unseen walking"
@@ -21,7 +21,7 @@ def draw_error_by_domain(front: Front) -> Any:
     styles = family_styles(families(front.points))
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         for family, style in styles.items():
-            for point, dash in _extremes([p for p in sized(front) if p.family == family], error):
+            for point, dash in _extremes([p for p in front.models if p.family == family], error):
                 by_domain = getattr(point, f"domain_{error}")
                 rms = [by_domain.get(domain) or math.nan for domain in DOMAINS]
                 axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
@@ -58,7 +58,7 @@ def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str)
     if not points:
         return None
     model = points[0].name.partition(" (")[0]
-    points = sorted([*points, *(p for p in sized(front) if p.name == model)], key=cost)
+    points = sorted([*points, *(p for p in front.models if p.name == model)], key=cost)
     figure, axes = two_panels(front, f"error of {model} against {label.partition(' [')[0]}")
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         for where, style in family_styles([WALKING, "D1", "D3", "D4"]).items():

@@ -118,7 +118,7 @@ def test_a_size_that_is_gone_is_trained_for_just_the_loads(project, measured):
 @pytest.mark.parametrize("place", range(5))
 def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place, project, measured, walking):
     poses, converged = walking
-    aim = sorted(measured.points, key=lambda point: point.force_rms_n)[place]
+    aim = sorted(measured.models, key=lambda point: point.force_rms_n)[place]
     force_n, torque_nmm = 1.001 * aim.force_rms_n, 1.001 * aim.torque_rms_nmm
     choice = cc.choose(
         project.folder.parent / "knee.toml",

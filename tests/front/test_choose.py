@@ -38,8 +38,8 @@ def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque
     chosen = points[choice.name]
     assert rms(chosen, names, True) <= force_n
     assert rms(chosen, names, False) <= torque_nmm
-    for point in front.points:
-        if not point.failure and point.value.median_us < chosen.value.median_us:
+    for point in front.models:
+        if point.value.median_us < chosen.value.median_us:
             assert rms(point, names, True) > force_n or rms(point, names, False) > torque_nmm
     if better is not None:
         worst = [
