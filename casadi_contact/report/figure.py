@@ -36,6 +36,12 @@ def two_panels(front: Front, title: str, measured: str | None = None, note: str 
     return figure, axes
 
 
+def legend_beside(figure: Any, axes: Any) -> None:
+    """One legend for both panels, right of them, with everything that either shows."""
+    entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
+
+
 def save(figure: Any, folder: Path, name: str) -> list[Path]:
     """Write a figure as .png and .svg."""
     paths = []

@@ -6,7 +6,7 @@ from typing import Any
 
 from casadi_contact.evaluation.front_file import Front, Point, pareto
 from casadi_contact.evaluation.timing import Timing
-from casadi_contact.report.figure import KINDS, families, family_name, two_panels
+from casadi_contact.report.figure import KINDS, families, family_name, legend_beside, two_panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles
 
@@ -55,15 +55,14 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
 
 
 def _labelled(figure: Any, axes: Any, shown: list[list[Measured]]) -> Any:
-    """Legend below, then the labels, when nothing moves any more."""
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 6), fontsize=8, frameon=False)
+    """Legend, then the labels, when nothing moves any more."""
+    legend_beside(figure, axes)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axis, points in zip(axes, shown, strict=True):
         styles = family_styles(families([point for point, *_ in points]))
         labels = [
-            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].colour)
+            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].text_colour)
             for point, timing, rms in points
         ]
         place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])

@@ -8,7 +8,7 @@ from typing import Any
 
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, Front, Point
-from casadi_contact.report.figure import KINDS, families, two_panels
+from casadi_contact.report.figure import KINDS, families, legend_beside, two_panels
 from casadi_contact.report.style import family_styles
 
 WALKING = "unseen walking"
@@ -27,8 +27,7 @@ def draw_error_by_domain(front: Front) -> Any:
                 axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
         axis.set(yscale="log", xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
         axis.set_xticks(range(len(DOMAINS)), DOMAINS)
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside right upper", fontsize=8, frameon=False)
+    legend_beside(figure, axes)
     return figure
 
 

@@ -29,6 +29,11 @@ class Style:
     hollow: bool = False
 
     @property
+    def text_colour(self) -> str:
+        """The colour darkened, so that light ones can be read as text."""
+        return "#" + "".join(f"{int(0.6 * int(self.colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+
+    @property
     def keywords(self) -> dict[str, str | float]:
         """Keyword arguments of matplotlib's ``plot`` for the markers."""
         face = "white" if self.hollow else self.colour
@@ -43,5 +48,6 @@ def family_styles(families: Sequence[str]) -> dict[str, Style]:
     for place, family in enumerate((*_FIRST, *others)):
         turn, index = divmod(place, len(colours))
         # A second turn through the colours is hollow and takes other markers, so no pair is used twice.
-        styles[family] = Style(colours[index], MARKERS[(index + turn) % len(MARKERS)], hollow=turn % 2 == 1)
+        colour, marker = colours[(index + 2 * turn) % len(colours)], MARKERS[(index + 3 * turn) % len(MARKERS)]
+        styles[family] = Style(colour, marker, hollow=turn % 2 == 1)
     return {family: styles[family] for family in dict.fromkeys(families)}
