@@ -25,7 +25,7 @@ from casadi_contact.front.candidates import (
     surrogate_candidates,
 )
 from casadi_contact.front.sizes import train_sizes
-from casadi_contact.pipeline import Project, Update, read_motion
+from casadi_contact.pipeline import Project, Update, read_motion, trained
 from casadi_contact.report import draw_charts
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
@@ -52,6 +52,7 @@ def chart(
     FileNotFoundError without samples or without the preset's own surrogates.
     """
     samples = project.samples()
+    trained(project)  # before an hour of training, not after it: raises if there is none
     train_sizes(project, update=update, executor=executor)
     sweeps: dict[str, str] = {}
     candidates = list(foundation_candidates(project.scene))

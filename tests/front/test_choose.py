@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact import cli
 from casadi_contact.conventions import is_force
 from casadi_contact.evaluation.front_file import read_front
 from casadi_contact.front.choose import Tolerance, cheapest, meeting
@@ -95,3 +96,21 @@ def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tm
     (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
     with pytest.raises(ValueError, match="measured on another scene than knee"):
         cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["choose", "knee", "--force-tol", "1"], "run casadi-contact chart knee --preset quick first"),
+        (["chart", "knee"], "samples.h5 does not exist"),
+        (["chart", "elbow"], "unknown scene 'elbow'"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_said_without_a_traceback(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code not in (0, None)
+    message = f"{ended.value.code} {capsys.readouterr().err}"
+    assert said in message
+    assert "Traceback" not in message
