@@ -36,6 +36,18 @@ def two_panels(front: Front, title: str, measured: str | None = None, note: str 
     return figure, axes
 
 
+def log_scale(axes: Any, directions: str = "xy") -> None:
+    """Logarithmic scales labelled 1, 3, 10, 30 in plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.set(**{f"{direction}scale": "log" for direction in directions})
+    for direction in directions:
+        axis = getattr(axes, f"{direction}axis")
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0), numticks=20))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def legend_beside(figure: Any, axes: Any) -> None:
     """One legend for both panels, right of them, with everything that either shows."""
     entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}

@@ -6,7 +6,7 @@ from typing import Any
 
 from casadi_contact.evaluation.front_file import Front, Point, pareto
 from casadi_contact.evaluation.timing import Timing
-from casadi_contact.report.figure import KINDS, families, family_name, legend_beside, two_panels
+from casadi_contact.report.figure import KINDS, families, family_name, legend_beside, log_scale, two_panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles
 
@@ -49,7 +49,7 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
     best = [shown[i] for i in pareto([(timing.median_us, rms) for _, timing, rms in shown])]
     line = {"color": "0.6", "lw": 4.0, "alpha": 0.5, "zorder": 0, "label": "Pareto front"}
     axis.plot([timing.median_us for _, timing, _ in best], [rms for *_, rms in best], **line)
-    axis.set(xscale="log", yscale="log")
+    log_scale(axis)
     axis.margins(0.08)
     return shown
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, Front, Point
-from casadi_contact.report.figure import KINDS, families, legend_beside, two_panels
+from casadi_contact.report.figure import KINDS, families, legend_beside, log_scale, two_panels
 from casadi_contact.report.style import family_styles
 
 WALKING = "unseen walking"
@@ -25,7 +25,8 @@ def draw_error_by_domain(front: Front) -> Any:
                 by_domain = getattr(point, f"domain_{error}")
                 rms = [by_domain.get(domain) or math.nan for domain in DOMAINS]
                 axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
-        axis.set(yscale="log", xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
+        log_scale(axis, "y")
+        axis.set(xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
         axis.set_xticks(range(len(DOMAINS)), DOMAINS)
     legend_beside(figure, axes)
     return figure
@@ -64,6 +65,7 @@ def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str)
             rms = [getattr(p, error) if where == WALKING else getattr(p, f"domain_{error}")[where] for p in points]
             legend = where if where == WALKING else f"test samples of {where}, against the samples' own EF"
             axis.plot([cost(p) for p in points], rms, ms=5, lw=1.0, label=legend, **style.keywords)
-        axis.set(xscale="log", yscale="log", xlabel=label, ylabel=f"RMS {kind} error [{unit}]")
+        log_scale(axis)
+        axis.set(xlabel=label, ylabel=f"RMS {kind} error [{unit}]")
     axes[0].legend(fontsize=8)
     return figure
