@@ -5,6 +5,7 @@ networks" (2015); see README.md.
 """
 
 from casadi_contact.contact import CallableModel, ElasticFoundation
+from casadi_contact.front import choose
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, settle
 from casadi_contact.surrogate import load_surrogate
@@ -14,6 +15,7 @@ __all__ = [
     "CallableModel",
     "ElasticFoundation",
     "Scene",
+    "choose",
     "load_scene",
     "load_surrogate",
     "refine",

@@ -1,4 +1,4 @@
-"""The command line, thin over `pipeline`: ``casadi-contact build | sample | train | calibrate | evaluate | ...``."""
+"""The command line, thin over `pipeline` and `front`: ``casadi-contact build | sample | train | evaluate | ...``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact import pipeline
+from casadi_contact import front, pipeline
+from casadi_contact.front.choice_table import choice_table
 from casadi_contact.opensim import ColumnMap, mapped_curves, read_table
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, read_evaluation
@@ -117,6 +118,48 @@ def export(
 ) -> None:
     """Write CasADi files, and C kernels without dependencies, with an example."""
     _export(_project(scene, preset, out), kernel_only=kernel)
+
+
+@app.command()
+def chart(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    peers: Annotated[
+        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
+    ] = False,
+    out: Out = None,
+) -> None:
+    """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
+    project = _project(scene, preset, out)
+    with _bars() as update:
+        paths = front.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
+    for path in paths:
+        console.print(f"written {path}", highlight=False)
+
+
+@app.command()
+def choose(
+    scene: SceneName,
+    force_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the forces [N]")] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the torques [N·mm]")] = None,
+    loads: Annotated[str | None, typer.Option(help="only these, as Fy_med,Fy_lat; all if left out")] = None,
+    preset: PresetName = "quick",
+    out: Out = None,
+) -> None:
+    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk."""
+    names = None if loads is None else [name.strip() for name in loads.split(",")]
+    with _bars() as update:
+        choice = front.choose(
+            scene,
+            force_tolerance_n=force_tol,
+            torque_tolerance_nmm=torque_tol,
+            loads=names,
+            preset=preset,
+            folder=out,
+            update=update,
+        )
+    console.print(choice_table(choice))
+    console.print(f"in Python: {choice.python}", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,8 +21,7 @@ from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.network import Regression
-from casadi_contact.presets import PRESETS, Preset
-from casadi_contact.report import draw_speed_accuracy, read_evaluation
+from casadi_contact.presets import PRESETS, Effort, Preset, effort_for
 from casadi_contact.sampling import (
     ReferenceMotion,
     ReferenceReport,
@@ -146,46 +145,77 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
     Goes on from checkpoints where an earlier run stopped.
     """
     samples = project.samples()
+    command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
     paths = []
-    for structure in project.preset.efforts:
-        kind = STRUCTURES[structure]
-        regressions, settings = [], {}
-        for regression in kind.regressions(samples):
-            effort = project.preset.effort(structure, regression.name)
-            wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
-            regressions.append(_at_most(wanted, effort.max_rows, seed=0))
-            settings[regression.name] = TrainingSettings(
-                sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
-            )
-
-        def progress(name: str, used: float, allotted: float, rms: float, hidden: Any, kind: str = structure) -> None:
-            if update is not None:
-                size = "-".join(map(str, hidden))
-                update(f"{kind} {name}", used, allotted, f"{size} RMS {rms:.3g}")
-
-        folder = project.folder / "training" / structure
+    for structure, efforts in project.preset.efforts.items():
+        folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
-            fits = fit_all(regressions, settings, workers, folder, progress)
-        for name, fit in fits.items():
-            if update is not None:
-                allotted = settings[name].max_time_s
-                remark = f"{'-'.join(map(str, fit.hidden))} RMS {fit.rms:.3g}, {fit.stop_reason}"
-                update(f"{structure} {name}", allotted, allotted, remark)
-        surrogate = kind(project.scene, {name: fit.network for name, fit in fits.items()}, {})
-        record = _record(project, samples, surrogate, fits)
-        trained_surrogate = calibrated(kind(project.scene, surrogate.networks, record), samples)
-        trained_surrogate.save(project.surrogate_path(structure))
-        paths.append(project.surrogate_path(structure))
+            surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
+        calibrated(surrogate, samples).save(path)
+        paths.append(path)
     return paths
 
 
-def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any]) -> dict[str, Any]:
+def fit_surrogate(
+    project: Project,
+    samples: Samples,
+    structure: str,
+    efforts: Mapping[str, Effort],
+    checkpoints: Path,
+    command: str,
+    title: str,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    loads: Sequence[str] | None = None,
+) -> Surrogate:
+    """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
+
+    efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a later call goes on from.
+    command: what a reader of the record runs to make it again. loads: fit only the networks that these need.
+    update is called as (title and network, seconds used, seconds allotted, remark).
+    """
+    kind = STRUCTURES[structure]
+    needed = None if loads is None else kind.networks_for(project.scene, loads)
+    regressions, settings = [], {}
+    for regression in kind.regressions(samples):
+        if needed is not None and regression.name not in needed:
+            continue
+        effort = effort_for(efforts, regression.name)
+        wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
+        regressions.append(_at_most(wanted, effort.max_rows, seed=0))
+        settings[regression.name] = TrainingSettings(
+            sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
+        )
+
+    def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
+        if update is not None:
+            update(f"{title} {name}", used, allotted, f"{size_text(hidden)} RMS {rms:.3g}")
+
+    fits = fit_all(regressions, settings, executor, checkpoints, progress)
+    for name, fit in fits.items():
+        if update is not None:
+            allotted = settings[name].max_time_s
+            update(
+                f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
+            )
+    networks = {name: fit.network for name, fit in fits.items()}
+    return kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
+
+
+def size_text(hidden: Sequence[int]) -> str:
+    """Neurons per hidden layer as people write them: "12-12"."""
+    return "-".join(map(str, hidden))
+
+
+def _record(
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
+) -> dict[str, Any]:
     """What the surrogate's file says of how it was made (see `surrogate.info`)."""
     return {
         **samples_record(samples),
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
-        "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",
+        "command": command,
         "reference_cycles": read_motion(project)[1],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
@@ -210,10 +240,7 @@ def calibrate(project: Project) -> list[Path]:
 
 
 def evaluate(project: Project) -> Path:
-    """Write ``evaluation.json`` (Tables 2 to 4), ``evaluation.csv`` (the domain errors) and a speed-accuracy chart.
-
-    Returns the path of the first, which the tables and the chart are drawn from.
-    """
+    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
     content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
     path = project.folder / "evaluation.json"
 
@@ -226,7 +253,6 @@ def evaluate(project: Project) -> Path:
                     writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
     with replacing(path) as beside:
         beside.write_text(json.dumps(content, indent=1), "utf-8")
-    draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
     return path
 
 

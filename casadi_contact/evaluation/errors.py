@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, is_force
 from casadi_contact.dataset import DOMAINS, TEST, Samples
 
 LoadErrors = dict[str, dict[str, float]]
@@ -45,3 +45,10 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
         if len(part):
             errors[domain] = load_errors(model.load_names, model(part.poses), part.loads(model.load_names))
     return errors
+
+
+def force_and_torque_rms(errors: LoadErrors) -> dict[str, float]:
+    """{"force": RMS over all forces [N], "torque": RMS over all torques [N·mm]}; 0 where there is none."""
+    kinds = {"force": [e["rms"] for n, e in errors.items() if is_force(n)]}
+    kinds["torque"] = [e["rms"] for n, e in errors.items() if not is_force(n)]
+    return {kind: float(np.sqrt(np.mean(np.square(values)))) if values else 0.0 for kind, values in kinds.items()}

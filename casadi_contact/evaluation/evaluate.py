@@ -7,32 +7,30 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
-import numba
-import numpy as np
-
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array, is_force
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
-from casadi_contact.evaluation.errors import LoadErrors, LoadModel, domain_errors, load_errors
+from casadi_contact.evaluation.errors import LoadModel, domain_errors, force_and_torque_rms, load_errors
 from casadi_contact.evaluation.machine import machine_record
-from casadi_contact.evaluation.timing import compare, time_batch, time_single_calls
+from casadi_contact.evaluation.timing import compare, one_thread, time_batch, time_single_calls
 from casadi_contact.evaluation.walking import unseen_walking
 from casadi_contact.sampling import ReferenceMotion
+from casadi_contact.scenes import Scene
 from casadi_contact.surrogate.base import Surrogate
 
 CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
 FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
 
 
-def _grid_text(grid: tuple[int, int]) -> str:
+def grid_text(grid: tuple[int, int]) -> str:
+    """Elements per side as people write them: "80×40"."""
     return f"{grid[0]}×{grid[1]}"
 
 
-def _summary(errors: LoadErrors) -> dict[str, float]:
-    """RMS over all forces and over all torques."""
-    kinds = {"force": [e["rms"] for n, e in errors.items() if is_force(n)]}
-    kinds["torque"] = [e["rms"] for n, e in errors.items() if not is_force(n)]
-    return {kind: float(np.sqrt(np.mean(np.square(values)))) if values else 0.0 for kind, values in kinds.items()}
+def converged_elements(scene: Scene) -> tuple[int, int]:
+    """Elements per side of the EF that errors on walking are measured against."""
+    along, across = scene.grids["teacher"]
+    return CONVERGED_REFINEMENT * along, CONVERGED_REFINEMENT * across
 
 
 def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:
@@ -42,24 +40,19 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     CasADi function.
     """
     scene = next(iter(surrogates.values())).scene
-    teacher = scene.grids["teacher"]
-    converged_grid = (CONVERGED_REFINEMENT * teacher[0], CONVERGED_REFINEMENT * teacher[1])
+    converged_grid = converged_elements(scene)
     converged = ElasticFoundation(scene, converged_grid)(poses)
     grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
-    foundations = {f"EF {_grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
-    fine = foundations[f"EF {_grid_text(scene.grids['fine'])}"](poses)
+    foundations = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
+    fine = foundations[f"EF {grid_text(scene.grids['fine'])}"](poses)
     measurements: dict[str, Callable[[], float]] = {
         name: partial(time_batch, model, poses) for name, model in foundations.items()
     }
     measurements |= {
         name: partial(time_single_calls, surrogate.function(), poses) for name, surrogate in surrogates.items()
     }
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
+    with one_thread():
         timings = compare(measurements)
-    finally:
-        numba.set_num_threads(threads)
     rows: dict[str, Any] = {}
     models: dict[str, LoadModel] = {**foundations, **surrogates}
     for name, model in models.items():
@@ -68,14 +61,14 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
         errors = load_errors(names, loads, converged[:, columns])
         rows[name] = {
             "timing": asdict(timings[name]),
-            "converged": _summary(errors),
-            "fine": _summary(load_errors(names, loads, fine[:, columns])),
+            "converged": force_and_torque_rms(errors),
+            "fine": force_and_torque_rms(load_errors(names, loads, fine[:, columns])),
             "loads": errors,
         }
     return {
         "poses": len(poses),
-        "fine": _grid_text(scene.grids["fine"]),
-        "converged": _grid_text(converged_grid),
+        "fine": grid_text(scene.grids["fine"]),
+        "converged": grid_text(converged_grid),
         "models": rows,
     }
 
@@ -92,7 +85,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
     for name, surrogate in surrogates.items():
         if surrogate.scene.digest != scene.digest:
             raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
-    grids = {f"EF {_grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")}
+    grids = {f"EF {grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")}
     models: dict[str, LoadModel] = {**grids, **surrogates}
     test = samples.select(role=TEST)
     walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
@@ -103,7 +96,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "scene_digest": scene.digest,
         "machine": machine_record(),
         "loads": list(scene.load_names),
-        "teacher": _grid_text(scene.grids["teacher"]),
+        "teacher": grid_text(scene.grids["teacher"]),
         "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
         "walking": evaluate_walking(surrogates, walking),

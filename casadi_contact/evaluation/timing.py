@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import casadi as ca
+import numba
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from casadi_contact.conventions import Array
 
@@ -33,6 +36,18 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """numba and BLAS on one thread, so that times compare models and not their use of cores."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        numba.set_num_threads(threads)
+
+
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
     """Seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
@@ -52,6 +67,18 @@ def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> fl
     for row in rows:
         view[:] = row
         call()
+    return (time.perf_counter() - start) / len(poses)
+
+
+def time_mapped(mapped: ca.Function, poses: Array) -> float:
+    """Seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
+    buffer, call = mapped.buffer()
+    columns = np.ascontiguousarray(poses).reshape(-1)  # CasADi stores columns one after the other: pose by pose
+    output = np.zeros(mapped.nnz_out(0))
+    buffer.set_arg(0, memoryview(columns))  # type: ignore[call-arg, arg-type]
+    buffer.set_res(0, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.perf_counter()
+    call()
     return (time.perf_counter() - start) / len(poses)
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from casadi_contact.dataset import Samples
 from casadi_contact.evaluation.candidate import Candidate
+from casadi_contact.evaluation.timing import one_thread
 from casadi_contact.peers.history import history
 from casadi_contact.peers.kriging import kriging
 from casadi_contact.peers.lazy_learning import lazy_learning
 from casadi_contact.peers.polynomial import polynomials
 from casadi_contact.peers.radial_basis import radial_basis
-from casadi_contact.peers.stopwatch import single_thread
 from casadi_contact.peers.training_set import TrainingSet
 from casadi_contact.peers.two_stage_forms import two_stage_forms
 from casadi_contact.sampling import ReferenceMotion
@@ -64,7 +64,7 @@ def _kept(family: str, peer: Peer) -> Iterator[Candidate]:
     candidates: Iterator[Candidate] | None = None
     while True:
         try:
-            with single_thread():
+            with one_thread():
                 candidates = peer() if candidates is None else candidates
                 candidate = next(candidates, None)
         except Exception as error:  # a peer is someone else's method: whatever stops it is its entry in the table

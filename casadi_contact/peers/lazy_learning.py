@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.evaluation.candidate import Candidate, Stopwatch
-from casadi_contact.peers.stopwatch import single_thread
+from casadi_contact.evaluation.timing import one_thread
 from casadi_contact.peers.training_set import TrainingSet
 
 FAMILY = "lazy learning"
@@ -109,7 +109,7 @@ def _calls_in_order(model: LazyLearner) -> Stopwatch:
     """Single calls that begin from the training samples: what was learned in the last measurement is forgotten."""
 
     def measure(poses: Array) -> float:
-        with single_thread():
+        with one_thread():
             model.reset()
             start = time.perf_counter()
             for pose in poses:

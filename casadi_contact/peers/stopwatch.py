@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import casadi as ca
-import numba
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from casadi_contact.conventions import Array
 from casadi_contact.evaluation import time_batch, time_single_calls
 from casadi_contact.evaluation.candidate import Stopwatch
-
-
-@contextmanager
-def single_thread() -> Iterator[None]:
-    """One thread for BLAS and numba inside, as many as before outside."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        numba.set_num_threads(threads)
+from casadi_contact.evaluation.timing import one_thread
 
 
 def single_calls(call: Callable[[Array], object]) -> Stopwatch:
     """Seconds per pose of call(pose (6,)), one pose after the other."""
 
     def measure(poses: Array) -> float:
-        with single_thread():
+        with one_thread():
             start = time.perf_counter()
             for pose in poses:
                 call(pose)
@@ -45,7 +31,7 @@ def one_call(model: Callable[[Array], object]) -> Stopwatch:
     """Seconds per pose of model(poses (n, 6))."""
 
     def measure(poses: Array) -> float:
-        with single_thread():
+        with one_thread():
             return time_batch(model, poses)
 
     return measure
@@ -56,7 +42,7 @@ def casadi_calls(function: ca.Function, *others: Array) -> Stopwatch:
     constants = [np.ascontiguousarray(value, dtype=float) for value in others]
 
     def measure(poses: Array) -> float:
-        with single_thread():
+        with one_thread():
             return time_single_calls(function, poses, *constants)
 
     return measure

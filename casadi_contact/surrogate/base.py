@@ -70,9 +70,14 @@ class Surrogate(ABC):
     def regressions(samples: Samples) -> list[Regression]:
         """The regressions, one for each network, that samples pose."""
 
+    @classmethod
     @abstractmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        """Names of the networks that the loads need; raises ValueError for an unknown load."""
+
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""
+        return self.networks_for(self.scene, loads)
 
     @abstractmethod
     def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:

@@ -76,10 +76,11 @@ class PatchSurrogate(Surrogate):
     def _sensitive(self) -> dict[str, str]:
         return sensitive_components(self.scene)
 
-    def needed_networks(self, loads: Sequence[str]) -> list[str]:
-        selection = load_selection(loads, self.patch_names)
+    @classmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        selection = load_selection(loads, scene.patch_names)
         names = []
-        for p, (patch, sensitive) in enumerate(self._sensitive.items()):
+        for p, (patch, sensitive) in enumerate(sensitive_components(scene).items()):
             used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
             if used:
                 names += [root_name(patch), *(ratio_name(patch, k) for k in used if k != sensitive)]

@@ -69,13 +69,14 @@ class TwoStageSurrogate(Surrogate):
     def _smoothing_load(self) -> float:
         return ROOT_SMOOTHING * self.scene.boundary_load
 
-    def needed_networks(self, loads: Sequence[str]) -> list[str]:
-        first = list(self.scene.sensitive_loads)
-        known = self.network_inputs(self.scene)
+    @classmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        first = list(scene.sensitive_loads)
+        known = cls.network_inputs(scene)
         for load in loads:
             if load not in known:
                 raise ValueError(
-                    f"unknown load {load!r} for a two_stage surrogate of scene {self.scene.name!r}, "
+                    f"unknown load {load!r} for a two_stage surrogate of scene {scene.name!r}, "
                     f"expected one of {', '.join(known)}"
                 )
         second = [load for load in loads if load not in first]

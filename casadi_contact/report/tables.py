@@ -1,4 +1,4 @@
-"""Tables for the terminal and a speed-accuracy chart, drawn from result files only."""
+"""Tables for the terminal, from ``evaluation.json``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 from rich.table import Table
 
 from casadi_contact.conventions import load_unit
-from casadi_contact.files import replacing
 
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:
@@ -59,34 +58,3 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
         table.add_row(model, time, span, *cells)
     tables.append(table)
     return tables
-
-
-def draw_speed_accuracy(content: dict[str, Any], path: Path) -> None:
-    """Time per pose against RMS error on the unseen walking sequence, for force and for torque, as a PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    walking = content["walking"]
-    families = (("EF ", "elastic foundation", "o", "#D55E00"), ("", "surrogate, CasADi MX", "s", "#0072B2"))
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    for axis, (kind, unit) in zip(figure.subplots(1, 2), (("force", "N"), ("torque", "N·mm")), strict=True):
-        left = dict(walking["models"])
-        for start, label, marker, color in families:
-            mine = {name: left.pop(name) for name in list(left) if name.startswith(start)}
-            times = [row["timing"]["median_us"] for row in mine.values()]
-            errors = [row["converged"][kind] for row in mine.values()]
-            low = [row["timing"]["median_us"] - row["timing"]["low_us"] for row in mine.values()]
-            high = [row["timing"]["high_us"] - row["timing"]["median_us"] for row in mine.values()]
-            joined = {"ls": "-" if start else "none", "lw": 0.8}
-            axis.errorbar(times, errors, xerr=[low, high], marker=marker, color=color, label=label, **joined)
-            for name, time, error in zip(mine, times, errors, strict=True):
-                place = {"textcoords": "offset points", "xytext": (6, 5 if start else -11), "fontsize": 8}
-                axis.annotate(name.removeprefix("EF "), (time, error), **place)
-        axis.set(xscale="log", yscale="log", xlabel="time per pose, one core [µs]", ylabel=f"RMS {kind} error [{unit}]")
-        axis.grid(alpha=0.3, which="both")
-    figure.axes[0].legend(fontsize=8)
-    title = f"{content['scene']}: {walking['poses']} unseen walking poses, errors against EF {walking['converged']}"
-    figure.suptitle(f"{title}; {content['machine']['processor']}", fontsize=10)
-    with replacing(path) as beside:
-        figure.savefig(beside, dpi=110, format="png")

@@ -1,0 +1,80 @@
+"""The frame of every chart: two panels, a title that says what was measured, a footnote with what failed."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from casadi_contact.evaluation.front_file import Front, Point
+from casadi_contact.files import replacing
+
+KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
+_DPI = 130
+
+
+def two_panels(front: Front, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
+    """A figure and its two axes; measured says on what (the walking sequence if left out), note goes below;
+    failures of the file's models are listed there too."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(14, 6.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    header = front.header
+    walking = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
+    machine = f"{header.get('processor', 'unknown processor')}, {header.get('threads', '?')} thread"
+    figure.suptitle(f"{header['scene']}: {title}\n{measured or walking}; {machine}", fontsize=10)
+    failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
+    footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
+    if footnote:
+        figure.supxlabel("\n".join(textwrap.wrap(footnote, 200)), fontsize=8, x=0.01, ha="left")
+    axes = figure.subplots(1, 2)
+    for axis in axes:
+        axis.grid(alpha=0.25, which="both", lw=0.5)
+    return figure, axes
+
+
+def log_scale(axes: Any, directions: str = "xy") -> None:
+    """Logarithmic scales labelled 1, 3, 10, 30 in plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.set(**{f"{direction}scale": "log" for direction in directions})
+    for direction in directions:
+        axis = getattr(axes, f"{direction}axis")
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0), numticks=20))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def legend_beside(figure: Any, axes: Any) -> None:
+    """One legend for both panels, right of them, with everything that either shows."""
+    entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
+
+
+def save(figure: Any, folder: Path, name: str) -> list[Path]:
+    """Write a figure as .png and .svg."""
+    paths = []
+    for ending in ("png", "svg"):
+        path = folder / f"{name}.{ending}"
+        with replacing(path) as beside:
+            figure.savefig(beside, dpi=_DPI, format=ending, metadata={"Date": None} if ending == "svg" else None)
+        paths.append(path)
+    return paths
+
+
+def family_name(family: str) -> str:
+    """A family as the legend calls it."""
+    known: dict[str, str] = {
+        "EF": "elastic foundation (EF)",
+        "patch": "patch surrogate",
+        "two_stage": "two-stage surrogate",
+    }
+    return known.get(family, family)
+
+
+def families(points: Sequence[Point]) -> list[str]:
+    """Families in the order of the file, once each."""
+    return list(dict.fromkeys(point.family for point in points))

@@ -1,0 +1,71 @@
+"""Error against domain, number of samples and training time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from casadi_contact.dataset import DOMAINS
+from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, Front, Point
+from casadi_contact.report.figure import KINDS, families, legend_beside, log_scale, two_panels
+from casadi_contact.report.style import family_styles
+
+WALKING = "unseen walking"
+
+
+def draw_error_by_domain(front: Front) -> Any:
+    """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family."""
+    note = "Dashed: cheapest of its family, solid: most accurate. An error of exactly zero (D5) is not on a log axis."
+    figure, axes = two_panels(front, "error per domain", "test samples, errors against the samples' own EF", note)
+    styles = family_styles(families(front.points))
+    for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
+        for family, style in styles.items():
+            for point, dash in _extremes([p for p in front.models if p.family == family], error):
+                by_domain = getattr(point, f"domain_{error}")
+                rms = [by_domain.get(domain) or math.nan for domain in DOMAINS]
+                axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
+        log_scale(axis, "y")
+        axis.set(xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
+        axis.set_xticks(range(len(DOMAINS)), DOMAINS)
+    legend_beside(figure, axes)
+    return figure
+
+
+def draw_error_by_samples(front: Front) -> Any | None:
+    """RMS error of one size against the number of samples it learned from."""
+    return _swept(front, SAMPLES, lambda point: float(point.samples), "samples learned from")
+
+
+def draw_error_by_training_time(front: Front) -> Any | None:
+    """RMS error of one size against its training time."""
+    return _swept(front, SECONDS, lambda point: point.training_seconds, "training time of all networks [s of one core]")
+
+
+def _extremes(points: Sequence[Point], error: str) -> list[tuple[Point, str]]:
+    """The cheapest and the most accurate point with their line styles, of those with an error in some domain."""
+    timed = [(p, p.value.median_us) for p in points if p.value and any(getattr(p, f"domain_{error}").values())]
+    if not timed:
+        return []
+    cheapest = min(timed, key=lambda pair: pair[1])[0]
+    best = min((p for p, _ in timed), key=lambda p: getattr(p, error))
+    return [(best, "-")] if cheapest is best else [(cheapest, "--"), (best, "-")]
+
+
+def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str) -> Any | None:
+    """The swept points with the model they vary, on walking and in three domains; None if the file has none."""
+    points = [p for p in front.points if p.sweep == sweep and not p.failure]
+    if not points:
+        return None
+    model = points[0].name.partition(" (")[0]
+    points = sorted([*points, *(p for p in front.models if p.name == model)], key=cost)
+    figure, axes = two_panels(front, f"error of {model} against {label.partition(' [')[0]}")
+    for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
+        for where, style in family_styles([WALKING, "D1", "D3", "D4"]).items():
+            rms = [getattr(p, error) if where == WALKING else getattr(p, f"domain_{error}")[where] for p in points]
+            legend = where if where == WALKING else f"test samples of {where}, against the samples' own EF"
+            axis.plot([cost(p) for p in points], rms, ms=5, lw=1.0, label=legend, **style.keywords)
+        log_scale(axis)
+        axis.set(xlabel=label, ylabel=f"RMS {kind} error [{unit}]")
+    axes[0].legend(fontsize=8)
+    return figure

@@ -1,0 +1,76 @@
+"""Charts are drawn from a stored result file alone, and their families can be told apart in grey."""
+
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from casadi_contact.evaluation.front_file import SIZE, Front, Point, read_front
+from casadi_contact.report import draw_charts
+from casadi_contact.report.charts import CHARTS
+from casadi_contact.report.scatter import draw_speed_accuracy
+from casadi_contact.report.style import COLOURS, MARKERS, family_styles
+
+STORED = Path(__file__).parents[1] / "front" / "speed_accuracy.csv"
+
+
+@pytest.fixture(scope="module")
+def front():
+    return read_front(STORED)
+
+
+def lightness(colour):
+    """CIE L* of an sRGB colour "#rrggbb", 0 (black) to 100 (white)."""
+    rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    y = linear @ [0.2126, 0.7152, 0.0722]
+    return 116.0 * np.cbrt(y) - 16.0 if y > 0.008856 else 903.3 * y
+
+
+def test_every_chart_is_drawn_from_the_file(front, tmp_path):
+    paths = draw_charts(front, tmp_path)
+    assert {path.name for path in paths} == {f"{name}.{ending}" for name in CHARTS for ending in ("png", "svg")}
+    for path in paths:
+        assert path.stat().st_size > 20_000, path
+        assert path.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
+    assert {path.name for path in tmp_path.iterdir()} == {path.name for path in paths}
+
+
+def test_charts_without_numbers_are_left_out(front, tmp_path):
+    only_sizes = Front(front.header, tuple(p for p in front.points if p.sweep == SIZE))
+    names = {path.stem for path in draw_charts(only_sizes, tmp_path)}
+    assert names == set(CHARTS) - {"error_by_samples", "error_by_training_time"}
+
+
+def test_the_families_of_the_file_differ_in_lightness_colour_and_marker(front):
+    styles = family_styles([point.family for point in front.points])
+    first = [styles[family] for family in ("patch", "EF", "two_stage")]
+    for one, other in combinations(first, 2):
+        assert abs(lightness(one.colour) - lightness(other.colour)) > 15.0
+    for one, other in combinations(styles.values(), 2):
+        assert one.marker != other.marker
+        assert one.colour != other.colour
+
+
+def test_no_two_of_many_families_look_the_same():
+    styles = family_styles([f"family {i}" for i in range(24)])
+    assert len({(s.colour, s.marker, s.hollow) for s in styles.values()}) == 24
+    assert len(COLOURS) == len(MARKERS)
+
+
+def test_every_point_is_labelled_and_no_label_covers_another(front):
+    figure = draw_speed_accuracy(front)
+    sized = [p for p in front.points if p.sweep == SIZE and not p.failure]
+    for axis in figure.axes:
+        boxes = [text.get_window_extent() for text in axis.texts]
+        assert len(boxes) == len(sized)
+        for one, other in combinations(boxes, 2):
+            assert not one.overlaps(other)
+
+
+def test_failures_are_in_the_footnote(front):
+    failed = Point("Kriging 50000", "Kriging", failure="the matrix does not fit in memory")
+    figure = draw_speed_accuracy(replace(front, points=(*front.points, failed)))
+    assert "Kriging 50000: the matrix does not fit" in figure._supxlabel.get_text()
