@@ -16,7 +16,7 @@ from casadi_contact import front, pipeline
 from casadi_contact.front.choice_table import choice_table
 from casadi_contact.opensim import ColumnMap, mapped_curves, read_table
 from casadi_contact.pipeline import PRESETS, Project
-from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.scenes.cycles import cycle_from_curves, write_cycle
 from casadi_contact.surrogate import load_surrogate
 
@@ -135,6 +135,15 @@ def chart(
         paths = front.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
     for path in paths:
         console.print(f"written {path}", highlight=False)
+
+
+@app.command()
+def speed(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+    """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit."""
+    path = front.speed(_project(scene, preset, out))
+    for table in kernel_speed_tables(read_kernel_speed(path)):
+        console.print(table)
+    console.print(f"times in {path}", highlight=False)
 
 
 @app.command()

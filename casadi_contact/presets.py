@@ -101,13 +101,13 @@ PRESETS: dict[str, Preset] = {
                 "patch": _ladder(
                     "algebraic",
                     *((6, 15.0, 10_000), (8, 20.0, 15_000), (12, 45.0, None)),
-                    *((16, 55.0, None), (24, 90.0, None), (32, 150.0, None), (48, 240.0, None)),
+                    *((16, 55.0, None), (24, 90.0, None), (32, 150.0, None), (48, 480.0, None)),
                 ),
                 "two_stage": _ladder("tanh", (8, 10.0, 12_000), (16, 25.0, 12_000), (24, 50.0, 12_000)),
             },
             sample_counts=(300, 1_000, 3_000, 10_000),
             training_seconds=(2.0, 5.0, 15.0, 120.0),
-            peer_seconds=300.0,
+            peer_seconds=600.0,
         ),
     ),
     "paper": Preset(
@@ -132,7 +132,7 @@ PRESETS: dict[str, Preset] = {
             },
             sample_counts=(300, 1_000, 3_000, 10_000, 30_000),
             training_seconds=(5.0, 20.0, 80.0, 300.0, 1200.0),
-            peer_seconds=600.0,
+            peer_seconds=1200.0,
         ),
     ),
 }

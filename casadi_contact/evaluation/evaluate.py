@@ -37,7 +37,7 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     """Errors of EF grids and surrogates against the fine and the converged EF, and their time per pose, in one run.
 
     All on one core: EF as one batch of poses (its cheapest form), surrogates by single buffered calls of their
-    CasADi function.
+    compiled kernel.
     """
     scene = next(iter(surrogates.values())).scene
     converged_grid = converged_elements(scene)
@@ -49,7 +49,8 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
         name: partial(time_batch, model, poses) for name, model in foundations.items()
     }
     measurements |= {
-        name: partial(time_single_calls, surrogate.function(), poses) for name, surrogate in surrogates.items()
+        name: partial(time_single_calls, surrogate.function(compiled=True), poses)
+        for name, surrogate in surrogates.items()
     }
     with one_thread():
         timings = compare(measurements)

@@ -72,7 +72,8 @@ def surrogate_file(project: Project, name: str, loads: Sequence[str] | None) -> 
 def python_line(scene: str, name: str, loads: Sequence[str], file: Path | None) -> str:
     """How to make the model in Python (after ``import casadi_contact as cc``)."""
     if file is not None:
-        return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r})"
+        compiled = "" if name.endswith(MX_SUFFIX) else ", compiled=True"
+        return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
     return f"casadi_contact.peers.peer_candidates(samples, seconds=..., names={list(loads)!r}), the one named {name!r}"
@@ -86,7 +87,8 @@ def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iter
     for name in names:
         path = surrogate_file(project, name, loads)
         if path is not None:
-            variants = surrogate_candidates(name.removesuffix(MX_SUFFIX), load_surrogate(path), loads)
+            graph = name.endswith(MX_SUFFIX)
+            variants = surrogate_candidates(name.removesuffix(MX_SUFFIX), load_surrogate(path), loads, graph=graph)
             yield from (candidate for candidate in variants if candidate.name == name)
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.evaluation.candidate import Candidate
+from casadi_contact.evaluation.candidate import Candidate, Stopwatch
 from casadi_contact.evaluation.evaluate import grid_text
 from casadi_contact.evaluation.front_file import SIZE
+from casadi_contact.evaluation.kernel_speed import lagrangian_hessian
 from casadi_contact.evaluation.timing import time_batch, time_mapped, time_single_calls
 from casadi_contact.front.sizes import planned, sized_path
 from casadi_contact.pipeline import Project, read_motion, trained
@@ -22,6 +23,7 @@ from casadi_contact.surrogate import Surrogate, load_surrogate
 
 EF_FAMILY = "EF"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
+_GLOBAL_PEERS = ("polynomial", "Kriging", "radial basis")
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 
@@ -45,15 +47,14 @@ def foundation_candidates(scene: Scene) -> Iterator[Candidate]:
         )
 
 
-def functions(surrogate: Surrogate, loads: Sequence[str] | None = None) -> dict[str, ca.Function]:
-    """The CasADi functions pose -> loads of a surrogate that the chart shows, by what follows the family's name."""
-    return {"": surrogate.function(loads)}
-
-
-def surrogate_candidates(name: str, surrogate: Surrogate, loads: Sequence[str] | None = None) -> Iterator[Candidate]:
-    """A surrogate as its CasADi functions, called through their buffers: the way an optimiser does."""
+def surrogate_candidates(
+    name: str, surrogate: Surrogate, loads: Sequence[str] | None = None, *, graph: bool = False
+) -> Iterator[Candidate]:
+    """A surrogate as a compiled kernel and (graph) as a CasADi graph, called through their buffers: the way an
+    optimiser does. Without a compiler the kernel is a graph too, and its remark says so."""
     record = surrogate.record
-    for suffix, function in functions(surrogate, loads).items():
+    for compiled, suffix in ((True, ""), (False, MX_SUFFIX))[: 2 if graph else 1]:
+        function = surrogate.function(loads, compiled=compiled)
         yield Candidate(
             name=f"{name}{suffix}",
             family=f"{surrogate.structure}{suffix}",
@@ -61,12 +62,20 @@ def surrogate_candidates(name: str, surrogate: Surrogate, loads: Sequence[str] |
             time_value=partial(time_single_calls, function),
             time_jacobian=partial(time_single_calls, function.jacobian()),
             time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
-            time_batch=partial(_time_map, function),
+            time_batch=_batch_stopwatch(surrogate, loads, compiled=compiled),
             samples=sum(record.get("samples", {}).values()),
             training_seconds=round(sum(record.get("seconds", {}).values()), 1),
             parameters=sum(network.parameter_count for network in surrogate.networks.values()),
-            remark="batch: CasADi map",
+            remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
         )
+
+
+def _batch_stopwatch(surrogate: Surrogate, loads: Sequence[str] | None, *, compiled: bool) -> Stopwatch:
+    @cache
+    def of(count: int) -> ca.Function:
+        return surrogate.function(loads, compiled=compiled, batch=count)
+
+    return lambda poses: time_mapped(of(len(poses)), poses)
 
 
 def project_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]:
@@ -83,27 +92,21 @@ def own_name(project: Project, structure: str) -> str:
 
 
 def peer_candidates(project: Project) -> Iterator[Candidate]:
-    """The peers, fitted on the project's samples for the preset's seconds each."""
-    from casadi_contact.peers import peer_candidates as fitted_peers  # type: ignore[import-untyped,import-not-found]
+    """The peers, fitted on the project's samples: all of them, and for those that hold few points D1 alone too.
 
-    yield from fitted_peers(
-        project.samples(),
-        seconds=project.preset.chart.peer_seconds,
-        two_stage=trained(project).get("two_stage"),
-        motion=read_motion(project)[0],
-    )
+    Kriging has the preset's seconds, every other family a quarter of them.
+    """
+    from casadi_contact.peers import FAMILIES, peer_candidates
 
-
-def lagrangian_hessian(function: ca.Function) -> ca.Function:
-    """pose, λ -> Hessian of λᵀ·loads by the pose, the way nlpsol builds it."""
-    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
-    lagrangian = ca.dot(weights, function(pose))
-    return ca.Function("lagrangian_hessian", [pose, weights], [ca.hessian(lagrangian, pose)[0]])
+    samples, seconds = project.samples(), project.preset.chart.peer_seconds
+    two_stage, (motion, _) = trained(project).get("two_stage"), read_motion(project)
+    for family in FAMILIES:
+        limit = seconds if family == "Kriging" else seconds / 4.0
+        for domains in (None, ["D1"]) if family in _GLOBAL_PEERS else (None,):
+            yield from peer_candidates(
+                samples, seconds=limit, two_stage=two_stage, motion=motion, domains=domains, families=[family]
+            )
 
 
 def _time_hessian(hessian: ca.Function, poses: Array) -> float:
     return time_single_calls(hessian, poses, np.ones(hessian.numel_in(1)))
-
-
-def _time_map(function: ca.Function, poses: Array) -> float:
-    return time_mapped(function.map(len(poses)), poses)

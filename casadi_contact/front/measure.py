@@ -20,6 +20,7 @@ from casadi_contact.evaluation.front_file import FILE_NAME, SIZE, TIMES, Front, 
 from casadi_contact.evaluation.timing import Timing, compare, one_thread
 from casadi_contact.front.candidates import (
     foundation_candidates,
+    own_name,
     peer_candidates,
     project_surrogates,
     surrogate_candidates,
@@ -52,12 +53,13 @@ def chart(
     FileNotFoundError without samples or without the preset's own surrogates.
     """
     samples = project.samples()
-    trained(project)  # before an hour of training, not after it: raises if there is none
+    own = trained(project)  # before an hour of training, not after it: raises if there is none
     train_sizes(project, update=update, executor=executor)
     sweeps: dict[str, str] = {}
     candidates = list(foundation_candidates(project.scene))
     for name, sweep, surrogate in project_surrogates(project):
-        for candidate in surrogate_candidates(name, surrogate):
+        graph = name in (own_name(project, structure) for structure in own)
+        for candidate in surrogate_candidates(name, surrogate, graph=graph):
             candidates.append(candidate)
             sweeps[candidate.name] = sweep
     if peers:

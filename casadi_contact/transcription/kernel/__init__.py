@@ -12,16 +12,31 @@ from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
 from casadi_contact.transcription.kernel.patch_kernel import patch_kernel
-from casadi_contact.transcription.kernel.source import Kernel
+from casadi_contact.transcription.kernel.source import Kernel, c_text
 from casadi_contact.transcription.kernel.two_stage_kernel import two_stage_kernel
 
-__all__ = ["CompilerError", "Kernel", "compiled_function", "patch_kernel", "two_stage_kernel", "warn_once"]
+__all__ = [
+    "CompilerError",
+    "Kernel",
+    "compiled_function",
+    "patch_kernel",
+    "sigmoid_source",
+    "two_stage_kernel",
+    "warn_once",
+]
 
 
 @cache
 def warn_once(message: str) -> None:
     """A RuntimeWarning, the first time that this process has something to say."""
     warnings.warn(message, RuntimeWarning, stacklevel=5)
+
+
+def sigmoid_source(activation: str) -> str:
+    """C function sigmoids(repeats, n, z): the kernel's sigmoid loop alone, to measure the rate of this machine."""
+    definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH", "LANES"))
+    loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
+    return f"{definitions}{c_text('core.h')}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
 
 
 def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:

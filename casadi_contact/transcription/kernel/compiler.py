@@ -25,7 +25,7 @@ SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
 CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
 
 
-class CompilerError(RuntimeError):
+class CompilerError(OSError):
     """No compiler, or it refused."""
 
 

@@ -1,0 +1,42 @@
+"""Table of a ``kernel_speed.json``: times and the ratios that matter."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+
+def read_kernel_speed(path: str | Path) -> dict[str, Any]:
+    """The content of a ``kernel_speed.json``; ValueError if it is something else."""
+    try:
+        content = json.loads(Path(path).read_text("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is not a kernel speed file ({error})") from None
+    if not isinstance(content, dict) or content.get("format") != "casadi_contact kernel speed":
+        raise ValueError(f"{path} is not a kernel speed file, expected one written by casadi-contact speed")
+    return content
+
+
+def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:
+    """One table per surrogate: median, lowest and highest time per pose, and as a multiple of the kernel's."""
+    tables = []
+    for structure, found in content["surrogates"].items():
+        caption = "one core, all loads, single buffered calls; EF in one batch"
+        table = Table(title=f"Compiled kernel of {structure}", caption=f"{caption}\n{found['limit']}")
+        table.add_column("what")
+        for column in ("time per pose (µs)", "low-high", "times the kernel's"):
+            table.add_column(column, justify="right")
+        times = found["microseconds"]
+        for what, timing in times.items():
+            kind = what.partition(",")[0]
+            kernel = times.get(f"{kind}, kernel", times["value, kernel"])["median_us"]
+            span = f"{timing['low_us']:.2f}-{timing['high_us']:.2f}"
+            table.add_row(what, f"{timing['median_us']:.2f}", span, f"{timing['median_us'] / kernel:.2f}")
+        limit = found["limit_us"]
+        share = limit / times["value, kernel"]["median_us"]
+        table.add_row("machine's limit", f"{limit:.2f}", "", f"{share:.2f} (kernel: {1.0 / share:.1f} times the limit)")
+        tables.append(table)
+    return tables
