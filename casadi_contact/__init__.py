@@ -4,9 +4,18 @@ The method is that of Eskinazi and Fregly, "Surrogate modeling of deformable joi
 networks" (2015); see README.md.
 """
 
-from casadi_contact.contact import CallableModel, ElasticFoundation
+from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, settle
 from casadi_contact.surrogate import load_surrogate
 
-__all__ = ["CallableModel", "ElasticFoundation", "Scene", "load_scene", "load_surrogate", "relax", "settle"]
+__all__ = [
+    "CallableModel",
+    "ElasticFoundation",
+    "RayCastFoundation",
+    "Scene",
+    "load_scene",
+    "load_surrogate",
+    "relax",
+    "settle",
+]

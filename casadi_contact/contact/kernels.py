@@ -11,10 +11,12 @@ import numba
 import numpy as np
 
 from casadi_contact.contact.pressure import pressure
-from casadi_contact.geometry.surfaces import signed_distance
+from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
+from casadi_contact.geometry.surfaces import MESH_FIELD, signed_distance
 
 _RAY_ITERATIONS = 30
-_RAY_TOLERANCE_MM = 1e-9  # of the last step: Newton's method then stands at the limit of arithmetic
+_RAY_TOLERANCE_MM = 1e-6  # of the last step: Newton's method squares it, so that the next would be far below 1e-9
+_STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
@@ -32,16 +34,49 @@ def _to_moving(R, t, x, y, z):
 
 
 @numba.njit(cache=True, inline="always")
-def _lower_bound(family, parameters, R, t, centres, extents, b):
-    """Least g that any point of box b (centre, half extents) can have.
+def _tangent(family, parameters, R, t, centres, extents, b):
+    """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
 
-    g is convex, so it lies above its tangent plane at the centre: g >= g_c - |G|·extent.
+    Where g_c + G·(p - c) - M|p - c|²/2 > 0 the point p of the block lies outside the body. M = 0 for the analytic
+    families, which are convex; see `geometry.distance_field` for a mesh. (An infinite M excludes nothing.)
     """
     qx, qy, qz = _to_moving(R, t, centres[b, 0], centres[b, 1], centres[b, 2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    for i in range(3):
-        g -= abs(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az) * extents[b, i]
-    return g
+    curvature = 0.0
+    if family == MESH_FIELD:
+        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
+        curvature = field_curvature(parameters, qx, qy, qz) if reach2 < CURVATURE_REACH_MM**2 else np.inf
+    return (
+        g,
+        R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az,
+        R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az,
+        R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az,
+        curvature,
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def _block_bound(family, tangent, extents, b):
+    """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex.
+
+    For a mesh by its tangent and curvature if these say that the block lies outside, else by its slope.
+    """
+    g, gx, gy, gz, curvature = tangent
+    bound = g - abs(gx) * extents[b, 0] - abs(gy) * extents[b, 1] - abs(gz) * extents[b, 2]
+    if family == MESH_FIELD:
+        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
+        if curvature < np.inf:
+            bound -= 0.5 * curvature * reach2
+        if bound <= 0.0 or curvature == np.inf:
+            bound = g - _STEEPEST_FIELD * np.sqrt(reach2)
+    return bound
+
+
+@numba.njit(cache=True, inline="always")
+def _point_bound(tangent, dx, dy, dz):
+    """Positive only if the point at offset (dx, dy, dz) from a block's centre lies outside the body."""
+    g, gx, gy, gz, curvature = tangent
+    return g + gx * dx + gy * dy + gz * dz - 0.5 * curvature * (dx * dx + dy * dy + dz * dz)
 
 
 @numba.njit(cache=True, inline="always")
@@ -72,10 +107,14 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
     load_direction = np.empty(6)
     depth_slope = np.empty(6)
     for b in range(len(block_extents)):
-        if _lower_bound(family, parameters, R, t, block_centres, block_extents, b) > 0.0:
+        tangent = _tangent(family, parameters, R, t, block_centres, block_extents, b)
+        if _block_bound(family, tangent, block_extents, b) > 0.0:
             continue
+        bx, by, bz = block_centres[b, 0], block_centres[b, 1], block_centres[b, 2]
         for e in range(blocks[b], blocks[b + 1]):
             cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
+            if _point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
+                continue
             qx, qy, qz = _to_moving(R, t, cx, cy, cz)
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g >= 0.0:
@@ -115,7 +154,8 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     centres, _, _, blocks, block_centres, block_extents = elements
     bounds = np.empty(len(block_extents))
     for b in range(len(block_extents)):
-        bounds[b] = _lower_bound(family, parameters, R, t, block_centres, block_extents, b)
+        tangent = _tangent(family, parameters, R, t, block_centres, block_extents, b)
+        bounds[b] = _block_bound(family, tangent, block_extents, b)
     best = np.inf
     nearest = -1
     for b in np.argsort(bounds):

@@ -3,6 +3,10 @@
 g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/spacing and B the cubic B-spline. The
 coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node. Outside the grid,
 which reaches MARGIN_MM beyond the mesh, g is the value at the nearest grid point plus the distance to it.
+
+Beside the coefficients each node keeps a bound M on how hollow g is (∇²g >= -M) within CURVATURE_REACH_MM of it
+and outside the body, so that g(q + δ) >= g(q) + ∇g·δ - M|δ|²/2 as long as the way from q to q + δ stays outside; where the right
+side is positive the way does, for it is concave along it. So the elastic foundation knows which elements cannot touch.
 """
 
 from __future__ import annotations
@@ -20,6 +24,10 @@ from casadi_contact.geometry.smooth_surface import SmoothSurface
 SPACING_MM = 0.75
 MARGIN_MM = 4.0
 _MOST_NODES = 40_000_000  # 320 MB of coefficients
+CURVATURE_REACH_MM = 2.5
+_NEAR_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)  # g of the nodes that a way from outside to the surface can pass
+_VALUE, _SECOND = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([1.0, -2.0, 1.0])  # of a cubic B-spline at the nodes
+_FIRST = np.array([-0.5, 0.0, 0.5])
 _HEAD = 7  # numbers before the coefficients: origin x, y, z; spacing; nodes along x, y, z
 
 
@@ -64,11 +72,29 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     values = SmoothSurface(mesh).distance(nodes).reshape(counts)
     coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
-    parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel()])
+    bound = _curvature_bound(coefficients, (values > _NEAR_MM[0]) & (values < _NEAR_MM[1]), spacing_mm)
+    parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
     return DistanceField(
         parameters, FieldFit(float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), mesh.dropped)
     )
+
+
+def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:
+    """Largest hollow curvature (minus the least eigenvalue of ∇²g, 1/mm) at any node near the surface within reach."""
+    count = int(near.sum())
+    hessians = np.empty((count, 3, 3))
+    for first in range(3):
+        for second in range(first, 3):
+            part = coefficients
+            for axis in range(3):
+                times = (axis == first) + (axis == second)
+                part = ndimage.correlate1d(part, (_VALUE, _FIRST, _SECOND)[times], axis, mode="mirror")
+            hessians[:, first, second] = hessians[:, second, first] = part[near]
+    hollow = np.zeros_like(coefficients)
+    hollow[near] = np.maximum(-np.linalg.eigvalsh(hessians)[:, 0], 0.0)
+    reach = int(np.ceil(CURVATURE_REACH_MM / spacing_mm))
+    return ndimage.maximum_filter(hollow, 2 * reach + 1) / spacing_mm**2
 
 
 @numba.njit(cache=True, inline="always")
@@ -127,6 +153,18 @@ def field_distance(parameters, x, y, z):
         gy = oy / out if oy != 0.0 else gy
         gz = oz / out if oz != 0.0 else gz
     return g, gx, gy, gz
+
+
+@numba.njit(cache=True)
+def field_curvature(parameters, x, y, z):
+    """Bound M [1/mm] on how hollow the field is within CURVATURE_REACH_MM of a point; infinite outside the grid."""
+    at = 0
+    for axis, coordinate in enumerate((x, y, z)):
+        node = (coordinate - parameters[axis]) / parameters[3] + 0.5
+        if not 1.0 <= node < parameters[4 + axis] - 1.0:
+            return np.inf
+        at = at * int(parameters[4 + axis]) + int(node)
+    return parameters[_HEAD + (len(parameters) - _HEAD) // 2 + at]
 
 
 @numba.njit(cache=True)

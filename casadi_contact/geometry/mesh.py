@@ -15,10 +15,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.vtp import read_vtp
+from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
 
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
-MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
-FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
 _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
 
@@ -111,23 +110,6 @@ def checked_mesh(
             "reverse its triangles and save it again"
         )
     return mesh
-
-
-def axes_rotation(axes: Sequence[str]) -> Array:
-    """Rotation R with (x, y, z) = R·(file coordinates); raises ValueError for axes that are no rotation."""
-    rows = []
-    for axis in axes:
-        sign, letter = (-1.0, axis[1:]) if str(axis).startswith("-") else (1.0, axis)
-        if letter not in FILE_AXES:
-            break
-        rows.append(sign * np.eye(3)[FILE_AXES.index(letter)])
-    rotation = np.array(rows)
-    if rotation.shape != (3, 3) or np.linalg.det(rotation) < 0.5:
-        raise ValueError(
-            f"axes = {list(axes)!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
-            "['-x', 'y', '-z']"
-        )
-    return rotation
 
 
 def _read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
