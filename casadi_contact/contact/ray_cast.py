@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.model import CallableModel
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressure
+from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.mesh_bodies import body_mesh, patch_mesh
 from casadi_contact.geometry.rays import RayCaster
@@ -63,20 +63,20 @@ class RayCastFoundation(CallableModel):
         poses = as_poses(poses)
         area, mean, largest = (np.zeros((len(poses), len(self._patches))) for _ in range(3))
         centre = np.full((*area.shape, 3), np.nan)
-        for n, p, pressures in self._pressures(poses):
+        for n, p, pressed in self._pressures(poses):
             centres, _, areas = self._patches[p]
-            loaded = pressures > 0.0
+            loaded = pressed > 0.0
             if loaded.any():
-                force = pressures * areas
-                area[n, p], mean[n, p], largest[n, p] = areas[loaded].sum(), pressures[loaded].mean(), pressures.max()
+                force = pressed * areas
+                area[n, p], mean[n, p], largest[n, p] = areas[loaded].sum(), pressed[loaded].mean(), pressed.max()
                 centre[n, p] = force @ centres / force.sum()
         return PressureSummary(area, mean, largest, centre)
 
     def _all_wrenches(self, poses: Array) -> Array:
         wrenches = np.zeros((len(poses), len(self._patches), 6))
-        for n, p, pressures in self._pressures(poses):
+        for n, p, pressed in self._pressures(poses):
             centres, normals, areas = self._patches[p]
-            forces = -(pressures * areas)[:, None] * normals
+            forces = -(pressed * areas)[:, None] * normals
             wrenches[n, p] = [*forces.sum(axis=0), *np.cross(centres, forces).sum(axis=0)]
         return wrenches
 
@@ -87,6 +87,4 @@ class RayCastFoundation(CallableModel):
                 directions = -normals @ R
                 depth, face = self._caster.first_hits((centres - t) @ R, directions)
                 touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < self.largest_depth_mm)
-                pressures = np.zeros(len(depth))
-                pressures[touching] = [pressure(*self._law, d)[0] for d in depth[touching]]
-                yield n, p, pressures
+                yield n, p, pressures(*self._law, np.where(touching, depth, 0.0))

@@ -5,8 +5,9 @@ coefficients make g meet the smooth surface's distance (`geometry.smooth_surface
 which reaches MARGIN_MM beyond the mesh, g is the value at the nearest grid point plus the distance to it.
 
 Beside the coefficients each node keeps a bound M on how hollow g is (∇²g >= -M) within CURVATURE_REACH_MM of it
-and outside the body, so that g(q + δ) >= g(q) + ∇g·δ - M|δ|²/2 as long as the way from q to q + δ stays outside; where the right
-side is positive the way does, for it is concave along it. So the elastic foundation knows which elements cannot touch.
+and outside the body, so that g(q + δ) >= g(q) + ∇g·δ - M|δ|²/2 as long as the way from q to q + δ stays
+outside; where the right side is positive the way does, for it is concave along it. So the elastic foundation knows
+which elements cannot touch.
 """
 
 from __future__ import annotations
@@ -75,9 +76,7 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     bound = _curvature_bound(coefficients, (values > _NEAR_MM[0]) & (values < _NEAR_MM[1]), spacing_mm)
     parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
-    return DistanceField(
-        parameters, FieldFit(float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), mesh.dropped)
-    )
+    return DistanceField(parameters, FieldFit(float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), mesh.dropped))
 
 
 def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:

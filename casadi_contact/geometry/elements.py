@@ -2,7 +2,8 @@
 
 A patch spans a rectangle of nx × nz equal cells in the x-z plane; each element lies at its cell's centre on the
 surface y(x, z) with area dA = dx·dz/n_y, the midpoint rule, so loads converge as h². Over a mesh see
-`geometry.mesh_elements`. Elements are ordered in square blocks with a bounding box each, for the elastic foundation's culling.
+`geometry.mesh_elements`. Elements are ordered in square blocks with a bounding box each,
+for the elastic foundation's culling.
 """
 
 from __future__ import annotations

@@ -27,22 +27,22 @@ def grid_on_mesh(mesh: TriangleMesh, field: DistanceField, grid: tuple[int, int]
     points = np.empty((*grid, 3))
     points[..., 0], points[..., 2] = np.meshgrid(x, z, indexing="ij")
     points[..., 1] = high[1] + 1.0
-    points = points.reshape(-1, 3)
-    caster, down = RayCaster(mesh), np.tile([0.0, -1.0, 0.0], (len(points), 1))
-    distance, face = caster.first_hits(points, down)
+    starts = points.reshape(-1, 3)
+    caster, down = RayCaster(mesh), np.tile([0.0, -1.0, 0.0], (len(starts), 1))
+    distance, face = caster.first_hits(starts, down)
     if not (face >= 0).any():
         raise ValueError(f"mesh {mesh.name}: no ray along -y meets it on a {grid[0]}×{grid[1]} grid: check its axes")
     if caster.leaves(down, face).sum() > 0.5 * (face >= 0).sum():
         raise ValueError(f"mesh {mesh.name} shows its inside to +y, expected outward normals there: is it inside-out?")
     met = np.flatnonzero(np.isfinite(distance) & ~caster.leaves(down, face))
-    centres, normals, areas = points.copy(), np.tile([0.0, 1.0, 0.0], (len(points), 1)), np.zeros(len(points))
-    on = points[met] + distance[met, None] * down[met]
-    start = on[:, 1].copy()
+    centres, normals, areas = starts.copy(), np.tile([0.0, 1.0, 0.0], (len(starts), 1)), np.zeros(len(starts))
+    on = starts[met] + distance[met, None] * down[met]
+    flat = on[:, 1].copy()
     for _ in range(_ITERATIONS):
         value, slope = field(on)
         on[:, 1] -= value / np.maximum(slope[:, 1], _LEAST_UPWARD)
     normal = slope / np.linalg.norm(slope, axis=1, keepdims=True)
-    kept = (normal[:, 1] > _LEAST_UPWARD) & (np.abs(on[:, 1] - start) < _LARGEST_STEP_MM)
+    kept = (normal[:, 1] > _LEAST_UPWARD) & (np.abs(on[:, 1] - flat) < _LARGEST_STEP_MM)
     centres[met[kept]], normals[met[kept]] = on[kept], normal[kept]
     areas[met[kept]] = step.prod() / normal[kept, 1]
     return centres.reshape(*grid, 3), normals.reshape(*grid, 3), areas.reshape(grid)

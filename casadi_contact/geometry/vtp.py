@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import sys
 import zlib
 from pathlib import Path
 from xml.etree import ElementTree
@@ -49,7 +48,7 @@ def _array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.n
     dtype = np.dtype(order + _TYPES[array.get("type", "")])
     text = array.text or ""
     if array.get("format") == "ascii":
-        return np.array(text.split(), dtype=dtype.newbyteorder(sys.byteorder[0].replace("l", "<").replace("b", ">")))
+        return np.array(text.split(), dtype=dtype.newbyteorder("="))
     if array.get("format") != "binary":
         raise ValueError(f"its data is {array.get('format')!r}")
     header = np.dtype(order + _TYPES[root.get("header_type", "UInt32")])

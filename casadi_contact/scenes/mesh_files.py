@@ -35,12 +35,12 @@ ELEMENTS = ("grid", "triangles")
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
 _KNOWN = (*_NEEDED, "axes", "elements", "spacing", *_DIGESTS.values())
-_DEFAULTS = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75}
+_DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75}
 
 
 def check_mesh_geometry(table: object) -> dict[str, Any]:
     """The [geometry] of a mesh scene with its defaults filled in; raises ValueError naming the key at fault."""
-    values = _DEFAULTS | table_of("geometry", table, _KNOWN, complete=False)
+    values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _KNOWN, complete=False)
     missing = [key for key in _NEEDED if key not in values]
     if missing:
         raise ValueError(f"scene: geometry lacks {', '.join(missing)}")
