@@ -1,4 +1,4 @@
-"""The command line: ``casadi-contact build | sample | train | evaluate | export | info``, thin over `pipeline`."""
+"""The command line: ``casadi-contact build | sample | train | evaluate | export | info | show``, thin over it all."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from casadi_contact import pipeline
+from casadi_contact.contact import ElasticFoundation
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.scenes import load_scene
+from casadi_contact.show import draw_contact, neutral_pose, read_poses, surface_fits
 from casadi_contact.surrogate import load_surrogate
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -109,6 +113,35 @@ def export(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> N
 def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]) -> None:
     """Say what a surrogate was trained on and how wrong it is."""
     console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
+def show(
+    scene: SceneName,
+    pose: Annotated[str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; just touching if left out")] = None,
+    poses: Annotated[Path | None, typer.Option(help="CSV of poses (tx ... rz): a strip of small pictures")] = None,
+    out: Annotated[Path | None, typer.Option(help="picture file; SCENE.png if left out")] = None,
+) -> None:
+    """Draw the pressure on the fixed surface and the moving surface in section."""
+    model = ElasticFoundation(load_scene(scene))
+    if pose is not None and poses is not None:
+        raise ValueError("got both --pose and --poses, expected one of them")
+    if poses is not None:
+        shown = read_poses(poses)
+    else:
+        shown = np.array([neutral_pose(model) if pose is None else _numbers(pose)])
+    path = Path(f"{model.scene.name}.png") if out is None else out
+    draw_contact(model, shown, path)
+    for line in surface_fits(model):
+        console.print(line, highlight=False)
+    console.print(f"picture in {path}", highlight=False)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None
 
 
 def _sample(project: Project, cycle_files: list[Path]) -> None:

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
     *("files", "workers", "conventions", "scenes", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
-    *("evaluation", "report", "presets", "pipeline", "cli"),
+    *("evaluation", "report", "show", "presets", "pipeline", "cli"),
 ]
 
 

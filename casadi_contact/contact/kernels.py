@@ -228,3 +228,28 @@ def touches_many(family, parameters, centres, rotations, translations):
                 touched[k] = True
                 break
     return touched
+
+
+@numba.njit(cache=True)
+def element_depths(family, parameters, elements, R, t):
+    """Depth of every element (m,) of one patch in one pose [mm], zero where it does not touch."""
+    centres, normals = elements[0], elements[1]
+    depths = np.zeros(len(centres))
+    for e in range(len(centres)):
+        cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
+        qx, qy, qz = _to_moving(R, t, cx, cy, cz)
+        g = signed_distance(family, parameters, qx, qy, qz)[0]
+        if g < 0.0:
+            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
+            depths[e] = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)[0]
+    return depths
+
+
+@numba.njit(cache=True)
+def point_distances(family, parameters, points, R, t):
+    """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
+    distances = np.empty(len(points))
+    for k in range(len(points)):
+        qx, qy, qz = _to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
+        distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
+    return distances

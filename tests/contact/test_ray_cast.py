@@ -31,7 +31,10 @@ def jam_poses(stored):
 @pytest.fixture(scope="module")
 def jam(tmp_path_factory):
     """The scene of the two cartilage meshes, as one patch, and the stored output."""
-    files = {"moving": shared_file("data/jam/femur_cartilage.obj"), "fixed": shared_file("data/jam/tibia_cartilage.stl")}
+    files = {
+        "moving": shared_file("data/jam/femur_cartilage.obj"),
+        "fixed": shared_file("data/jam/tibia_cartilage.stl"),
+    }
     path = tmp_path_factory.mktemp("jam") / "jam.toml"
     path.write_text(mesh_scene_text(**files, units="m", elements="triangles", material=JAM_MATERIAL))
     stored = np.genfromtxt(shared_file("data/jam/passive_flexion_tf.csv"), delimiter=",", names=True)
