@@ -46,7 +46,7 @@ def neutral_pose(model: ElasticFoundation) -> Array:
     Raises ValueError where that direction is a rotation or never brings them together.
     """
     axis = pose_index(model.scene.sensitive_pose[0])
-    travel = np.linspace(_FARTHEST_MM, -_FARTHEST_MM, 601)
+    travel = np.linspace(_FARTHEST_MM, -_FARTHEST_MM, 151)
     poses = np.zeros((len(travel), 6))
     poses[:, axis] = travel
     touching = np.flatnonzero(model.gaps(poses).min(axis=1) < -_NEUTRAL_OVERLAP_MM) if axis < 3 else np.zeros(0, int)

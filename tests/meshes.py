@@ -1,7 +1,11 @@
 """Meshes of bodies with known distance, and scenes of mesh files, as text."""
 
 import numpy as np
+import pytest
 from scipy.spatial import ConvexHull
+
+for library in ("trimesh", "embreex", "igl"):
+    pytest.importorskip(library, reason="meshes need the extra: pip install casadi_contact[mesh]")
 
 ELASTIC = {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": '"linear"'}
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh_bodies import body_field, patch_mesh
+from casadi_contact.geometry.mesh_bodies import body_field, patch_box, patch_mesh
 from casadi_contact.geometry.mesh_elements import grid_on_mesh, open_triangles, triangles_on_mesh
 from casadi_contact.scenes import Scene
 
@@ -100,9 +100,11 @@ def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks
 
 
 def _mesh_elements(scene: Scene, patch: str, grid: tuple[int, int]) -> ElementGrid:
-    mesh, field = patch_mesh(scene, patch), body_field(scene, "fixed")
+    field = body_field(scene, "fixed")
     if scene.geometry["elements"] == "grid":
-        return _grid_elements(*grid_on_mesh(mesh, field, grid))
+        reaching = patch_mesh(scene, patch, reaching=True)
+        return _grid_elements(*grid_on_mesh(reaching, field, grid, patch_box(scene, patch)))
+    mesh = patch_mesh(scene, patch)
     centres, normals, areas = triangles_on_mesh(mesh, field)
     blocks = _halved(centres, np.arange(len(centres)))
     return _in_blocks(centres, normals, areas, centres[open_triangles(mesh)], blocks)

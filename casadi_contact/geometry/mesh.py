@@ -48,13 +48,14 @@ class TriangleMesh:
         edges, count = np.unique(_undirected(self.faces), axis=0, return_counts=True)
         return edges[count == 1]
 
-    def inside_box(self, low: Sequence[float], high: Sequence[float]) -> TriangleMesh:
-        """The triangles that have a corner inside the box [mm]; raises ValueError if there is none."""
-        inside = np.all((self.vertices_mm >= low) & (self.vertices_mm <= high), axis=1)
-        faces = self.faces[inside[self.faces].any(axis=1)]
+    def inside_box(self, low: Array, high: Array, *, reaching: bool = False) -> TriangleMesh:
+        """The triangles whose centre lies inside the box [mm], or all that reach into it; ValueError if none does."""
+        corners = self.corners_mm
+        lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
+        faces = self.faces[np.all((highest >= low) & (lowest < high), axis=1)]
         if not len(faces):
             raise ValueError(
-                f"mesh {self.name}: no triangle between {_point(np.asarray(low))} and {_point(np.asarray(high))} mm, "
+                f"mesh {self.name}: no triangle between {_point(low)} and {_point(high)} mm, "
                 f"expected a part of {_extent(self.vertices_mm)}: check the box, units and axes"
             )
         used, renumbered = np.unique(faces, return_inverse=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import TriangleMesh, load_mesh
 from casadi_contact.scenes import Scene
@@ -30,11 +31,16 @@ def body_field(scene: Scene, body: str) -> DistanceField:
     return _field(*_source(scene, body), scene.geometry["spacing"])
 
 
-def patch_mesh(scene: Scene, patch: str) -> TriangleMesh:
-    """The part of the fixed mesh that lies within the bounds of a patch."""
+def patch_box(scene: Scene, patch: str) -> tuple[Array, Array]:
+    """Lowest and highest corner (3,) of the box that bounds a patch, infinite where the scene names no bound [mm]."""
     bounds = scene.geometry["patches"][patch]
-    x, z = bounds.get("x", _NO_BOUND), bounds.get("z", _NO_BOUND)
-    return body_mesh(scene, "fixed").inside_box([x[0], -np.inf, z[0]], [x[1], np.inf, z[1]])
+    box = np.array([bounds.get("x", _NO_BOUND), _NO_BOUND, bounds.get("z", _NO_BOUND)])
+    return box[:, 0], box[:, 1]
+
+
+def patch_mesh(scene: Scene, patch: str, *, reaching: bool = False) -> TriangleMesh:
+    """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box."""
+    return body_mesh(scene, "fixed").inside_box(*patch_box(scene, patch), reaching=reaching)
 
 
 def _source(scene: Scene, body: str) -> tuple[str, str, str, tuple[str, ...]]:

@@ -14,14 +14,16 @@ _ITERATIONS = 6
 _LARGEST_STEP_MM = 0.5  # from triangle to smooth surface
 
 
-def grid_on_mesh(mesh: TriangleMesh, field: DistanceField, grid: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in x and z.
+def grid_on_mesh(
+    mesh: TriangleMesh, field: DistanceField, grid: tuple[int, int], box: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in x and z, inside the box.
 
     A ray down -y through each cell's centre finds the mesh, Newton's method along y the smooth surface, whose normal
     gives the area dA = dx·dz/n_y. A cell whose ray misses the mesh, or meets a wall, has no area. Raises ValueError
     if none is left.
     """
-    low, high = mesh.vertices_mm.min(axis=0), mesh.vertices_mm.max(axis=0)
+    low, high = np.maximum(mesh.vertices_mm.min(axis=0), box[0]), np.minimum(mesh.vertices_mm.max(axis=0), box[1])
     step = (high - low)[[0, 2]] / grid
     x, z = (low[axis] + (np.arange(count) + 0.5) * d for axis, count, d in zip((0, 2), grid, step, strict=True))
     points = np.empty((*grid, 3))

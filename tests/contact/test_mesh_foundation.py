@@ -112,6 +112,24 @@ def test_triangles_as_elements_meet_the_grid_on_a_curved_fixed_mesh(tmp_path):
     assert forces["triangles"] == pytest.approx(-2966.6461, rel=0.01)
 
 
+def test_patches_that_share_a_bound_share_no_force(tmp_path):
+    """Two halves of the plate carry what the whole one does, with triangles as with grids."""
+    halves = "[geometry.patches.front]\nx = [0.5, 20.0]\n[geometry.patches.back]\nx = [-20.0, 0.5]\n"
+    poses = turned(RADIUS_MM, 0.2, 5, [0.1, 3.0, 0.1])
+    for kind, grid in (("grid", (200, 200)), ("triangles", (1, 1))):
+        forces = []
+        for extra in ("", halves):
+            folder = tmp_path / f"{kind}{len(extra)}"
+            folder.mkdir()
+            plate = sheet_mesh(14.0, 0.15 if kind == "triangles" else 2.0)
+            ball = cap_mesh(RADIUS_MM, EDGE_MM, 0.45)
+            model = cc.ElasticFoundation(scene_of(folder, ball, plate, elements=kind, grid=grid, extra=extra))
+            forces.append(model.wrenches(poses)[:, :, 1])
+        whole, parts = forces
+        assert (parts < 0.0).all()
+        np.testing.assert_allclose(parts.sum(axis=1), whole[:, 0], rtol=5e-3)
+
+
 def test_edges_of_the_fixed_mesh_are_known(sphere):
     model = cc.ElasticFoundation(sphere)
     poses = np.zeros((2, 6))

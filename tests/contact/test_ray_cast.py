@@ -67,12 +67,11 @@ def test_all_frames_of_another_program_are_reproduced(jam, capsys):
 
 
 def test_on_cartilage_the_smooth_surface_agrees_with_flat_triangles_where_overlap_is_deep(jam):
-    """Cartilage overlaps by 0.5 mm and more, where facets hardly matter: force within 5 % of the rays', the median
-    frame within 3 %."""
+    """Cartilage overlaps by up to 1.2 mm, where what facets cut off hardly matters: it is 0.8 to 1.9 % of the force."""
     scene, stored = jam
     poses = jam_poses(stored)[::10]
     flat = cc.RayCastFoundation(scene).wrenches(poses)[:, 0, :3]
     smooth = cc.ElasticFoundation(scene).wrenches(poses)[:, 0, :3]
-    relative = np.linalg.norm(smooth - flat, axis=1) / np.linalg.norm(flat, axis=1)
-    assert np.median(relative) < 0.03
-    assert relative.max() < 0.05
+    excess = np.linalg.norm(smooth, axis=1) / np.linalg.norm(flat, axis=1) - 1.0
+    assert 0.005 < excess.min() < excess.max() < 0.025
+    assert (np.linalg.norm(smooth - flat, axis=1) / np.linalg.norm(flat, axis=1)).max() < 0.025
