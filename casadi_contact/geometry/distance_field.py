@@ -25,7 +25,7 @@ from casadi_contact.geometry.smooth_surface import SmoothSurface
 SPACING_MM = 0.75
 MARGIN_MM = 4.0
 _MOST_NODES = 40_000_000  # 320 MB of coefficients
-CURVATURE_REACH_MM = 2.5
+CURVATURE_REACH_MM = 2.2
 _NEAR_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)  # g of the nodes that a way from outside to the surface can pass
 _VALUE, _SECOND = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([1.0, -2.0, 1.0])  # of a cubic B-spline at the nodes
 _FIRST = np.array([-0.5, 0.0, 0.5])
