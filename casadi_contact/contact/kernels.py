@@ -10,73 +10,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
-from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
-from casadi_contact.geometry.surfaces import MESH_FIELD, signed_distance
+from casadi_contact.geometry.surfaces import signed_distance
 
 _RAY_ITERATIONS = 30
 _RAY_TOLERANCE_MM = 1e-6  # of the last step: Newton's method squares it, so that the next would be far below 1e-9
-_STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
-
-
-@numba.njit(cache=True, inline="always")
-def _to_moving(R, t, x, y, z):
-    """q = Rᵀ(p - t)."""
-    x -= t[0]
-    y -= t[1]
-    z -= t[2]
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-
-
-@numba.njit(cache=True, inline="always")
-def _tangent(family, parameters, R, t, centres, extents, b):
-    """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
-
-    Where g_c + G·(p - c) - M|p - c|²/2 > 0 the point p of the block lies outside the body. M = 0 for the analytic
-    families, which are convex; see `geometry.distance_field` for a mesh. (An infinite M excludes nothing.)
-    """
-    qx, qy, qz = _to_moving(R, t, centres[b, 0], centres[b, 1], centres[b, 2])
-    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    curvature = 0.0
-    if family == MESH_FIELD:
-        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
-        curvature = field_curvature(parameters, qx, qy, qz) if reach2 < CURVATURE_REACH_MM**2 else np.inf
-    return (
-        g,
-        R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az,
-        R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az,
-        R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az,
-        curvature,
-    )
-
-
-@numba.njit(cache=True, inline="always")
-def _block_bound(family, tangent, extents, b):
-    """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex.
-
-    For a mesh by its tangent and curvature if these say that the block lies outside, else by its slope.
-    """
-    g, gx, gy, gz, curvature = tangent
-    bound = g - abs(gx) * extents[b, 0] - abs(gy) * extents[b, 1] - abs(gz) * extents[b, 2]
-    if family == MESH_FIELD:
-        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
-        if curvature < np.inf:
-            bound -= 0.5 * curvature * reach2
-        if bound <= 0.0 or curvature == np.inf:
-            bound = g - _STEEPEST_FIELD * np.sqrt(reach2)
-    return bound
-
-
-@numba.njit(cache=True, inline="always")
-def _point_bound(tangent, dx, dy, dz):
-    """Positive only if the point at offset (dx, dy, dz) from a block's centre lies outside the body."""
-    g, gx, gy, gz, curvature = tangent
-    return g + gx * dx + gy * dy + gz * dz - 0.5 * curvature * (dx * dx + dy * dy + dz * dz)
 
 
 @numba.njit(cache=True, inline="always")
@@ -85,7 +25,7 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     d = start
     gx = gy = gz = 0.0
     for _ in range(_RAY_ITERATIONS):
-        qx, qy, qz = _to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
+        qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
         g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
         gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
         gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
@@ -107,15 +47,15 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
     load_direction = np.empty(6)
     depth_slope = np.empty(6)
     for b in range(len(block_extents)):
-        tangent = _tangent(family, parameters, R, t, block_centres, block_extents, b)
-        if _block_bound(family, tangent, block_extents, b) > 0.0:
+        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
+        if block_bound(family, tangent, block_extents, b) > 0.0:
             continue
         bx, by, bz = block_centres[b, 0], block_centres[b, 1], block_centres[b, 2]
         for e in range(blocks[b], blocks[b + 1]):
             cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
-            if _point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
+            if point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
                 continue
-            qx, qy, qz = _to_moving(R, t, cx, cy, cz)
+            qx, qy, qz = to_moving(R, t, cx, cy, cz)
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g >= 0.0:
                 continue
@@ -154,21 +94,21 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     centres, _, _, blocks, block_centres, block_extents = elements
     bounds = np.empty(len(block_extents))
     for b in range(len(block_extents)):
-        tangent = _tangent(family, parameters, R, t, block_centres, block_extents, b)
-        bounds[b] = _block_bound(family, tangent, block_extents, b)
+        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
+        bounds[b] = block_bound(family, tangent, block_extents, b)
     best = np.inf
     nearest = -1
     for b in np.argsort(bounds):
         if bounds[b] >= best:
             break
         for e in range(blocks[b], blocks[b + 1]):
-            qx, qy, qz = _to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
+            qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g < best:
                 best = g
                 nearest = e
     c = centres[nearest]
-    qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+    qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     for i in range(3):
         slope[i] = -(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az)
@@ -223,7 +163,7 @@ def touches_many(family, parameters, centres, rotations, translations):
     touched = np.zeros(count, dtype=np.bool_)
     for k in numba.prange(count):
         for e in range(len(centres)):
-            qx, qy, qz = _to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
+            qx, qy, qz = to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
             if signed_distance(family, parameters, qx, qy, qz)[0] < 0.0:
                 touched[k] = True
                 break
@@ -237,7 +177,7 @@ def element_depths(family, parameters, elements, R, t):
     depths = np.zeros(len(centres))
     for e in range(len(centres)):
         cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
-        qx, qy, qz = _to_moving(R, t, cx, cy, cz)
+        qx, qy, qz = to_moving(R, t, cx, cy, cz)
         g = signed_distance(family, parameters, qx, qy, qz)[0]
         if g < 0.0:
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
@@ -250,6 +190,6 @@ def point_distances(family, parameters, points, R, t):
     """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
     distances = np.empty(len(points))
     for k in range(len(points)):
-        qx, qy, qz = _to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
+        qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
         distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
     return distances
