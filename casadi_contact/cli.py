@@ -175,7 +175,7 @@ def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1, never a traceback."""
     try:
         app()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         sys.exit(f"casadi-contact: {error}")
 
 

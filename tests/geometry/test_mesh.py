@@ -1,6 +1,7 @@
 """Meshes are read alike from every format, and those that cannot work are refused by name."""
 
 import base64
+import sys
 import zlib
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from tests.meshes import cap_mesh, torus_mesh, unit, write_obj
 
@@ -159,3 +161,27 @@ def test_obj_files_written_by_the_tests_are_read(tmp_path):
     write_obj(tmp_path / "cap.obj", *cap_mesh(20.0, 2.0, 0.6))
     mesh = load_mesh(tmp_path / "cap.obj", "mm")
     assert np.abs(np.linalg.norm(mesh.vertices_mm, axis=1) - 20.0).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("library", "use"),
+    [
+        ("igl", lambda path: SmoothSurface(load_mesh(path, "mm"))),
+        ("trimesh", lambda path: load_mesh(path, "mm")),
+        ("trimesh", lambda path: RayCaster(checked_mesh("t", *TETRAHEDRON))),
+    ],
+)
+def test_a_missing_library_is_named_with_the_way_to_get_it(tmp_path, monkeypatch, library, use):
+    write_obj(tmp_path / "t.obj", *TETRAHEDRON)
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ImportError, match=r"pip install casadi_contact\[mesh\]"):
+        use(tmp_path / "t.obj")
+
+
+def test_rays_hit_the_first_triangle_in_double_precision():
+    caster = RayCaster(checked_mesh("t", *TETRAHEDRON))
+    origins = np.array([[2.0, 3.0, -5.0], [2.0, 3.0, 1.0], [20.0, 3.0, -5.0]])
+    directions = np.tile([0.0, 0.0, 1.0], (3, 1))
+    distance, face = caster.first_hits(origins, directions)
+    np.testing.assert_allclose(distance, [5.0, 4.0, np.inf], atol=1e-12)
+    assert caster.leaves(directions, face).tolist() == [False, True, False]
