@@ -4,7 +4,7 @@ The method is that of Eskinazi and Fregly, "Surrogate modeling of deformable joi
 networks" (2015); see README.md.
 """
 
-from casadi_contact.contact import CallableModel, ElasticFoundation
+from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
 from casadi_contact.front import choose
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, settle
@@ -14,6 +14,7 @@ from casadi_contact.verification import refine, verify
 __all__ = [
     "CallableModel",
     "ElasticFoundation",
+    "RayCastFoundation",
     "Scene",
     "choose",
     "load_scene",

@@ -8,16 +8,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from casadi_contact import front, pipeline
+from casadi_contact.contact import ElasticFoundation
 from casadi_contact.front.choice_table import choice_table
 from casadi_contact.opensim import ColumnMap, mapped_curves, read_table
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
+from casadi_contact.scenes import load_scene
 from casadi_contact.scenes.cycles import cycle_from_curves, write_cycle
+from casadi_contact.show import draw_contact, neutral_pose, read_poses, surface_fits
 from casadi_contact.surrogate import load_surrogate
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -196,6 +200,35 @@ def cycle(
     console.print(f"cycle of {len(written)} frames in {out}", highlight=False)
 
 
+@app.command()
+def show(
+    scene: SceneName,
+    pose: Annotated[str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; just touching if left out")] = None,
+    poses: Annotated[Path | None, typer.Option(help="CSV of poses (tx ... rz): a strip of small pictures")] = None,
+    out: Annotated[Path | None, typer.Option(help="picture file; SCENE.png if left out")] = None,
+) -> None:
+    """Draw the pressure on the fixed surface and the moving surface in section."""
+    model = ElasticFoundation(load_scene(scene))
+    if pose is not None and poses is not None:
+        raise ValueError("got both --pose and --poses, expected one of them")
+    if poses is not None:
+        shown = read_poses(poses)
+    else:
+        shown = np.array([neutral_pose(model) if pose is None else _numbers(pose)])
+    path = Path(f"{model.scene.name}.png") if out is None else out
+    draw_contact(model, shown, path)
+    for line in surface_fits(model):
+        console.print(line, highlight=False)
+    console.print(f"picture in {path}", highlight=False)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None
+
+
 def _sample(project: Project, cycle_files: list[Path]) -> None:
     with _bars() as update:
         samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
@@ -227,7 +260,7 @@ def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1, never a traceback."""
     try:
         app()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         sys.exit(f"casadi-contact: {error}")
 
 

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
     *("files", "workers", "conventions", "opensim", "scenes", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
-    *("evaluation", "peers", "verification", "report", "presets", "pipeline", "front", "cli"),
+    *("evaluation", "peers", "verification", "report", "show", "presets", "pipeline", "front", "cli"),
 ]
 
 

@@ -2,5 +2,6 @@
 
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
+from casadi_contact.contact.ray_cast import PressureSummary, RayCastFoundation
 
-__all__ = ["CallableModel", "ContactModel", "ElasticFoundation"]
+__all__ = ["CallableModel", "ContactModel", "ElasticFoundation", "PressureSummary", "RayCastFoundation"]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.kernels import gap_many, touches_many, wrench_many
+from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import root_of_normal
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus
+from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
+from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
     WRENCH_NAMES,
     Array,
@@ -100,6 +101,23 @@ class ElasticFoundation:
             s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
             ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
         return s, ds
+
+    def pressure_maps(self, pose: Array) -> list[PressureMap]:
+        """Pressure of every element in one pose (6,), patch by patch."""
+        (position,) = as_poses([pose])
+        R, t = rotation(position[3:]), position[:3].copy()
+        maps = []
+        for patch, surface, elements in zip(self.patch_names, self._surfaces, self._elements, strict=True):
+            depths = element_depths(surface.family, surface.parameters, elements, R, t)
+            maps.append(PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths)))
+        return maps
+
+    def distances(self, points_mm: Array, pose: Array, patch: str) -> Array:
+        """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
+        (position,) = as_poses([pose])
+        surface = self._surfaces[self.patch_names.index(patch)]
+        points = np.ascontiguousarray(points_mm, dtype=float)
+        return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
     def _evaluate(self, poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and, if asked, d wrench / d pose (n, patches, 6, 6)."""

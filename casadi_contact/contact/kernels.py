@@ -10,38 +10,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
 from casadi_contact.geometry.surfaces import signed_distance
 
 _RAY_ITERATIONS = 30
-_RAY_TOLERANCE_MM = 1e-9  # of the last step: Newton's method then stands at the limit of arithmetic
+_RAY_TOLERANCE_MM = 1e-6  # of the last step: Newton's method squares it, so that the next would be far below 1e-9
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
-
-
-@numba.njit(cache=True, inline="always")
-def _to_moving(R, t, x, y, z):
-    """q = Rᵀ(p - t)."""
-    x -= t[0]
-    y -= t[1]
-    z -= t[2]
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-
-
-@numba.njit(cache=True, inline="always")
-def _lower_bound(family, parameters, R, t, centres, extents, b):
-    """Least g that any point of box b (centre, half extents) can have.
-
-    g is convex, so it lies above its tangent plane at the centre: g >= g_c - |G|·extent.
-    """
-    qx, qy, qz = _to_moving(R, t, centres[b, 0], centres[b, 1], centres[b, 2])
-    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    for i in range(3):
-        g -= abs(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az) * extents[b, i]
-    return g
 
 
 @numba.njit(cache=True, inline="always")
@@ -50,7 +25,7 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     d = start
     gx = gy = gz = 0.0
     for _ in range(_RAY_ITERATIONS):
-        qx, qy, qz = _to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
+        qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
         g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
         gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
         gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
@@ -72,11 +47,15 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
     load_direction = np.empty(6)
     depth_slope = np.empty(6)
     for b in range(len(block_extents)):
-        if _lower_bound(family, parameters, R, t, block_centres, block_extents, b) > 0.0:
+        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
+        if block_bound(family, tangent, block_extents, b) > 0.0:
             continue
+        bx, by, bz = block_centres[b, 0], block_centres[b, 1], block_centres[b, 2]
         for e in range(blocks[b], blocks[b + 1]):
             cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
-            qx, qy, qz = _to_moving(R, t, cx, cy, cz)
+            if point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
+                continue
+            qx, qy, qz = to_moving(R, t, cx, cy, cz)
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g >= 0.0:
                 continue
@@ -115,20 +94,21 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     centres, _, _, blocks, block_centres, block_extents = elements
     bounds = np.empty(len(block_extents))
     for b in range(len(block_extents)):
-        bounds[b] = _lower_bound(family, parameters, R, t, block_centres, block_extents, b)
+        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
+        bounds[b] = block_bound(family, tangent, block_extents, b)
     best = np.inf
     nearest = -1
     for b in np.argsort(bounds):
         if bounds[b] >= best:
             break
         for e in range(blocks[b], blocks[b + 1]):
-            qx, qy, qz = _to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
+            qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g < best:
                 best = g
                 nearest = e
     c = centres[nearest]
-    qx, qy, qz = _to_moving(R, t, c[0], c[1], c[2])
+    qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     for i in range(3):
         slope[i] = -(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az)
@@ -183,8 +163,33 @@ def touches_many(family, parameters, centres, rotations, translations):
     touched = np.zeros(count, dtype=np.bool_)
     for k in numba.prange(count):
         for e in range(len(centres)):
-            qx, qy, qz = _to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
+            qx, qy, qz = to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
             if signed_distance(family, parameters, qx, qy, qz)[0] < 0.0:
                 touched[k] = True
                 break
     return touched
+
+
+@numba.njit(cache=True)
+def element_depths(family, parameters, elements, R, t):
+    """Depth of every element (m,) of one patch in one pose [mm], zero where it does not touch."""
+    centres, normals = elements[0], elements[1]
+    depths = np.zeros(len(centres))
+    for e in range(len(centres)):
+        cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
+        qx, qy, qz = to_moving(R, t, cx, cy, cz)
+        g = signed_distance(family, parameters, qx, qy, qz)[0]
+        if g < 0.0:
+            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
+            depths[e] = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)[0]
+    return depths
+
+
+@numba.njit(cache=True)
+def point_distances(family, parameters, points, R, t):
+    """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
+    distances = np.empty(len(points))
+    for k in range(len(points)):
+        qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
+        distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
+    return distances

@@ -36,3 +36,13 @@ def pressure(law, modulus, thickness, depth):
         return -modulus * np.log1p(-strain), modulus / (thickness * (1.0 - strain))
     slope = modulus / (thickness * (1.0 - _TANGENT_STRAIN))
     return slope * (depth - _TANGENT_STRAIN * thickness) - modulus * np.log1p(-_TANGENT_STRAIN), slope
+
+
+@numba.njit(cache=True)
+def pressures(law, modulus, thickness, depths):
+    """p [MPa] at each of the depths (n,) [mm]; zero where there is none (depth <= 0)."""
+    values = np.zeros(len(depths))
+    for n in range(len(depths)):
+        if depths[n] > 0.0:
+            values[n] = pressure(law, modulus, thickness, depths[n])[0]
+    return values

@@ -1,8 +1,9 @@
 """The fixed body's contact surface as a grid of flat elements: centres, outward unit normals, areas.
 
 A patch spans a rectangle of nx × nz equal cells in the x-z plane; each element lies at its cell's centre on the
-surface y(x, z) with area dA = dx·dz/n_y, the midpoint rule, so loads converge as h². Elements are ordered in
-square blocks with a bounding box each, for the elastic foundation's culling.
+surface y(x, z) with area dA = dx·dz/n_y, the midpoint rule, so loads converge as h². Over a mesh see
+`geometry.mesh_elements`. Elements are ordered in square blocks with a bounding box each,
+for the elastic foundation's culling.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.mesh_bodies import body_field, patch_box, patch_mesh
+from casadi_contact.geometry.mesh_elements import grid_on_mesh, open_triangles, triangles_on_mesh
 from casadi_contact.scenes import Scene
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
@@ -60,28 +63,60 @@ def _grid(nx: int, nz: int, length: float, width: float) -> tuple[Array, Array, 
     return *np.meshgrid(x, z, indexing="ij"), (length / nx) * (width / nz)
 
 
-def _blocks(centres: Array, normals: Array, areas: Array) -> ElementGrid:
+def _grid_elements(centres: Array, normals: Array, areas: Array) -> ElementGrid:
+    """Elements of a grid of cells (nx, nz), less those of no area; at its edge or beside one of these is outermost."""
     nx, nz = areas.shape
-    order, starts = [], [0]
+    present = areas > 0.0
+    inner = np.zeros((nx, nz), dtype=bool)
+    inner[1:-1, 1:-1] = present[2:, 1:-1] & present[:-2, 1:-1] & present[1:-1, 2:] & present[1:-1, :-2]
     index = np.arange(nx * nz).reshape(nx, nz)
+    blocks = []
     for i in range(0, nx, BLOCK_SIDE):
         for k in range(0, nz, BLOCK_SIDE):
-            order.append(index[i : i + BLOCK_SIDE, k : k + BLOCK_SIDE].ravel())
-            starts.append(starts[-1] + order[-1].size)
-    flat = np.concatenate(order)
-    inner = np.zeros((nx, nz), dtype=bool)
-    inner[1:-1, 1:-1] = True
-    edge = centres[~inner]
-    centres, normals, areas = centres.reshape(-1, 3)[flat], normals.reshape(-1, 3)[flat], areas.ravel()[flat]
+            cells = (slice(i, i + BLOCK_SIDE), slice(k, k + BLOCK_SIDE))
+            blocks.append(index[cells][present[cells]])
+    edge = centres[present & ~inner]
+    return _in_blocks(centres.reshape(-1, 3), normals.reshape(-1, 3), areas.ravel(), edge, blocks)
+
+
+def _halved(centres: Array, members: np.ndarray) -> list[np.ndarray]:
+    """Groups of at most BLOCK_SIDE² neighbouring elements, by halving along the longest extent."""
+    if len(members) <= BLOCK_SIDE**2:
+        return [members]
+    axis = int(np.argmax(np.ptp(centres[members], axis=0)))
+    ordered = members[np.argsort(centres[members, axis])]
+    return [group for half in np.array_split(ordered, 2) for group in _halved(centres, half)]
+
+
+def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks: list[np.ndarray]) -> ElementGrid:
+    blocks = [block for block in blocks if block.size]
+    starts = np.cumsum([0, *(block.size for block in blocks)], dtype=np.int64)
+    flat = np.concatenate(blocks)
+    centres, normals, areas = centres[flat], normals[flat], areas[flat]
     spans = list(itertools.pairwise(starts))
     low = np.array([centres[a:b].min(axis=0) for a, b in spans])
     high = np.array([centres[a:b].max(axis=0) for a, b in spans])
-    starts_array = np.array(starts, dtype=np.int64)
-    return ElementGrid(centres, normals, areas, edge, starts_array, 0.5 * (low + high), 0.5 * (high - low))
+    return ElementGrid(centres, normals, areas, edge, starts, 0.5 * (low + high), 0.5 * (high - low))
+
+
+def _mesh_elements(scene: Scene, patch: str, grid: tuple[int, int]) -> ElementGrid:
+    field = body_field(scene, "fixed")
+    if scene.geometry["elements"] == "grid":
+        reaching = patch_mesh(scene, patch, reaching=True)
+        return _grid_elements(*grid_on_mesh(reaching, field, grid, patch_box(scene, patch)))
+    mesh = patch_mesh(scene, patch)
+    centres, normals, areas = triangles_on_mesh(mesh, field)
+    blocks = _halved(centres, np.arange(len(centres)))
+    return _in_blocks(centres, normals, areas, centres[open_triangles(mesh)], blocks)
 
 
 def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
-    """The element grid (nx along x, nz along z) of each patch of the scene, in patch order."""
+    """The element grid (nx along x, nz along z) of each patch of the scene, in patch order.
+
+    A mesh scene whose elements are its triangles has these instead, whatever the grid.
+    """
+    if scene.shape == "mesh":
+        return [_mesh_elements(scene, patch, grid) for patch in scene.patch_names]
     grids = []
     for patch, anchor in zip(scene.patch_names, scene.anchors_mm, strict=True):
         if scene.shape == "knee":
@@ -98,5 +133,5 @@ def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
             x, z, cell = _grid(*grid, side, g.get("length", side))
             y, normals = _plane(x, z)
         centres = np.stack([x, y, z + anchor[2]], axis=-1)
-        grids.append(_blocks(centres, normals, cell / normals[..., 1]))
+        grids.append(_grid_elements(centres, normals, cell / normals[..., 1]))
     return grids

@@ -1,7 +1,7 @@
 """Surfaces of the moving body as smooth signed distances, in the moving frame: negative inside the body.
 
-Three analytic families cover the ready scenes, each the exact distance from a convex body and so a convex function,
-which the elastic foundation's culling relies on:
+Three analytic families cover the parametric scenes, each the exact distance from a convex body and so a convex
+function, which the elastic foundation's culling relies on:
 
 * swept arcs: a circle of radius r_f swept along tangent-continuous sagittal arcs of radii R_i about axes parallel
   to z: g = √((ρ_i - (R_i - r_f))² + (z - z_0)²) - r_f, with ρ_i the distance to axis i. Each arc is a torus piece;
@@ -9,6 +9,8 @@ which the elastic foundation's culling relies on:
   measured from -y towards +x, so that φ is the flexion at which that point of the condyle faces the insert.
 * cylinder of radius R about the z axis: g = √(x² + y²) - R.
 * half-space y >= 0 (flat punch): g = -y.
+
+The fourth is the distance field of a mesh (`geometry.distance_field`), not convex: culling there relies on its slope.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ import numba
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.distance_field import field_distance
+from casadi_contact.geometry.mesh_bodies import body_field
 from casadi_contact.scenes import Scene
 
-SWEPT_ARCS, CYLINDER, HALF_SPACE = 0, 1, 2
+SWEPT_ARCS, CYLINDER, HALF_SPACE, MESH_FIELD = 0, 1, 2, 3
 _ARC = 5  # numbers per arc in the parameters of swept arcs: axis x, y; tube offset R - r_f; end tangent x, y
 
 
@@ -51,6 +55,9 @@ def swept_arcs(sagittal_radii: Array, junctions_rad: Array, frontal_radius: floa
 
 def build_surfaces(scene: Scene) -> list[MovingSurface]:
     """The moving surface that faces each patch of the scene, in patch order."""
+    if scene.shape == "mesh":
+        field = body_field(scene, "moving")
+        return [MovingSurface(MESH_FIELD, field.parameters)] * len(scene.patch_names)
     if scene.shape == "knee":
         surfaces = []
         for side, anchor in zip(scene.patch_names, scene.anchors_mm, strict=True):
@@ -90,4 +97,6 @@ def signed_distance(family, parameters, x, y, z):
     if family == CYLINDER:
         rho = max(np.sqrt(x * x + y * y), 1e-12)
         return rho - parameters[0], x / rho, y / rho, 0.0
+    if family == MESH_FIELD:
+        return field_distance(parameters, x, y, z)
     return -y, 0.0, -1.0, 0.0

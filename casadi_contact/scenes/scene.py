@@ -7,8 +7,6 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
-import itertools
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,78 +15,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.scenes.checks import distinct_names, fail, grid_size, number, table_of
+from casadi_contact.scenes.mesh_files import with_files, without_places
+from casadi_contact.scenes.shapes import SHAPE_PARAMETERS, SIDES, anchors_of, check_geometry, patches_of
 
 FORMAT = 1
 LAWS = ("linear", "log")
 
-# What each shape needs in [geometry]; lengths in mm, angles in degrees, areas in mm².
-SHAPE_PARAMETERS: dict[str, tuple[str, ...]] = {
-    "knee": (
-        "sagittal_radii",
-        "sagittal_junctions_deg",
-        "frontal_radius",
-        "condyle_offset",
-        "dish_sagittal_radius",
-        "dish_frontal_radius",
-        "plateau_length",
-        "plateau_width",
-    ),
-    "sphere_on_plane": ("radius", "patch_side"),
-    "sphere_in_dish": ("radius", "dish_radius", "patch_side"),
-    "cylinder_on_plane": ("radius", "length", "patch_side"),
-    "punch_on_plane": ("area",),
-}
-SIDES = ("med", "lat")
 GRIDS = ("fine", "coarse", "settle", "teacher")
-
-
-def _fail(key: str, got: object, expected: str) -> ValueError:
-    return ValueError(f"scene: {key} = {got!r}, expected {expected}")
-
-
-def _number(key: str, value: object, *, low: float = -math.inf, high: float = math.inf) -> float:
-    """A finite number with low < value < high."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise _fail(key, value, "a finite number")
-    if not low < value < high:
-        raise _fail(key, value, f"a number between {low:g} and {high:g}")
-    return float(value)
-
-
-def _grid(key: str, value: object) -> tuple[int, int]:
-    """Elements per side (along x, along z)."""
-    if (
-        not isinstance(value, list | tuple)
-        or len(value) != 2
-        or not all(isinstance(n, int | np.integer) and not isinstance(n, bool) and 0 < n <= 4096 for n in value)
-    ):
-        raise _fail(key, value, "two whole numbers of elements from 1 to 4096, for example [80, 40]")
-    return int(value[0]), int(value[1])
-
-
-def _names(key: str, value: object) -> tuple[str, ...]:
-    if not isinstance(value, list | tuple) or not value or not all(isinstance(v, str) for v in value):
-        raise _fail(key, value, "a list of names")
-    if len(set(value)) != len(value):
-        raise _fail(key, value, "names that differ")
-    return tuple(value)
-
-
-def _table(key: str, value: object, known: tuple[str, ...], *, complete: bool) -> dict[str, Any]:
-    """A table all of whose keys are known (and, if complete, all of the known keys)."""
-    if not isinstance(value, Mapping):
-        raise _fail(key, value, f"a table with {', '.join(known)}")
-    for name in value:
-        if name not in known:
-            raise ValueError(f"scene: unknown key {key}.{name}, expected one of {', '.join(known)}")
-    missing = [name for name in known if name not in value]
-    if complete and missing:
-        raise ValueError(f"scene: {key} lacks {', '.join(missing)}")
-    return dict(value)
 
 
 @dataclass(frozen=True)
@@ -102,13 +39,13 @@ class Material:
 
     @classmethod
     def from_table(cls, table: object) -> Material:
-        values = _table("material", table, ("youngs_modulus", "poissons_ratio", "thickness", "law"), complete=True)
+        values = table_of("material", table, ("youngs_modulus", "poissons_ratio", "thickness", "law"), complete=True)
         if values["law"] not in LAWS:
-            raise _fail("material.law", values["law"], " or ".join(LAWS))
+            raise fail("material.law", values["law"], " or ".join(LAWS))
         return cls(
-            youngs_modulus=_number("material.youngs_modulus", values["youngs_modulus"], low=0.0),
-            poissons_ratio=_number("material.poissons_ratio", values["poissons_ratio"], low=-1.0, high=0.5),
-            thickness=_number("material.thickness", values["thickness"], low=0.0),
+            youngs_modulus=number("material.youngs_modulus", values["youngs_modulus"], low=0.0),
+            poissons_ratio=number("material.poissons_ratio", values["poissons_ratio"], low=-1.0, high=0.5),
+            thickness=number("material.thickness", values["thickness"], low=0.0),
             law=values["law"],
         )
 
@@ -142,37 +79,37 @@ class Scene:
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
         known = ("format", "name", "shape", "geometry", "material", "grids", "loads", "tolerances", "sampling")
-        _table("scene", tables, known, complete=False)
+        table_of("scene", tables, known, complete=False)
         if tables.get("format") != FORMAT:
-            raise _fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
+            raise fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
         shape = tables.get("shape")
         if shape not in SHAPE_PARAMETERS:
-            raise _fail("shape", shape, f"one of {', '.join(SHAPE_PARAMETERS)}")
-        patch_names = SIDES if shape == "knee" else ("contact",)
-        geometry = _check_geometry(shape, tables.get("geometry", {}))
-        loads = _table(
+            raise fail("shape", shape, f"one of {', '.join(SHAPE_PARAMETERS)}")
+        geometry = check_geometry(shape, tables.get("geometry", {}))
+        patch_names = patches_of(shape, geometry)
+        loads = table_of(
             "loads",
             tables.get("loads", {}),
             ("names", "sensitive", "sensitive_pose", "reference_load", "gap_slope", "boundary_load"),
             complete=True,
         )
-        load_names = _names("loads.names", loads["names"])
-        sensitive_loads = _names("loads.sensitive", loads["sensitive"])
+        load_names = distinct_names("loads.names", loads["names"])
+        sensitive_loads = distinct_names("loads.sensitive", loads["sensitive"])
         load_selection((*load_names, *sensitive_loads), patch_names)
-        sensitive_pose = _names("loads.sensitive_pose", loads["sensitive_pose"])
+        sensitive_pose = distinct_names("loads.sensitive_pose", loads["sensitive_pose"])
         for name in sensitive_pose:
             pose_index(name)
         tolerances = {
-            name: _number(f"tolerances.{name}", value, low=0.0)
-            for name, value in _table("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
+            name: number(f"tolerances.{name}", value, low=0.0)
+            for name, value in table_of("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
         }
         grids = {
-            name: _grid(f"grids.{name}", value)
-            for name, value in _table("grids", tables.get("grids", {}), GRIDS, complete=True).items()
+            name: grid_size(f"grids.{name}", value)
+            for name, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=True).items()
         }
         sampling = tables.get("sampling", {})
         if not isinstance(sampling, Mapping):
-            raise _fail("sampling", sampling, "a table")
+            raise fail("sampling", sampling, "a table")
         return cls(
             tables=dict(tables),
             name=str(tables.get("name", shape)),
@@ -180,14 +117,14 @@ class Scene:
             geometry=geometry,
             material=Material.from_table(tables.get("material", {})),
             patch_names=patch_names,
-            anchors_mm=_anchors(shape, geometry),
+            anchors_mm=anchors_of(shape, geometry),
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
             sensitive_loads=sensitive_loads,
-            reference_load=_number("loads.reference_load", loads["reference_load"], low=0.0),
-            gap_slope=_number("loads.gap_slope", loads["gap_slope"], low=0.0),
-            boundary_load=_number("loads.boundary_load", loads["boundary_load"], low=0.0),
+            reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
+            gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
+            boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
             grids=grids,
             sampling=dict(sampling),
         )
@@ -206,8 +143,9 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the scene's TOML text: two scenes with one digest are the same scene."""
-        return hashlib.sha256(self.to_toml().encode()).hexdigest()
+        """SHA-256 of the scene's TOML text: two scenes with one digest are the same scene, wherever meshes lie."""
+        tables = without_places(self.tables) if self.shape == "mesh" else self.tables
+        return hashlib.sha256(tomli_w.dumps(tables).encode()).hexdigest()
 
     @property
     def insensitive_pose(self) -> tuple[str, ...]:
@@ -232,56 +170,6 @@ class Scene:
         """The geometry of one side of a knee: the common values, with that side's own values in their place."""
         common = {key: value for key, value in self.geometry.items() if key not in SIDES}
         return common | dict(self.geometry.get(side, {}))
-
-
-def _check_geometry(shape: str, table: object) -> dict[str, Any]:
-    known = SHAPE_PARAMETERS[shape]
-    if shape != "knee":
-        values = _table("geometry", table, known, complete=True)
-        numbers = {key: _number(f"geometry.{key}", value, low=0.0) for key, value in values.items()}
-        if shape == "sphere_in_dish":
-            limit = max(numbers["radius"], numbers["patch_side"] / math.sqrt(2.0))
-            if numbers["dish_radius"] <= limit:
-                raise _fail("geometry.dish_radius", numbers["dish_radius"], f"more than {limit:g} (sphere, half patch)")
-        return numbers
-    values = _table("geometry", table, (*known, *SIDES), complete=False)
-    missing = [key for key in known if key not in values]
-    if missing:
-        raise ValueError(f"scene: geometry lacks {', '.join(missing)}")
-    for side in SIDES:
-        if side in values:
-            values[side] = _table(f"geometry.{side}", values[side], known, complete=False)
-        _check_knee_side(side, {k: v for k, v in values.items() if k not in SIDES} | values.get(side, {}))
-    return values
-
-
-def _check_knee_side(side: str, values: Mapping[str, Any]) -> None:
-    radii, junctions = values["sagittal_radii"], values["sagittal_junctions_deg"]
-    for key, listed in (("sagittal_radii", radii), ("sagittal_junctions_deg", junctions)):
-        if not isinstance(listed, list | tuple):
-            raise _fail(f"geometry.{key}", listed, "a list of numbers")
-        for value in listed:
-            _number(f"geometry.{key}", value, low=-60.0 if key.endswith("deg") else 0.0, high=180.0)
-    if len(junctions) != len(radii) - 1 or any(a >= b for a, b in itertools.pairwise(junctions)):
-        raise _fail("geometry.sagittal_junctions_deg", junctions, f"{len(radii) - 1} rising angles between the arcs")
-    for key in SHAPE_PARAMETERS["knee"][2:]:
-        _number(f"geometry.{key}", values[key], low=0.0)
-    # A condyle more curved than its dish has one contact region; half the patch must lie inside the dish's circle.
-    limits = {
-        "dish_frontal_radius": max(values["frontal_radius"], 0.5 * values["plateau_width"]),
-        "dish_sagittal_radius": max(*radii, 0.5 * values["plateau_length"]),
-    }
-    for key, limit in limits.items():
-        if values[key] <= limit:
-            raise _fail(f"geometry.{key} ({side})", values[key], f"more than {limit:g} (condyle and half patch)")
-
-
-def _anchors(shape: str, geometry: Mapping[str, Any]) -> Array:
-    """Anchor of each patch on the moving body [mm]: a condyle's centre, or the body's own origin."""
-    if shape != "knee":
-        return np.zeros((1, 3))
-    offsets = [geometry.get(side, {}).get("condyle_offset", geometry["condyle_offset"]) for side in SIDES]
-    return np.array([[0.0, 0.0, offsets[0]], [0.0, 0.0, -offsets[1]]])
 
 
 def ready_scenes() -> list[str]:
@@ -312,6 +200,8 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
         raise ValueError(f"unknown scene {text_name!r}, expected one of {possible}, or a path to a .toml file")
     try:
         scene = Scene.from_toml(text)
+        if scene.shape == "mesh":
+            scene = Scene.from_tables(with_files(scene.tables, Path(name_or_path).resolve().parent))
     except ValueError as error:
         raise ValueError(f"{text_name}: {error}") from None
     return scene.with_overrides(**overrides) if overrides else scene

@@ -46,39 +46,6 @@ def _bundle(bundle: Bundle) -> str:
     return "\n\n".join(functions)
 
 
-def values_side_by_side(symbol: str, bundles: Sequence[Bundle]) -> str:
-    """SYMBOL(x, y): the value of bundles of one network each, every one at an input x[m] of its own.
-
-    Layers run network after network, where their shapes are equal: one network alone waits for its own sums.
-    """
-    shapes = {bundle.groups[0].shape for bundle in bundles}
-    begin = f"INLINE void {symbol}(const double *const *x, double *y) {{"
-    if len(shapes) > 1:
-        calls = [f"  {bundle.symbol}_value(x[{m}], y + {m});" for m, bundle in enumerate(bundles)]
-        return "\n".join([begin, *calls, "}\n"])
-    (shape,) = shapes
-    count, k = len(bundles), shape.inputs
-    weights = ", ".join(bundle.groups[0].symbol for bundle in bundles)
-    lines = [
-        begin,
-        f"  static const double *const w[{count}] = {{{weights}}};",
-        f"  double offset[{count}][{k}], a[{len(shape.hidden)}][{count * max(shape.rows)}];",
-    ]
-
-    def each(statement: str) -> str:
-        return f"  for (int m = 0; m < {count}; m++) {statement}"
-
-    lines.append(each(f"for (int j = 0; j < {k}; j++) offset[m][j] = bounded(x[m][j] - w[m][j]);"))
-    for layer, row in enumerate(shape.rows):
-        inputs = k if layer == 0 else shape.hidden[layer - 1]
-        before = "offset[m]" if layer == 0 else _of(shape, layer - 1, f"a[{layer - 1}]")
-        after = _of(shape, layer, f"a[{layer}]")
-        lines.append(each(f"affine({inputs}, {row}, w[m] + {shape.layer(layer)}, {before}, {after});"))
-        lines.append(f"  {shape.activation}_0({count * row}, a[{layer}]);")
-    output = f"dot({shape.rows[-1]}, w[m] + {shape.output}, {_of(shape, shape.last, f'a[{shape.last}]')})"
-    return "\n".join([*lines, each(f"y[m] = w[m][{shape.output_bias}] + {output};"), "}\n"])
-
-
 def _each(shape: Shape, statement: str) -> str:
     return f"  for (int m = 0; m < {shape.count}; m++) {statement}"
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from string import Template
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
-from casadi_contact.transcription.kernel.network_functions import values_side_by_side
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
 from casadi_contact.transcription.patch_graph import PatchNetworks
@@ -81,9 +80,8 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   const Local local[$patches] = {
 $locals
   };
-  const double *const x[$patches] = {$inputs};
   double s[$patches];
-  root_values(x, s);
+$roots
   memset(loads, 0, LOADS * sizeof(double));
   if (ROOTS) memcpy(roots, s, sizeof s);
 $values
@@ -176,7 +174,7 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
     whole = _KERNEL.substitute(
         patches=len(names),
         locals=_lines([f"local_of(pose, &frame, {_anchor(patch)}, 0)," for patch in patches], 6),
-        inputs=", ".join(f"local[{p}].x" for p in range(len(names))),
+        roots=_lines([f"root_{name}_value(local[{p}].x, s + {p});" for p, name in enumerate(names)], 2),
         values=_lines([f"{name}_value(local + {p}, s[{p}], loads);" for p, name in enumerate(names)], 2),
         jacobians=_lines(
             [f"{name}_jacobian(pose, &frame, loads, roots, loads_jacobian, roots_jacobian);" for name in names], 2
@@ -191,7 +189,5 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
         batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in names], 2),
     )
     most = max(1, *(len(bundles[1].networks) for bundles, _ in made))
-    roots = values_side_by_side("root_values", [bundles[0] for bundles, _ in made])
-    functions = [code for _, code in made]
-    code = [c_text("pose.h"), c_text("patch.h"), f"#define RATIOS {most}\n", roots, *functions, whole]
+    code = [c_text("pose.h"), c_text("patch.h"), f"#define RATIOS {most}\n", *(code for _, code in made), whole]
     return Kernel([bundle for bundles, _ in made for bundle in bundles], "\n".join(code))

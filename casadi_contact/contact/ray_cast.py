@@ -1,0 +1,90 @@
+"""The elastic foundation on flat triangles, by exact rays: slow and plain, to check others against.
+
+It is the articular contact model of OpenSim JAM (Smith et al. 2018) without its smoothing: a ray runs from the centre
+of every fixed triangle along minus its normal to where it leaves the moving mesh; the distance is the depth. At the
+overlaps of implants its facets are wrong by tens of per cent (`geometry.smooth_surface`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact.model import CallableModel
+from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
+from casadi_contact.conventions import Array, as_poses, rotation
+from casadi_contact.geometry.mesh_bodies import body_mesh, patch_mesh
+from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.scenes import Scene
+
+LARGEST_DEPTH_MM = 20.0
+
+
+@dataclass(frozen=True)
+class PressureSummary:
+    """Contact of each patch in each pose, all (n, patches, ...), zero where there is none (centre: NaN).
+
+    area_mm2 of the triangles in contact; mean_mpa over these triangles, each counted once; largest_mpa;
+    centre_mm (..., 3): Σ p·A·c / Σ p·A over the triangles' centres c.
+    """
+
+    area_mm2: Array
+    mean_mpa: Array
+    largest_mpa: Array
+    centre_mm: Array
+
+
+class RayCastFoundation(CallableModel):
+    """Contact of a mesh scene on its flat triangles, a contact model like any other (derivatives by differences).
+
+    The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its triangles.
+    Raises ValueError for a scene of another shape, ImportError without the extra `mesh`.
+    """
+
+    def __init__(self, scene: Scene, *, largest_depth_mm: float = LARGEST_DEPTH_MM) -> None:
+        super().__init__(scene, self._all_wrenches)
+        self.largest_depth_mm = largest_depth_mm
+        self._caster = RayCaster(body_mesh(scene, "moving"))
+        self._patches = []
+        for patch in scene.patch_names:
+            mesh = patch_mesh(scene, patch)
+            areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+            self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
+        material = scene.material
+        self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
+
+    def __repr__(self) -> str:
+        return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"
+
+    def summary(self, poses: Array) -> PressureSummary:
+        """Areas, pressures and centres of pressure of each patch at poses (n, 6)."""
+        poses = as_poses(poses)
+        area, mean, largest = (np.zeros((len(poses), len(self._patches))) for _ in range(3))
+        centre = np.full((*area.shape, 3), np.nan)
+        for n, p, pressed in self._pressures(poses):
+            centres, _, areas = self._patches[p]
+            loaded = pressed > 0.0
+            if loaded.any():
+                force = pressed * areas
+                area[n, p], mean[n, p], largest[n, p] = areas[loaded].sum(), pressed[loaded].mean(), pressed.max()
+                centre[n, p] = force @ centres / force.sum()
+        return PressureSummary(area, mean, largest, centre)
+
+    def _all_wrenches(self, poses: Array) -> Array:
+        wrenches = np.zeros((len(poses), len(self._patches), 6))
+        for n, p, pressed in self._pressures(poses):
+            centres, normals, areas = self._patches[p]
+            forces = -(pressed * areas)[:, None] * normals
+            wrenches[n, p] = [*forces.sum(axis=0), *np.cross(centres, forces).sum(axis=0)]
+        return wrenches
+
+    def _pressures(self, poses: Array) -> Iterator[tuple[int, int, Array]]:
+        """(pose, patch, pressure of each triangle [MPa]) one after another."""
+        for n, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
+            for p, (centres, normals, _) in enumerate(self._patches):
+                directions = -normals @ R
+                depth, face = self._caster.first_hits((centres - t) @ R, directions)
+                touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < self.largest_depth_mm)
+                yield n, p, pressures(*self._law, np.where(touching, depth, 0.0))

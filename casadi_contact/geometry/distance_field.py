@@ -1,0 +1,175 @@
+"""A signed distance on a regular grid, interpolated by cubic B-splines: twice continuously differentiable.
+
+g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/spacing and B the cubic B-spline. The
+coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node. Outside the grid,
+which reaches MARGIN_MM beyond the mesh, g is the value at the nearest grid point plus the distance to it.
+
+Beside the coefficients each node keeps a bound M on how hollow g is (∇²g >= -M) within CURVATURE_REACH_MM of it
+and outside the body, so that g(q + δ) >= g(q) + ∇g·δ - M|δ|²/2 as long as the way from q to q + δ stays
+outside; where the right side is positive the way does, for it is concave along it. So the elastic foundation knows
+which elements cannot touch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy import ndimage
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.smooth_surface import SmoothSurface
+
+SPACING_MM = 0.75
+MARGIN_MM = 4.0
+_MOST_NODES = 40_000_000  # 320 MB of coefficients
+CURVATURE_REACH_MM = 2.2
+_NEAR_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)  # g of the nodes that a way from outside to the surface can pass
+_VALUE, _SECOND = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([1.0, -2.0, 1.0])  # of a cubic B-spline at the nodes
+_FIRST = np.array([-0.5, 0.0, 0.5])
+_HEAD = 7  # numbers before the coefficients: origin x, y, z; spacing; nodes along x, y, z
+
+
+@dataclass(frozen=True)
+class FieldFit:
+    """How far a mesh's vertices lie from the smooth surface made of them [mm]."""
+
+    rms_mm: float
+    largest_mm: float
+    dropped_triangles: int
+
+    def __str__(self) -> str:
+        return (
+            f"smooth surface {self.rms_mm:.2g} mm RMS, {self.largest_mm:.2g} mm at most from the vertices, "
+            f"{self.dropped_triangles} degenerate triangles dropped"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceField:
+    """The grid's numbers as the kernels read them (one flat array), and how well it fits the mesh."""
+
+    parameters: Array
+    fit: FieldFit
+
+    def __call__(self, points_mm: Array) -> tuple[Array, Array]:
+        """Distances (n,) [mm] and gradients (n, 3) at points (n, 3)."""
+        values = field_distances(self.parameters, np.ascontiguousarray(points_mm, dtype=float))
+        return values[:, 0], values[:, 1:]
+
+
+def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceField:
+    """The distance field of a mesh; raises ValueError where the grid would not fit into memory."""
+    low, high = mesh.vertices_mm.min(axis=0) - MARGIN_MM, mesh.vertices_mm.max(axis=0) + MARGIN_MM
+    counts = np.ceil((high - low) / spacing_mm).astype(int) + 1
+    if counts.prod() > _MOST_NODES:
+        raise ValueError(
+            f"mesh {mesh.name}: a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, expected at most "
+            f"{_MOST_NODES}: choose a larger spacing"
+        )
+    axes = [origin + spacing_mm * np.arange(count) for origin, count in zip(low, counts, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = SmoothSurface(mesh).distance(nodes).reshape(counts)
+    coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
+    bound = _curvature_bound(coefficients, (values > _NEAR_MM[0]) & (values < _NEAR_MM[1]), spacing_mm)
+    parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
+    off = field_distances(parameters, mesh.vertices_mm)[:, 0]
+    return DistanceField(parameters, FieldFit(float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), mesh.dropped))
+
+
+def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:
+    """Largest hollow curvature (minus the least eigenvalue of ∇²g, 1/mm) at any node near the surface within reach."""
+    count = int(near.sum())
+    hessians = np.empty((count, 3, 3))
+    for first in range(3):
+        for second in range(first, 3):
+            part = coefficients
+            for axis in range(3):
+                times = (axis == first) + (axis == second)
+                part = ndimage.correlate1d(part, (_VALUE, _FIRST, _SECOND)[times], axis, mode="mirror")
+            hessians[:, first, second] = hessians[:, second, first] = part[near]
+    hollow = np.zeros_like(coefficients)
+    hollow[near] = np.maximum(-np.linalg.eigvalsh(hessians)[:, 0], 0.0)
+    reach = int(np.ceil(CURVATURE_REACH_MM / spacing_mm))
+    return ndimage.maximum_filter(hollow, 2 * reach + 1) / spacing_mm**2
+
+
+@numba.njit(cache=True, inline="always")
+def _weights(t):
+    """Cubic B-spline weights of the four nodes around share t of a cell, and their derivatives."""
+    s = 1.0 - t
+    w = (s * s * s / 6.0, (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0)
+    d = (-0.5 * s * s, -2.0 * t + 1.5 * t * t)
+    return (
+        (w[0], w[1], (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0, t * t * t / 6.0),
+        (d[0], d[1], 2.0 * s - 1.5 * s * s, 0.5 * t * t),
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def _inside(coordinate, count):
+    """Nearest coordinate [nodes] at which all four nodes exist, its first node and its share of the cell."""
+    within = min(max(coordinate, 1.0), count - 2.0)
+    first = min(int(within), int(count) - 3)
+    return within, first - 1, within - first
+
+
+@numba.njit(cache=True)
+def field_distance(parameters, x, y, z):
+    """g and its gradient (g, gx, gy, gz) at the point (x, y, z) of the field's frame."""
+    spacing = parameters[3]
+    scale = 1.0 / spacing
+    ny, nz = int(parameters[5]), int(parameters[6])
+    px, py, pz = (x - parameters[0]) * scale, (y - parameters[1]) * scale, (z - parameters[2]) * scale
+    u, i, tu = _inside(px, parameters[4])
+    v, j, tv = _inside(py, parameters[5])
+    w, k, tw = _inside(pz, parameters[6])
+    wu, du = _weights(tu)
+    wv, dv = _weights(tv)
+    ww, dw = _weights(tw)
+    g = gx = gy = gz = 0.0
+    for a in range(4):
+        plane = plane_y = plane_z = 0.0
+        for b in range(4):
+            at = _HEAD + ((i + a) * ny + j + b) * nz + k
+            c0, c1, c2, c3 = parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3]
+            line = c0 * ww[0] + c1 * ww[1] + c2 * ww[2] + c3 * ww[3]
+            plane += wv[b] * line
+            plane_y += dv[b] * line
+            plane_z += wv[b] * (c0 * dw[0] + c1 * dw[1] + c2 * dw[2] + c3 * dw[3])
+        g += wu[a] * plane
+        gx += du[a] * plane
+        gy += wu[a] * plane_y
+        gz += wu[a] * plane_z
+    gx, gy, gz = gx * scale, gy * scale, gz * scale
+    ox, oy, oz = px - u, py - v, pz - w
+    if ox != 0.0 or oy != 0.0 or oz != 0.0:
+        out = np.sqrt(ox * ox + oy * oy + oz * oz)
+        g += out * spacing
+        gx = ox / out if ox != 0.0 else gx
+        gy = oy / out if oy != 0.0 else gy
+        gz = oz / out if oz != 0.0 else gz
+    return g, gx, gy, gz
+
+
+@numba.njit(cache=True)
+def field_curvature(parameters, x, y, z):
+    """Bound M [1/mm] on how hollow the field is within CURVATURE_REACH_MM of a point; infinite outside the grid."""
+    at = 0
+    for axis, coordinate in enumerate((x, y, z)):
+        node = (coordinate - parameters[axis]) / parameters[3] + 0.5
+        if not 1.0 <= node < parameters[4 + axis] - 1.0:
+            return np.inf
+        at = at * int(parameters[4 + axis]) + int(node)
+    return parameters[_HEAD + (len(parameters) - _HEAD) // 2 + at]
+
+
+@numba.njit(cache=True)
+def field_distances(parameters, points):
+    """`field_distance` of points (n, 3) as rows (n, 4)."""
+    values = np.empty((len(points), 4))
+    for n in range(len(points)):
+        values[n] = field_distance(parameters, points[n, 0], points[n, 1], points[n, 2])
+    return values

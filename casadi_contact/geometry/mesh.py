@@ -1,0 +1,180 @@
+"""Triangle meshes of real joints: read, checked and cleaned, in mm and in the library's axes.
+
+STL, OBJ and PLY are read by trimesh, VTP by `geometry.vtp`. What cannot work is refused with what was got, what was
+expected and the cure; degenerate triangles are dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.vtp import read_vtp
+from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
+
+FORMATS = (".stl", ".obj", ".ply", ".vtp")
+_SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
+_LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A checked mesh: vertices_mm (v, 3), faces (f, 3) anticlockwise seen from outside, degenerate ones dropped."""
+
+    name: str
+    vertices_mm: Array
+    faces: np.ndarray
+    dropped: int = 0
+
+    @property
+    def corners_mm(self) -> Array:
+        """Corners of every triangle (f, 3, 3)."""
+        return self.vertices_mm[self.faces]
+
+    @property
+    def area_vectors_mm2(self) -> Array:
+        """Outward normal times area of every triangle (f, 3)."""
+        a, b, c = np.moveaxis(self.corners_mm, 1, 0)
+        return 0.5 * np.cross(b - a, c - a)
+
+    @property
+    def boundary_edges(self) -> np.ndarray:
+        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
+        edges, count = np.unique(_undirected(self.faces), axis=0, return_counts=True)
+        return edges[count == 1]
+
+    def inside_box(self, low: Array, high: Array, *, reaching: bool = False) -> TriangleMesh:
+        """The triangles whose centre lies inside the box [mm], or all that reach into it; ValueError if none does."""
+        corners = self.corners_mm
+        lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
+        faces = self.faces[np.all((highest >= low) & (lowest < high), axis=1)]
+        if not len(faces):
+            raise ValueError(
+                f"mesh {self.name}: no triangle between {_point(low)} and {_point(high)} mm, "
+                f"expected a part of {_extent(self.vertices_mm)}: check the box, units and axes"
+            )
+        used, renumbered = np.unique(faces, return_inverse=True)
+        return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
+
+
+def load_mesh(path: str | Path, units: str, axes: Sequence[str] = FILE_AXES) -> TriangleMesh:
+    """Read and check a mesh file (STL, OBJ, PLY or VTP).
+
+    units: of the file, "m" or "mm". axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y", "-z")
+    for a right knee of OpenSim (x anterior, z lateral). Raises FileNotFoundError, or ValueError for what cannot work.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f"mesh {path} is a {path.suffix or 'nameless'} file, expected one of {', '.join(FORMATS)}")
+    if not path.is_file():
+        raise FileNotFoundError(f"mesh file {path} does not exist")
+    vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else _read_by_trimesh(path)
+    return checked_mesh(path.name, vertices, faces, units, axes)
+
+
+def checked_mesh(
+    name: str, vertices: Array, faces: np.ndarray, units: str = "mm", axes: Sequence[str] = FILE_AXES
+) -> TriangleMesh:
+    """Merge equal vertices, drop degenerate triangles and refuse a mesh that cannot work (see `load_mesh`)."""
+    if units not in MM_PER_UNIT:
+        raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
+    vertices, faces = np.asarray(vertices, dtype=float).reshape(-1, 3), np.asarray(faces, dtype=np.int64)
+    if not len(vertices) or not len(faces):
+        raise ValueError(f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles")
+    if not np.isfinite(vertices).all():
+        row = int(np.argwhere(~np.isfinite(vertices))[0, 0])
+        raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError(f"mesh {name}: a triangle names vertex {faces.max()} of {len(vertices)}: the file is damaged")
+    vertices = MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T
+    across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if not _SMALLEST_MM < across < _LARGEST_MM:
+        other = "mm" if units == "m" else "m"
+        raise ValueError(
+            f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {_SMALLEST_MM:g} to "
+            f"{_LARGEST_MM:g} mm: is the file in {other}?"
+        )
+    vertices, faces = _merged(vertices, faces)
+    sound = _heights(vertices, faces) > _LEAST_HEIGHT
+    mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()))
+    if not sound.any():
+        raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
+    _check_edges(mesh)
+    if not len(mesh.boundary_edges) and (volume := _volume(mesh)) < 0.0:
+        raise ValueError(
+            f"mesh {name} is inside-out (closed, of volume {volume:.3g} mm³), expected outward normals: "
+            "reverse its triangles and save it again"
+        )
+    return mesh
+
+
+def _read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
+    try:
+        import trimesh
+    except ImportError:
+        raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
+    try:
+        content: Any = trimesh.load(path, force="mesh", process=False)
+        return np.asarray(content.vertices), np.asarray(content.faces)
+    except Exception as error:  # trimesh's readers raise whatever the damage led to
+        raise ValueError(f"mesh {path} cannot be read ({error}), expected a {path.suffix[1:].upper()} file") from None
+
+
+def _merged(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
+    """One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal."""
+    unique, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    used, renumbered = np.unique(faces, return_inverse=True)
+    return unique[used], renumbered.reshape(-1, 3)
+
+
+def _heights(vertices: Array, faces: np.ndarray) -> Array:
+    """Height of each triangle over its longest edge, by that edge."""
+    corners = vertices[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return doubled / np.maximum(edges, 1e-300) ** 2
+
+
+def _directed(faces: np.ndarray) -> np.ndarray:
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def _undirected(faces: np.ndarray) -> np.ndarray:
+    return np.sort(_directed(faces), axis=1)
+
+
+def _check_edges(mesh: TriangleMesh) -> None:
+    """Every edge joins at most two triangles, which run through it in opposite directions."""
+    edges, count = np.unique(_undirected(mesh.faces), axis=0, return_counts=True)
+    if count.max() > 2:
+        at = mesh.vertices_mm[edges[np.argmax(count)]].mean(axis=0)
+        raise ValueError(
+            f"mesh {mesh.name} is not manifold: {int((count > 2).sum())} edges join more than two triangles, the worst "
+            f"at {_point(at)} mm: remove the extra sheets"
+        )
+    directed, count = np.unique(_directed(mesh.faces), axis=0, return_counts=True)
+    if count.max() > 1:
+        at = mesh.vertices_mm[directed[np.argmax(count)]].mean(axis=0)
+        raise ValueError(
+            f"mesh {mesh.name}: neighbouring triangles face opposite ways at {int((count > 1).sum())} edges, first at "
+            f"{_point(at)} mm: make the normals consistent"
+        )
+
+
+def _volume(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def _point(point: Array) -> str:
+    return "(" + ", ".join(f"{v:.4g}" for v in point) + ")"
+
+
+def _extent(vertices: Array) -> str:
+    return f"{_point(vertices.min(axis=0))} to {_point(vertices.max(axis=0))}"

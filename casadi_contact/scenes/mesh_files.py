@@ -1,0 +1,119 @@
+"""A scene of two mesh files: its [geometry], where its files lie, and what they held when the scene was loaded.
+
+    [geometry]
+    moving = "femoral_component.stl"      # STL, OBJ, PLY or VTP; a path is relative to the scene file
+    fixed = "tibial_insert.stl"           # carries the elements
+    units = "m"                           # of both files, "m" or "mm"
+    axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
+    elements = "grid"                     # rays down -y onto the fixed mesh; or "triangles": each one an element
+    spacing = 0.75                        # of the distance field's nodes [mm]
+    [geometry.patches.med]                # in the order of the patches; bounds in mm in the library's axes
+    x = [-20.0, 20.0]                     # where the patch's elements lie; no bound if left out
+    z = [3.0, 40.0]
+    anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
+
+Loading a scene file makes the paths absolute and adds the files' SHA-256; the scene's digest holds the latter only,
+so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.scenes.checks import fail, number, table_of
+
+BODIES = ("moving", "fixed")
+MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
+FILE_AXES = ("x", "y", "z")  # axes as they are in the file
+ELEMENTS = ("grid", "triangles")
+_DIGESTS = {body: f"{body}_sha256" for body in BODIES}
+_NEEDED = (*BODIES, "units", "patches")
+_KNOWN = (*_NEEDED, "axes", "elements", "spacing", *_DIGESTS.values())
+_DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75}
+
+
+def check_mesh_geometry(table: object) -> dict[str, Any]:
+    """The [geometry] of a mesh scene with its defaults filled in; raises ValueError naming the key at fault."""
+    values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _KNOWN, complete=False)
+    missing = [key for key in _NEEDED if key not in values]
+    if missing:
+        raise ValueError(f"scene: geometry lacks {', '.join(missing)}")
+    for key in (*BODIES, *(key for key in _DIGESTS.values() if key in values)):
+        if not isinstance(values[key], str) or not values[key]:
+            raise fail(f"geometry.{key}", values[key], "text")
+    for key, allowed in (("units", MM_PER_UNIT), ("elements", ELEMENTS)):
+        if values[key] not in tuple(allowed):
+            raise fail(f"geometry.{key}", values[key], " or ".join(allowed))
+    axes_rotation(values["axes"])
+    values["spacing"] = number("geometry.spacing", values["spacing"], low=0.0)
+    patches = values["patches"]
+    if not isinstance(patches, Mapping) or not patches:
+        raise fail("geometry.patches", patches, "a table for each patch, e.g. [geometry.patches.med]")
+    values["patches"] = {name: _patch(f"geometry.patches.{name}", patch) for name, patch in patches.items()}
+    return values
+
+
+def _patch(key: str, table: object) -> dict[str, list[float]]:
+    values = table_of(key, table, ("x", "z", "anchor"), complete=False)
+    for name, length in (("x", 2), ("z", 2), ("anchor", 3)):
+        listed = values.get(name, [0.0, 1.0, 2.0][:length])
+        if not isinstance(listed, list | tuple) or len(listed) != length:
+            raise fail(f"{key}.{name}", listed, f"{length} numbers [mm]")
+        for value in listed:
+            number(f"{key}.{name}", value)
+        if length == 2 and listed[0] >= listed[1]:
+            raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
+    return values
+
+
+def axes_rotation(axes: Sequence[str]) -> Array:
+    """Rotation R with (x, y, z) = R·(file coordinates); raises ValueError for axes that are no rotation."""
+    named = [str(axis) for axis in axes] if isinstance(axes, list | tuple) else []
+    rows = [
+        (-1.0 if axis.startswith("-") else 1.0) * np.eye(3)[FILE_AXES.index(axis.removeprefix("-"))]
+        for axis in named
+        if axis.removeprefix("-") in FILE_AXES
+    ]
+    rotation = np.array(rows)
+    if rotation.shape != (3, 3) or len(named) != 3 or np.linalg.det(rotation) < 0.5:
+        raise ValueError(
+            f"scene: geometry.axes = {axes!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
+            "['-x', 'y', '-z']"
+        )
+    return rotation
+
+
+def with_files(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The scene's tables with absolute mesh paths (relative ones start at the folder) and the files' digests.
+
+    Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
+    """
+    geometry = dict(tables["geometry"])
+    for body, key in _DIGESTS.items():
+        path = (folder / geometry[body]).resolve()
+        found = file_digest(path)
+        if geometry.get(key, found) != found:
+            raise ValueError(f"scene: geometry.{body}: {path} has changed since the scene was made with it")
+        geometry |= {body: str(path), key: found}
+    return {**tables, "geometry": geometry}
+
+
+def without_places(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables with each mesh named by its digest (if known) instead of its path."""
+    geometry = {key: value for key, value in tables["geometry"].items() if _DIGESTS.get(key) not in tables["geometry"]}
+    return {**tables, "geometry": geometry}
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes."""
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
+        )
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,138 @@
+"""The elastic foundation on meshes: within 1 % of the exact surface, where facets lose tens of per cent."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+import casadi_contact.geometry.elements as elements
+from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, write_obj
+
+OVERLAP_MM, STIFFNESS = 0.1, 267.5728  # K/h of the material [N/mm³]
+EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0
+
+
+def scene_of(folder, moving, fixed, **settings):
+    for name, mesh in (("moving.obj", moving), ("fixed.obj", fixed)):
+        write_obj(folder / name, *mesh)
+    (folder / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", **settings))
+    return cc.load_scene(folder / "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def sphere(tmp_path_factory):
+    moving = cap_mesh(RADIUS_MM, EDGE_MM, 0.45)
+    return scene_of(tmp_path_factory.mktemp("sphere"), moving, sheet_mesh(14.0, 2.0), grid=(160, 160))
+
+
+@pytest.fixture(scope="module")
+def torus(tmp_path_factory):
+    vertices, faces = torus_mesh(RING_MM, TUBE_MM, EDGE_MM)
+    lower = faces[(vertices[faces][..., 1] < -(RING_MM + TUBE_MM) + 5.0).all(axis=1)]
+    return scene_of(tmp_path_factory.mktemp("torus"), (vertices, lower), sheet_mesh(14.0, 2.0), grid=(160, 160))
+
+
+def turned(radius, overlap, count, angles):
+    """Poses of a body turned about its centre, which lies above the origin: the contact moves over its facets."""
+    poses = np.zeros((count, 6))
+    poses[:, 1] = radius - overlap
+    poses[:, 3:] = np.random.default_rng(3).uniform(-1.0, 1.0, (count, 3)) * angles
+    return poses
+
+
+def torus_force():
+    """K/h·∫ depth dx dz of the outside of the torus, by midpoints."""
+    x, z = np.meshgrid(np.linspace(-5.0, 5.0, 2001), np.linspace(-5.0, 5.0, 2001), indexing="ij")
+    y = RING_MM + TUBE_MM - OVERLAP_MM - np.sqrt((RING_MM + np.sqrt(TUBE_MM**2 - z**2)) ** 2 - x**2)
+    return STIFFNESS * np.maximum(-y, 0.0).sum() * 0.005**2
+
+
+def test_force_on_a_meshed_sphere_is_within_one_per_cent(sphere):
+    exact = np.pi * STIFFNESS * OVERLAP_MM**2 * (RADIUS_MM - OVERLAP_MM / 3.0)
+    poses = turned(RADIUS_MM, OVERLAP_MM, 30, [0.2, 3.0, 0.2])
+    smooth, flat = (-m(poses)[:, 1] / exact - 1.0 for m in (cc.ElasticFoundation(sphere), cc.RayCastFoundation(sphere)))
+    assert np.abs(smooth).max() < 0.01
+    assert flat.mean() < -0.1
+    print(f"sphere: smooth {smooth.min():.2%} to {smooth.max():.2%}, flat {flat.min():.1%} to {flat.max():.1%}")
+
+
+def test_force_on_a_meshed_torus_is_within_one_per_cent(torus):
+    poses = turned(RING_MM + TUBE_MM, OVERLAP_MM, 30, [0.0, 3.0, 0.2])
+    smooth = -cc.ElasticFoundation(torus)(poses)[:, 1] / torus_force() - 1.0
+    assert np.abs(smooth).max() < 0.01
+    print(f"torus: smooth {smooth.min():.2%} to {smooth.max():.2%}")
+
+
+def test_jacobian_and_root_loads_agree_with_differences(torus):
+    model = cc.ElasticFoundation(torus, (60, 60))
+    poses = turned(RING_MM + TUBE_MM, 0.15, 20, [0.03, 1.0, 0.2])
+    jacobian, h = model.jacobian(poses)[1], 1e-7
+    differences = np.stack([(model(poses + s) - model(poses - s)) / (2.0 * h) for s in h * np.eye(6)], axis=-1)
+    scale = np.abs(jacobian).max(axis=(0, 2), keepdims=True)
+    off = np.abs(jacobian - differences) / scale
+    assert np.quantile(off, 0.99) < 1e-6
+    assert off.max() < 1e-2  # where a step loaded another element
+    lifted = poses.copy()
+    lifted[:, 1] += 0.5
+    slope = model.root_loads(lifted)[1]
+    h = 1e-6
+    differences = [(model.root_loads(lifted + s)[0] - model.root_loads(lifted - s)[0]) / (2 * h) for s in h * np.eye(6)]
+    off = np.abs(slope - np.stack(differences, axis=-1))
+    assert np.quantile(off, 0.97) < 1e-4  # but where the nearest element changes
+
+
+def test_culling_never_changes_the_result(torus, monkeypatch):
+    poses = turned(RING_MM + TUBE_MM, 0.1, 20, [0.05, 3.0, 0.25])
+    poses[::2, 1] += np.linspace(-0.5, 4.0, 10)
+    model = cc.ElasticFoundation(torus, (60, 60))
+    wrenches, gaps = model.wrenches(poses), model.gaps(poses)
+    for side in (1, 7, 64):
+        monkeypatch.setattr(elements, "BLOCK_SIDE", side)
+        other = cc.ElasticFoundation(torus, (60, 60))
+        np.testing.assert_allclose(other.wrenches(poses), wrenches, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(other.gaps(poses), gaps, rtol=1e-12)
+
+
+def test_no_overlap_gives_exactly_zero_and_the_gap_also_beyond_the_field(sphere):
+    model = cc.ElasticFoundation(sphere)
+    poses = np.zeros((4, 6))
+    gaps = np.array([1e-3, 0.1, 2.0, 9.0])
+    poses[:, 1] = RADIUS_MM + gaps
+    assert not model(poses).any()
+    np.testing.assert_allclose(model.gaps(poses)[:, 0], gaps, atol=0.01)
+
+
+def test_triangles_as_elements_meet_the_grid_on_a_curved_fixed_mesh(tmp_path):
+    dish = sheet_mesh(16.0, 1.0, lambda x, z: 45.0 - np.sqrt(45.0**2 - x**2 - z**2))
+    moving = cap_mesh(RADIUS_MM, EDGE_MM, 0.45)
+    forces = {}
+    for kind in ("grid", "triangles"):
+        model = cc.ElasticFoundation(scene_of(tmp_path, moving, dish, elements=kind, grid=(160, 160)))
+        forces[kind] = model(turned(RADIUS_MM, 0.2, 20, [0.1, 3.0, 0.1]))[:, 1].mean()
+    assert forces["grid"] == pytest.approx(-2966.6461, rel=0.01)  # closed form, rays along the dish's normals
+    assert forces["triangles"] == pytest.approx(-2966.6461, rel=0.01)
+
+
+def test_patches_that_share_a_bound_share_no_force(tmp_path):
+    """Two halves of the plate carry what the whole one does, with triangles as with grids."""
+    halves = "[geometry.patches.front]\nx = [0.5, 20.0]\n[geometry.patches.back]\nx = [-20.0, 0.5]\n"
+    poses = turned(RADIUS_MM, 0.2, 5, [0.1, 3.0, 0.1])
+    for kind, grid in (("grid", (200, 200)), ("triangles", (1, 1))):
+        forces = []
+        for extra in ("", halves):
+            folder = tmp_path / f"{kind}{len(extra)}"
+            folder.mkdir()
+            plate = sheet_mesh(14.0, 0.15 if kind == "triangles" else 2.0)
+            ball = cap_mesh(RADIUS_MM, EDGE_MM, 0.45)
+            model = cc.ElasticFoundation(scene_of(folder, ball, plate, elements=kind, grid=grid, extra=extra))
+            forces.append(model.wrenches(poses)[:, :, 1])
+        whole, parts = forces
+        assert (parts < 0.0).all()
+        np.testing.assert_allclose(parts.sum(axis=1), whole[:, 0], rtol=5e-3)
+
+
+def test_edges_of_the_fixed_mesh_are_known(sphere):
+    model = cc.ElasticFoundation(sphere)
+    poses = np.zeros((2, 6))
+    poses[:, 1] = RADIUS_MM - 0.1
+    poses[1, 0] = 6.0
+    assert model.at_edge(poses)[:, 0].tolist() == [False, True]

@@ -1,0 +1,187 @@
+"""Meshes are read alike from every format, and those that cannot work are refused by name."""
+
+import base64
+import sys
+import zlib
+
+import numpy as np
+import pytest
+
+from casadi_contact.geometry.distance_field import build_field
+from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
+from tests.meshes import cap_mesh, torus_mesh, unit, write_obj
+
+TETRAHEDRON = (
+    10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+)
+
+
+def vtp_text(vertices, faces, encode):
+    arrays = {"Points": ("Float64", vertices), "connectivity": ("Int64", faces), "offsets": ("Int64", None)}
+    arrays["offsets"] = ("Int64", 3 * (np.arange(len(faces)) + 1))
+    parts = {name: encode(kind, np.ascontiguousarray(values).ravel()) for name, (kind, values) in arrays.items()}
+    compressor = ' compressor="vtkZLibDataCompressor"' if encode is zlib_array else ""
+    return (
+        f'<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32"{compressor}><PolyData>'
+        f'<Piece NumberOfPoints="{len(vertices)}" NumberOfPolys="{len(faces)}"><Points>{parts["Points"]}</Points>'
+        f"<Polys>{parts['connectivity']}{parts['offsets']}</Polys></Piece></PolyData></VTKFile>"
+    ).replace('Name=""', "")
+
+
+def element(kind, form, text):
+    return f'<DataArray type="{kind}" Name="{{name}}" format="{form}">{text}</DataArray>'
+
+
+def ascii_array(kind, values):
+    return element(kind, "ascii", " ".join(repr(v.item()) for v in values))
+
+
+def base64_array(kind, values):
+    data = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
+    return element(kind, "binary", base64.b64encode(np.uint32(len(data)).tobytes() + data).decode())
+
+
+def zlib_array(kind, values):
+    data = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
+    packed = zlib.compress(data)
+    header = np.array([1, len(data), len(data), len(packed)], dtype="<u4").tobytes()
+    return element(kind, "binary", (base64.b64encode(header) + base64.b64encode(packed)).decode())
+
+
+@pytest.mark.parametrize("encode", [ascii_array, base64_array, zlib_array])
+def test_vtp_files_are_read_in_every_encoding(tmp_path, encode):
+    text = vtp_text(*TETRAHEDRON, encode)
+    for name in ("points", "connectivity", "offsets"):
+        text = text.replace("{name}", name, 1)
+    (tmp_path / "t.vtp").write_text(text)
+    mesh = load_mesh(tmp_path / "t.vtp", "mm")
+    assert len(mesh.faces) == 4
+    np.testing.assert_allclose(np.sort(mesh.corners_mm.ravel()), np.sort(TETRAHEDRON[0][TETRAHEDRON[1]].ravel()))
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply", "obj"])
+def test_other_formats_give_the_same_mesh_in_mm_and_our_axes(tmp_path, ending):
+    trimesh = pytest.importorskip("trimesh")
+    vertices, faces = TETRAHEDRON
+    trimesh.Trimesh(0.001 * vertices, faces, process=False).export(tmp_path / f"t.{ending}")
+    mesh = load_mesh(tmp_path / f"t.{ending}", "m", ("-x", "y", "-z"))
+    assert len(mesh.vertices_mm) == 4
+    np.testing.assert_allclose(mesh.vertices_mm.min(axis=0), [-10.0, 0.0, -10.0], atol=1e-5)
+    np.testing.assert_allclose(mesh.area_vectors_mm2.sum(axis=0), 0.0, atol=1e-4)
+
+
+def test_degenerate_triangles_are_dropped_and_counted():
+    vertices, faces = TETRAHEDRON
+    mesh = checked_mesh("t", np.vstack([vertices, [5.0, 0.0, 0.0]]), np.vstack([faces, [0, 0, 1], [0, 1, 4]]))
+    assert (len(mesh.faces), mesh.dropped) == (4, 2)
+
+
+def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
+    vertices = scale * TETRAHEDRON[0]
+    if vertex is not None:
+        vertices[vertex] = value
+    return vertices, faces
+
+
+@pytest.mark.parametrize(
+    ("mesh", "units", "said"),
+    [
+        (damaged(faces=np.zeros((0, 3))), "mm", "is empty"),
+        (damaged(1, np.nan), "mm", "vertex 1 is .*nan"),
+        (damaged(scale=0.001), "mm", "is the file in m?"),
+        (damaged(), "m", "is the file in mm?"),
+        (damaged(), "inch", "units = 'inch', expected m or mm"),
+        (damaged(faces=TETRAHEDRON[1][:, ::-1]), "mm", "inside-out"),
+        (damaged(faces=np.vstack([TETRAHEDRON[1][:3], [[1, 3, 2]]])), "mm", "face opposite ways"),
+        (damaged(faces=np.vstack([TETRAHEDRON[1], [[1, 2, 0]]])), "mm", "not manifold"),
+        (damaged(faces=np.array([[0, 1, 1]])), "mm", "all 1 triangles are degenerate"),
+        (damaged(faces=np.array([[0, 1, 9]])), "mm", "names vertex 9 of 4"),
+    ],
+)
+def test_meshes_that_cannot_work_are_refused(mesh, units, said):
+    with pytest.raises(ValueError, match=said):
+        checked_mesh("t", *mesh, units)
+
+
+def test_files_that_are_no_mesh_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        load_mesh(tmp_path / "none.stl", "mm")
+    with pytest.raises(ValueError, match=r"is a \.step file, expected one of \.stl"):
+        load_mesh(tmp_path / "part.step", "mm")
+    for name in ("t.vtp", "t.stl"):
+        (tmp_path / name).write_text("<VTKFile>")
+        with pytest.raises(ValueError, match=r"cannot be read|is empty"):
+            load_mesh(tmp_path / name, "mm")
+
+
+def torus_distance(points, ring, tube):
+    return np.hypot(np.hypot(points[:, 0], points[:, 1]) - ring, points[:, 2]) - tube
+
+
+def test_fitted_normals_are_those_of_the_surface():
+    mesh = checked_mesh("torus", *torus_mesh(18.0, 12.0, 1.2))
+    exact = unit(mesh.vertices_mm - 18.0 * unit(mesh.vertices_mm * [1.0, 1.0, 0.0]))
+    assert np.linalg.norm(fitted_normals(mesh) - exact, axis=1).max() < 0.01
+
+
+def test_the_smooth_surface_of_a_torus_is_its_distance_and_the_field_follows():
+    vertices, faces = torus_mesh(18.0, 12.0, 1.2)
+    lower = faces[(vertices[faces][..., 1] < -24.0).all(axis=1)]
+    mesh = checked_mesh("torus", vertices, lower)
+    centres = mesh.corners_mm.mean(axis=1)
+    centres = centres[(centres[:, 1] < -25.5)]
+    normals = unit(centres - 18.0 * unit(centres * [1.0, 1.0, 0.0]))
+    points = centres + np.random.default_rng(0).uniform(-0.5, 0.5, (len(centres), 1)) * normals
+    exact = torus_distance(points, 18.0, 12.0)
+    assert np.abs(SmoothSurface(mesh).distance(points) - exact).max() < 1e-3
+    field = build_field(mesh)
+    values, slopes = field(points)
+    assert np.sqrt(np.mean((values - exact) ** 2)) < 3e-4
+    np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, atol=0.01)
+    assert field.fit.rms_mm < 0.01
+
+
+def test_gradient_of_the_field_agrees_with_differences_inside_and_outside_its_grid():
+    field = build_field(checked_mesh("cap", *cap_mesh(20.0, 1.2, 0.5)))
+    points = np.random.default_rng(0).uniform([-20.0, -30.0, -20.0], [20.0, -10.0, 20.0], (500, 3))
+    slopes, h = field(points)[1], 1e-6
+    differences = [(field(points + s)[0] - field(points - s)[0]) / (2.0 * h) for s in h * np.eye(3)]
+    np.testing.assert_allclose(slopes, np.stack(differences, axis=1), atol=1e-6)
+
+
+def test_a_field_too_fine_for_memory_is_refused():
+    with pytest.raises(ValueError, match="choose a larger spacing"):
+        build_field(checked_mesh("t", *TETRAHEDRON), 0.01)
+
+
+def test_obj_files_written_by_the_tests_are_read(tmp_path):
+    write_obj(tmp_path / "cap.obj", *cap_mesh(20.0, 2.0, 0.6))
+    mesh = load_mesh(tmp_path / "cap.obj", "mm")
+    assert np.abs(np.linalg.norm(mesh.vertices_mm, axis=1) - 20.0).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("library", "use"),
+    [
+        ("igl", lambda path: SmoothSurface(load_mesh(path, "mm"))),
+        ("trimesh", lambda path: load_mesh(path, "mm")),
+        ("trimesh", lambda path: RayCaster(checked_mesh("t", *TETRAHEDRON))),
+    ],
+)
+def test_a_missing_library_is_named_with_the_way_to_get_it(tmp_path, monkeypatch, library, use):
+    write_obj(tmp_path / "t.obj", *TETRAHEDRON)
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ImportError, match=r"pip install casadi_contact\[mesh\]"):
+        use(tmp_path / "t.obj")
+
+
+def test_rays_hit_the_first_triangle_in_double_precision():
+    caster = RayCaster(checked_mesh("t", *TETRAHEDRON))
+    origins = np.array([[2.0, 3.0, -5.0], [2.0, 3.0, 1.0], [20.0, 3.0, -5.0]])
+    directions = np.tile([0.0, 0.0, 1.0], (3, 1))
+    distance, face = caster.first_hits(origins, directions)
+    np.testing.assert_allclose(distance, [5.0, 4.0, np.inf], atol=1e-12)
+    assert caster.leaves(directions, face).tolist() == [False, True, False]

@@ -1,0 +1,106 @@
+"""Meshes of bodies with known distance, and scenes of mesh files, as text."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+for library in ("trimesh", "embreex", "igl"):
+    pytest.importorskip(library, reason="meshes need the extra: pip install casadi_contact[mesh]")
+
+ELASTIC = {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": '"linear"'}
+
+
+def cap_mesh(radius, edge, angle):
+    """The part of a sphere within an angle of -y, of nearly equilateral triangles: vertices, faces."""
+    count = int(4.0 * np.pi * radius**2 / (np.sqrt(3.0) / 2.0 * edge**2))
+    k = np.arange(count) + 0.5
+    polar, azimuth = np.arccos(1.0 - 2.0 * k / count), np.pi * (1.0 + 5.0**0.5) * k
+    rng = np.random.default_rng(0)
+    points = np.stack([np.cos(azimuth) * np.sin(polar), -np.cos(polar), np.sin(azimuth) * np.sin(polar)], axis=1)
+    points += 0.1 * edge / radius * rng.standard_normal(points.shape)
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    faces = outward(radius * points, ConvexHull(points).simplices, lambda p: p)
+    kept = faces[(points[faces][..., 1] < -np.cos(angle)).all(axis=1)]
+    return radius * points, kept
+
+
+def torus_mesh(ring, tube, edge):
+    """A closed torus about the z axis, its grid of triangles jittered: vertices, faces."""
+    nu, nv = int(2.0 * np.pi * (ring + tube) / edge), int(2.0 * np.pi * tube / edge)
+    rng = np.random.default_rng(1)
+    u, v = np.meshgrid(2.0 * np.pi * np.arange(nu) / nu, 2.0 * np.pi * np.arange(nv) / nv, indexing="ij")
+    u, v = u + 0.6 / nu * rng.standard_normal(u.shape), v + 0.6 / nv * rng.standard_normal(u.shape)
+    rho = ring + tube * np.cos(v)
+    points = np.stack([rho * np.cos(u), rho * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3)
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(nu), np.arange(nv), indexing="ij"))
+
+    def at(a, b):
+        return (a % nu) * nv + b % nv
+
+    faces = np.concatenate(
+        [
+            np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], axis=1),
+            np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], axis=1),
+        ]
+    )
+    return points, outward(points, faces, lambda p: p - ring * unit(p * [1.0, 1.0, 0.0]))
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def outward(points, faces, direction):
+    """The faces, turned to run anticlockwise seen from where `direction` (of their centres) points."""
+    a, b, c = np.moveaxis(points[faces], 1, 0)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), direction((a + b + c) / 3.0)) < 0.0
+    return np.where(inward[:, None], faces[:, ::-1], faces)
+
+
+def sheet_mesh(side, step, height=lambda x, z: 0.0 * x):
+    """The surface y = height(x, z) over a square, facing +y: vertices, faces."""
+    n = round(side / step) + 1
+    x, z = np.meshgrid(np.linspace(-side / 2.0, side / 2.0, n), np.linspace(-side / 2.0, side / 2.0, n), indexing="ij")
+    points = np.stack([x, height(x, z), z], axis=-1).reshape(-1, 3)
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n - 1), np.arange(n - 1), indexing="ij"))
+    a = i * n + j
+    faces = np.concatenate([np.stack([a, a + 1, a + n], axis=1), np.stack([a + 1, a + n + 1, a + n], axis=1)])
+    return points, faces
+
+
+def write_obj(path, vertices, faces):
+    lines = [*("v {:.10f} {:.10f} {:.10f}".format(*v) for v in vertices), *("f {} {} {}".format(*f) for f in faces + 1)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def mesh_scene_text(moving, fixed, *, units="mm", elements="grid", material=None, extra="", grid=(80, 40)):
+    """A scene file of two meshes as one patch (or as `extra` says)."""
+    material = ELASTIC if material is None else material
+    patches = "" if "[geometry.patches" in extra else "[geometry.patches.contact]\n"
+    layer = "\n".join(f"{key} = {value}" for key, value in material.items())
+    grids = "\n".join(f"{name} = [{grid[0]}, {grid[1]}]" for name in ("fine", "coarse", "settle", "teacher"))
+    names = '["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"]'
+    tolerances = "\n".join(f"{name} = 1.0" for name in ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
+    return f"""format = 1
+name = "meshes"
+shape = "mesh"
+[geometry]
+moving = "{moving}"
+fixed = "{fixed}"
+units = "{units}"
+elements = "{elements}"
+{extra}
+{patches}[material]
+{layer}
+[grids]
+{grids}
+[loads]
+names = {names}
+sensitive = ["Fy"]
+sensitive_pose = ["ty"]
+reference_load = 1000.0
+gap_slope = 7.5
+boundary_load = 5.0
+[tolerances]
+{tolerances}
+"""

@@ -1,0 +1,69 @@
+"""Pictures of contact show the forces that the model computes, and are written headless."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.cli import app
+from casadi_contact.show import draw_contact, neutral_pose, read_poses, surface_fits
+
+POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return cc.ElasticFoundation(cc.load_scene("knee"))
+
+
+def test_pressures_add_up_to_the_forces_and_their_centre_to_the_torques(model):
+    wrenches = model.wrenches(POSE[None])[0]
+    for wrench, pressed in zip(wrenches, model.pressure_maps(POSE), strict=True):
+        # A dish's normals lean away from +y by little within the contact.
+        assert (pressed.pressures_mpa @ pressed.areas_mm2) == pytest.approx(np.linalg.norm(wrench[:3]), rel=0.01)
+        centre = pressed.centre_mm
+        assert centre[[0, 2]] == pytest.approx([wrench[5] / wrench[1], -wrench[3] / wrench[1]], abs=0.3)
+    assert model.pressure_maps([0.5, 36.0, *POSE[2:]])[0].centre_mm is None
+
+
+def test_section_distances_are_those_of_the_moving_body(model):
+    condyle = np.array([[POSE[0], POSE[1] - 60.0, 22.0]])
+    straight = np.array([0.0, POSE[1], 0.0, 0.0, 0.0, -0.3])
+    assert model.distances([[0.0, POSE[1] - 30.0, 22.0]], straight, "med")[0] == pytest.approx(30.0 - 27.3, abs=1e-9)
+    assert model.distances(condyle, POSE, "med")[0] > 30.0
+
+
+def test_the_neutral_pose_overlaps_by_a_tenth(model):
+    assert model.gaps(neutral_pose(model)[None]).min() == pytest.approx(-0.1, abs=1e-6)
+
+
+def test_one_pose_and_many_are_drawn(model, tmp_path):
+    draw_contact(model, POSE[None], tmp_path / "one.png")
+    draw_contact(model, np.tile(POSE, (20, 1)), tmp_path / "strip.png")
+    for name in ("one.png", "strip.png"):
+        assert (tmp_path / name).read_bytes()[:4] == PNG
+    assert surface_fits(model) == []
+
+
+def test_poses_are_read_by_name_and_bad_files_refused(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("time,rz,tx,ty,tz,rx,ry\n0,6,1,2,3,4,5\n")
+    assert read_poses(path).tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+    path.write_text("tx,ty\n1,2\n")
+    with pytest.raises(ValueError, match="lacks tz, rx, ry, rz"):
+        read_poses(path)
+    path.write_text("tx,ty,tz,rx,ry,rz\n1,2\n1,2,3,4,5,6\n")
+    with pytest.raises(ValueError, match="is not a table of poses"):
+        read_poses(path)
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_poses(tmp_path / "none.csv")
+
+
+def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
+    out = tmp_path / "ball.png"
+    result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert out.read_bytes()[:4] == PNG
+    result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
+    assert "expected six numbers" in str(result.exception)
