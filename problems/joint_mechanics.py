@@ -19,7 +19,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.surrogate import Surrogate
 from problems.foundation_callback import FoundationCallback, total_selection
 
-SURROGATE_OPTIONS: dict[str, Any] = {}  # keywords of Surrogate.function for every problem here
+SURROGATE_OPTIONS: dict[str, Any] = {"compiled": True}  # keywords of Surrogate.function for every problem here
 LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
 IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
 STEPS = np.array([0.5, 0.01, 0.3, 0.01 / 22.0, 0.02, 0.02])  # pose steps [mm, rad] that change loads alike
