@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
+from casadi_contact.report.result_file import read_result
+
 
 def read_kernel_speed(path: str | Path) -> dict[str, Any]:
     """The content of a ``kernel_speed.json``; ValueError if it is something else."""
-    try:
-        content = json.loads(Path(path).read_text("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} is not a kernel speed file ({error})") from None
-    if not isinstance(content, dict) or content.get("format") != "casadi_contact kernel speed":
-        raise ValueError(f"{path} is not a kernel speed file, expected one written by casadi-contact speed")
-    return content
+    return read_result(path, "kernel speed", "speed")
 
 
 def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from casadi_contact.conventions import load_unit
+from casadi_contact.report.result_file import read_result
 
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:
     """The content of an ``evaluation.json``; ValueError if it is something else."""
-    try:
-        content = json.loads(Path(path).read_text("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} is not an evaluation file ({error})") from None
-    if not isinstance(content, dict) or content.get("format") != "casadi_contact evaluation":
-        raise ValueError(f"{path} is not an evaluation file, expected one written by casadi-contact evaluate")
-    return content
+    return read_result(path, "evaluation", "evaluate")
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:

@@ -38,5 +38,5 @@ def test_the_table_is_drawn_from_the_file_alone(tmp_path):
     assert cells[3][:3] == ["4.50", "1.00", "1.00"]
     assert "4.0 times the limit" in cells[3][3]
     path.write_text("{}")
-    with pytest.raises(ValueError, match="not a kernel speed file"):
+    with pytest.raises(ValueError, match="not a file of kernel speed"):
         read_kernel_speed(path)
