@@ -156,5 +156,5 @@ def test_missing_damaged_and_foreign_files_are_one_line_too(tmp_path):
     assert done.returncode != 0
     assert "lacks the columns" in done.stderr
     (tmp_path / "evaluation.json").write_text(json.dumps({"a": 1}))
-    with pytest.raises(ValueError, match="is not an evaluation file"):
+    with pytest.raises(ValueError, match="is not a file of evaluation"):
         read_evaluation(tmp_path / "evaluation.json")
