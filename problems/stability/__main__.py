@@ -13,7 +13,17 @@ from typing import Annotated, Any
 import typer
 
 from casadi_contact.files import writable_folder
-from problems.stability import derivative_steps, liftoff, out_of_range, starts
+from problems.stability import (
+    bad_training_data,
+    clusters,
+    consistency,
+    derivative_steps,
+    liftoff,
+    out_of_range,
+    single_precision,
+    starts,
+    time_steps,
+)
 from problems.stability.methods import Bench, bench
 from problems.stability.table import FAILURES, Line, print_table, write_table
 
@@ -38,6 +48,11 @@ def measure_row(row: int, known: Bench, *, count: int, quick: bool) -> tuple[lis
         2: lambda: liftoff.measure(known, 21 if quick else 61),
         3: lambda: out_of_range.measure(known, 2_000 if quick else 100_000),
         4: lambda: derivative_steps.measure(known, 4 if quick else 20),
+        5: lambda: clusters.measure(known, (1e-5, 0.0) if quick else clusters.SPACINGS),
+        6: lambda: time_steps.measure(known, (800.0,) if quick else time_steps.AXIAL_N),
+        7: lambda: single_precision.measure(known, 4 if quick else 20),
+        8: lambda: bad_training_data.measure(known, 500 if quick else 1500, 40 if quick else 150),
+        9: lambda: consistency.measure(known),
     }
     return rows[row]()
 

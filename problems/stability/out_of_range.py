@@ -61,7 +61,7 @@ def count_failures(model: Any, poses: Array, gaps_of: ElasticFoundation) -> tupl
 
 def measure(bench: Bench, count: int = 100_000, per_parameter: int = 600) -> tuple[list[Line], None]:
     """Lines of row 3: each parameter alone, then all at once."""
-    gaps_of = ElasticFoundation(bench.scene, bench.scene.grids["coarse"])
+    gaps_of = ElasticFoundation(bench.scene, bench.scene.grids["fine"])
     learned = bench.surrogate(PATCH)
     pose = bench.poses[len(bench.poses) // 3]
     cases = {f"{name}, {per_parameter} poses": along(learned, pose, name, per_parameter) for name in POSE_NAMES}

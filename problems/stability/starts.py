@@ -36,7 +36,7 @@ def lifted(model: ElasticFoundation, poses: Array, lift_mm: float, rng: np.rando
     return moved
 
 
-def _frame(cycle: LoadCycle, frame: int) -> LoadCycle:
+def one_frame(cycle: LoadCycle, frame: int) -> LoadCycle:
     """One frame of a cycle, twice, since a cycle has two frames or more."""
     curves = {key: np.repeat(getattr(cycle, key)[frame], 2) for key in COLUMNS if key != "time_s"}
     return LoadCycle(f"{cycle.name}, frame {frame}", time_s=np.array([0.0, 1.0]), **curves)
@@ -51,7 +51,7 @@ def by_ipopt(surrogate: Surrogate, cycle: LoadCycle, frames: Array, near: Array,
     solved = np.zeros(starts.shape[:2], dtype=bool)
     iterations = np.zeros(starts.shape[:2])
     for frame in track(np.unique(frames), f"starts, {surrogate.structure}", transient=True):
-        problem = pose_estimation.build(surrogate, _frame(cycle, int(frame)))
+        problem = pose_estimation.build(surrogate, one_frame(cycle, int(frame)))
         rows = np.flatnonzero(frames == frame)
         reference = pose_estimation.solve(problem, near[[rows[0], rows[0]]])
         for lift, row in ((lift, row) for lift in range(len(starts)) for row in rows):
