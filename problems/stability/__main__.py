@@ -70,7 +70,7 @@ def run(
     chosen = _chosen(rows)
     writable_folder(out)
     count = min(count, 20) if quick else count
-    known = bench(patch, two_stage, kriging_points=400 if quick else 1000, kernel_seconds=4.0 if quick else 20.0)
+    known = bench(patch, two_stage, kriging_points=400 if quick else 2000, kernel_seconds=4.0 if quick else 20.0)
     lines: list[Line] = []
     for row in chosen:
         print(f"{row}. {FAILURES[row]}", file=sys.stderr)

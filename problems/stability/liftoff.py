@@ -85,7 +85,7 @@ def one_sided(model: Any, pose: Array, height_mm: float) -> dict[str, tuple[floa
 
 def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], Mapping[str, Array]]:
     """Lines of row 2, and the lift (frames,) [mm] of the lateral side by method."""
-    sides = {name: -0.5 * FORCE_N for name in bench.scene.sensitive_loads}
+    sides = dict.fromkeys(bench.scene.sensitive_loads, -0.5 * FORCE_N)
     pose = settle(bench.models[PATCH], bench.poses[:1], FREE, sides)[0][0]
     true, _, _ = path(bench.teacher, pose, frames)
     cells: dict[str, dict[str, float | str]] = {}

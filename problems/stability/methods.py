@@ -28,10 +28,13 @@ FOUNDATIONS = (EF_COARSE, EF_FINE, EF_ANALYTIC)
 
 
 class KrigingModel:
-    """Kriging of named loads as a contact model: s = √(N/N0) where it predicts contact, 0 without a slope elsewhere."""
+    """Kriging of named loads as a contact model: s = √(N/N0) where it predicts contact, 0 without a slope elsewhere.
 
-    def __init__(self, kriging: Kriging, scene: Scene) -> None:
-        self.kriging, self.scene = kriging, scene
+    kernel: the one that was tuned for it, c·Matérn + nugget.
+    """
+
+    def __init__(self, kriging: Kriging, scene: Scene, kernel: Any) -> None:
+        self.kriging, self.scene, self.kernel = kriging, scene, kernel
         self.load_names, self.patch_names = scene.load_names, scene.patch_names
         self._normal = [self.load_names.index(name) for name in scene.sensitive_loads]
 
@@ -95,7 +98,7 @@ def bench(
         samples = walking_samples(grids["fine"], solved.poses, kriging_points + kriging_points // 4)
         data = TrainingSet.of(samples)
         kernel, _ = best_kernel(data, kernel_seconds)
-        models[KRIGING] = KrigingModel(Kriging(data, min(kriging_points, len(data)), kernel), scene)
+        models[KRIGING] = KrigingModel(Kriging(data, min(kriging_points, len(data)), kernel), scene, kernel)
     except ImportError as error:
         missing[KRIGING] = str(error)
     settings = {

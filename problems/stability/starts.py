@@ -42,7 +42,8 @@ def one_frame(cycle: LoadCycle, frame: int) -> LoadCycle:
     return LoadCycle(f"{cycle.name}, frame {frame}", time_s=np.array([0.0, 1.0]), **curves)
 
 
-def _same(poses: Array, reference: Array) -> np.ndarray:
+def same_poses(poses: Array, reference: Array) -> np.ndarray:
+    """True (n,) where poses (n, 6) differ by less than 0.01 mm, rotations over 25 mm."""
     return np.asarray(np.abs((poses - reference) * IN_MM).max(axis=1) < SAME_MM)
 
 
@@ -56,7 +57,7 @@ def by_ipopt(surrogate: Surrogate, cycle: LoadCycle, frames: Array, near: Array,
         reference = pose_estimation.solve(problem, near[[rows[0], rows[0]]])
         for lift, row in ((lift, row) for lift in range(len(starts)) for row in rows):
             result = pose_estimation.solve(problem, starts[lift, [row, row]])
-            same = _same(result.poses, reference.poses) & result.converged & reference.converged
+            same = same_poses(result.poses, reference.poses) & result.converged & reference.converged
             solved[lift, row], iterations[lift, row] = same.all(), result.iterations
     return solved, iterations
 
@@ -74,7 +75,7 @@ def by_newton(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: 
 
     reference, known, _ = answer(near)
     outcomes = [answer(begin) for begin in starts]
-    solved = [good & known & _same(found, reference) for found, good, _ in outcomes]
+    solved = [good & known & same_poses(found, reference) for found, good, _ in outcomes]
     return np.array(solved), np.array([used for _, _, used in outcomes])
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from casadi_contact.evaluation import machine_record
@@ -64,11 +65,11 @@ def print_table(lines: Sequence[Line], console: Console | None = None) -> None:
         table.add_section()
         table.add_row(f"[bold]{row}. {FAILURES[row]}")
         for line in (line for line in lines if line.row == row):
-            table.add_row(line.case, line.quantity, *(line.cell(method) for method in METHODS))
+            table.add_row(*map(escape, (line.case, line.quantity, *(line.cell(method) for method in METHODS))))
     console.print(table)
     seen = dict.fromkeys((line.row, m, why) for line in lines for m, why in line.reasons.items())
     for row, method, why in seen:
-        console.print(f"{row}. {method}: {why}", highlight=False)
+        console.print(f"{row}. {method}: {why}", highlight=False, markup=False)
 
 
 def write_table(lines: Sequence[Line], out: Path, settings: Mapping[str, Any]) -> None:

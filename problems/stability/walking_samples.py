@@ -23,7 +23,8 @@ def walking_samples(model: ElasticFoundation, poses: Array, count: int, seed: in
     drawn = poses[rng.integers(len(poses), size=count)]
     for name, move in _MOVES.items():
         drawn[:, pose_index(name)] += rng.uniform(-move, move, count)
-    targets = {name: -np.exp(rng.uniform(*np.log(_LOADS_N), count)) for name in model.scene.sensitive_loads}
+    low, high = _LOADS_N
+    targets = {name: -np.exp(rng.uniform(np.log(low), np.log(high), count)) for name in model.scene.sensitive_loads}
     drawn, report = settle(model, drawn, ("ty", "rx"), targets, tolerance=1e-3)
     drawn = drawn[report.converged & ~model.at_edge(drawn).any(axis=1)]
     lifted = rng.random(len(drawn)) < _LIFTED_SHARE
