@@ -25,9 +25,9 @@ from problems.stability import (
     time_steps,
 )
 from problems.stability.methods import Bench, bench
+from problems.stability.picture import draw
 from problems.stability.table import FAILURES, Line, print_table, write_table
 
-Measure = Callable[..., tuple[list[Line], Any]]
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -72,11 +72,16 @@ def run(
     count = min(count, 20) if quick else count
     known = bench(patch, two_stage, kriging_points=400 if quick else 2000, kernel_seconds=4.0 if quick else 20.0)
     lines: list[Line] = []
+    curves: dict[str, Any] = {}
     for row in chosen:
         print(f"{row}. {FAILURES[row]}", file=sys.stderr)
-        measured, _ = measure_row(row, known, count=count, quick=quick)
+        measured, curve = measure_row(row, known, count=count, quick=quick)
         lines += measured
-        write_table(lines, out, {**known.settings, "count": count, "quick": quick})  # an interruption keeps the rest
+        if curve is not None:
+            curves[str(row)] = curve
+        settings = {**known.settings, "count": count, "quick": quick}
+        write_table(lines, out, settings, curves)  # after every row: an interruption keeps them
+    draw(curves, out / "stability.png")
     print_table(lines)
 
 

@@ -19,12 +19,12 @@ SPACINGS = (1e-1, 1e-3, 1e-5, 0.0)  # of a cluster's points, in standard deviati
 NUGGETS = (0.0, 1e-10, 1e-6, 1e-2)  # variances of the loads
 
 
-def clustered(model: Any, data: TrainingSet, spacing: float, seed: int = 0) -> TrainingSet:
-    """The first `POINTS` of data, and about five of them 20 more points each, a normal distance of `spacing` away."""
+def clustered(model: Any, data: TrainingSet, count: int, spacing: float, seed: int = 0) -> TrainingSet:
+    """The first points of data, and about five of them 20 more points each, a normal distance of `spacing` away."""
     rng = np.random.default_rng(seed)
     near = np.repeat(data.poses[:CLUSTERS], PER_CLUSTER, axis=0)
     near = near + spacing * data.spread * rng.standard_normal(near.shape)
-    poses = np.vstack([data.poses[:POINTS], near])
+    poses = np.vstack([data.poses[:count], near])
     return replace(data, poses=poses, loads=model(poses))
 
 
@@ -45,7 +45,7 @@ def fitted(data: TrainingSet, held_out: tuple[Array, Array], kernel: Any, nugget
 
 
 def measure(
-    bench: Bench, spacings: Sequence[float] = SPACINGS, nuggets: Sequence[float] = NUGGETS
+    bench: Bench, spacings: Sequence[float] = SPACINGS, nuggets: Sequence[float] = NUGGETS, points: int = POINTS
 ) -> tuple[list[Line], None]:
     """Lines of row 5: for each spacing and nugget, condition number and held-out error of Kriging."""
     no_matrix = "no matrix of samples against samples: nothing to be ill-conditioned"
@@ -54,17 +54,17 @@ def measure(
         return [Line(5, "clusters", "condition number / error", {}, why)], None
     del why[KRIGING]
     model = bench.models[EF_ANALYTIC]
-    data = TrainingSet.of(walking_samples(model, bench.poses, 2 * POINTS, seed=3))
-    held_out = data.poses[POINTS:], data.loads[POINTS:]
+    data = TrainingSet.of(walking_samples(model, bench.poses, 2 * points, seed=3))
+    held_out = data.poses[points:], data.loads[points:]
     kernel = bench.models[KRIGING].kernel.k1  # c·Matérn without the nugget that was tuned with it
-    cases = {"no clusters": replace(data, poses=data.poses[:POINTS], loads=data.loads[:POINTS])}
+    cases = {"no clusters": replace(data, poses=data.poses[:points], loads=data.loads[:points])}
     for spacing in spacings:
         where = f"{spacing:g} deviations apart" if spacing else "repeated points"
-        cases[f"{CLUSTERS} clusters of {PER_CLUSTER}, {where}"] = clustered(model, data, spacing)
+        cases[f"{CLUSTERS} clusters of {PER_CLUSTER}, {where}"] = clustered(model, data, points, spacing)
     lines = []
-    for case, points in cases.items():
+    for case, samples in cases.items():
         for nugget in nuggets:
-            condition, error = fitted(points, held_out, kernel, nugget)
+            condition, error = fitted(samples, held_out, kernel, nugget)
             cell = f"{condition:.0e} / {error:.2g}" if np.isfinite(condition) else "cannot be factorised"
             quantity = f"condition number / error [deviations], nugget {nugget:g}"
             lines.append(Line(5, case, quantity, {KRIGING: cell}, why))

@@ -6,7 +6,6 @@ times 25 mm, and steps of rotations are those of translations over 25 mm. RMS ov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,8 +38,8 @@ def relative_error(jacobian: Array, true: Array, load_names: tuple[str, ...]) ->
     return float(np.sqrt(np.mean(off**2)))
 
 
-def measure(bench: Bench, count: int = 20) -> tuple[list[Line], Mapping[str, Array]]:
-    """Lines of row 4, and the error (steps,) at `STEPS_MM` by method, central differences."""
+def measure(bench: Bench, count: int = 20) -> tuple[list[Line], dict[str, Any]]:
+    """Lines of row 4; steps_mm, and the errors (steps,) of central differences by method."""
     poses = bench.poses[np.linspace(0, len(bench.poses) - 1, count).astype(int)]
     true = bench.teacher.jacobian(poses)[1]
     coarse = ElasticFoundation(bench.scene, bench.scene.grids["coarse"])
@@ -72,4 +71,5 @@ def measure(bench: Bench, count: int = 20) -> tuple[list[Line], Mapping[str, Arr
         lines.append(Line(4, f"{label}, best step [mm]", "relative error", best, why))
     case = f"as used, against the EF {bench.teacher.grid[0]}×{bench.teacher.grid[1]}"
     lines.append(Line(4, case, "relative error", off_truth, bench.missing))
-    return lines, {method: curve for (method, central), curve in curves.items() if central}
+    errors_of = {method: curve.tolist() for (method, central), curve in curves.items() if central}
+    return lines, {"steps_mm": STEPS_MM.tolist(), "errors": errors_of}

@@ -7,7 +7,6 @@ on each method's own values and Jacobian: as it is the same solver for all, what
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -83,8 +82,8 @@ def one_sided(model: Any, pose: Array, height_mm: float) -> dict[str, tuple[floa
     return {name: (float(pair[0]), float(pair[1])) for name, pair in sides.items()}
 
 
-def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], Mapping[str, Array]]:
-    """Lines of row 2, and the lift (frames,) [mm] of the lateral side by method."""
+def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], dict[str, Any]]:
+    """Lines of row 2, and rx (frames,) [rad] by method."""
     sides = dict.fromkeys(bench.scene.sensitive_loads, -0.5 * FORCE_N)
     pose = settle(bench.models[PATCH], bench.poses[:1], FREE, sides)[0][0]
     true, _, _ = path(bench.teacher, pose, frames)
@@ -115,4 +114,4 @@ def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], Mapping[str, Ar
         values = {m: c[quantity] for m, c in cells.items() if quantity in c}
         why = {**bench.missing, **(never if edge_of else {})}
         lines.append(Line(2, "at lift-off" if edge_of else f"{frames} frames", quantity, values, why))
-    return lines, {name: poses[:, pose_index("rx")] for name, poses in courses.items()}
+    return lines, {name: poses[:, pose_index("rx")].tolist() for name, poses in courses.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -81,8 +80,8 @@ def by_newton(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: 
 
 def measure(
     bench: Bench, count: int = 200, lifts_mm: tuple[float, ...] = LIFTS_MM
-) -> tuple[list[Line], Mapping[str, Array]]:
-    """Lines of row 1, and the shares solved (lifts,) by method."""
+) -> tuple[list[Line], dict[str, Any]]:
+    """Lines of row 1; lifts_mm, and the shares solved (lifts,) by method."""
     cycle, rng = reference_cycle(), np.random.default_rng(1)
     frames = np.linspace(0, len(cycle) - 1, FRAMES).astype(int)[np.arange(count) % FRAMES]
     near = bench.poses[frames]
@@ -106,4 +105,4 @@ def measure(
         used_cells = {m: float(i[k]) for m, i in iterations.items() if np.isfinite(i[k])}
         none = {m: "none solved" for m in bench.models if m not in used_cells}
         lines.append(Line(1, case, "iterations", used_cells, {**bench.missing, **none}))
-    return lines, shares
+    return lines, {"lifts_mm": list(lifts_mm), "shares": {m: share.tolist() for m, share in shares.items()}}

@@ -72,8 +72,11 @@ def print_table(lines: Sequence[Line], console: Console | None = None) -> None:
         console.print(f"{row}. {method}: {why}", highlight=False, markup=False)
 
 
-def write_table(lines: Sequence[Line], out: Path, settings: Mapping[str, Any]) -> None:
-    """stability.csv (a line of the table each, with the reasons for its empty cells) and stability.json."""
+def write_table(
+    lines: Sequence[Line], out: Path, settings: Mapping[str, Any], curves: Mapping[str, Any] | None = None
+) -> None:
+    """stability.csv (a line of the table each, with the reasons for its empty cells) and stability.json (with curves by
+    row, for the picture)."""
     with replacing(out / "stability.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["row", "failure", "case", "quantity", *METHODS, "remarks"])
@@ -81,6 +84,11 @@ def write_table(lines: Sequence[Line], out: Path, settings: Mapping[str, Any]) -
             cells = [line.values.get(method, "-") for method in METHODS]
             remarks = "; ".join(f"{method}: {why}" for method, why in line.reasons.items())
             writer.writerow([line.row, FAILURES[line.row], line.case, line.quantity, *cells, remarks])
-    content = {"settings": dict(settings), "machine": machine_record(), "lines": [asdict(line) for line in lines]}
+    content = {
+        "settings": dict(settings),
+        "machine": machine_record(),
+        "lines": [asdict(line) for line in lines],
+        "curves": dict(curves or {}),
+    }
     with replacing(out / "stability.json") as beside:
         beside.write_text(json.dumps(content, indent=1, ensure_ascii=False, default=str), "utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -44,7 +44,7 @@ def _milliseconds(step_s: float) -> str:
 
 def measure(
     bench: Bench, axial_n: Sequence[float] = AXIAL_N, schemes: Sequence[str] = SCHEMES
-) -> tuple[list[Line], Mapping[str, Any]]:
+) -> tuple[list[Line], dict[str, Any]]:
     """Lines of row 6, and for every method axial forces, stiffness [N/mm] and steps [s] by scheme."""
     lines: list[Line] = []
     curves: dict[str, dict[str, list[float]]] = {m: {key: [] for key in ("stiffness", *schemes)} for m in bench.models}
