@@ -50,7 +50,7 @@ def measure_row(row: int, known: Bench, *, count: int, quick: bool) -> tuple[lis
         4: lambda: derivative_steps.measure(known, 4 if quick else 20),
         5: lambda: clusters.measure(known, (1e-5, 0.0) if quick else clusters.SPACINGS),
         6: lambda: time_steps.measure(known, (800.0,) if quick else time_steps.AXIAL_N),
-        7: lambda: single_precision.measure(known, 4 if quick else 20),
+        7: lambda: single_precision.measure(known, 4 if quick else 10),
         8: lambda: bad_training_data.measure(known, 500 if quick else 1500, 40 if quick else 150),
         9: lambda: consistency.measure(known),
     }

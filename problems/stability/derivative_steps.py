@@ -38,12 +38,14 @@ def relative_error(jacobian: Array, true: Array, load_names: tuple[str, ...]) ->
     return float(np.sqrt(np.mean(off**2)))
 
 
-def measure(bench: Bench, count: int = 20) -> tuple[list[Line], dict[str, Any]]:
-    """Lines of row 4; steps_mm, and the errors (steps,) of central differences by method."""
+def measure(bench: Bench, count: int = 20, steps_mm: Array = STEPS_MM) -> tuple[list[Line], dict[str, Any]]:
+    """Lines of row 4; steps_mm (steps,), and the errors (steps,) of central differences by method."""
     poses = bench.poses[np.linspace(0, len(bench.poses) - 1, count).astype(int)]
     true = bench.teacher.jacobian(poses)[1]
-    coarse = ElasticFoundation(bench.scene, bench.scene.grids["coarse"])
-    exact = {**bench.models, EF_COARSE: coarse, EF_FINE: bench.models[EF_ANALYTIC]}
+    exact = dict(bench.models)  # but the grids themselves where a method takes differences of a grid
+    for method, grid in ((EF_COARSE, "coarse"), (EF_FINE, "fine")):
+        if method in exact:
+            exact[method] = ElasticFoundation(bench.scene, bench.scene.grids[grid])
     curves: dict[tuple[str, bool], Array] = {}
     off_truth: dict[str, float | str] = {}
     for method, model in exact.items():
@@ -54,7 +56,7 @@ def measure(bench: Bench, count: int = 20) -> tuple[list[Line], dict[str, Any]]:
             for central in (True, False):
                 errors = [
                     relative_error(by_differences(model, poses, step, central=central), own, model.load_names)
-                    for step in STEPS_MM
+                    for step in steps_mm
                 ]
                 curves[method, central] = np.array(errors)
     why = {**bench.missing, EF_ANALYTIC: "takes no step: it is what EF differences are compared with"}
@@ -62,14 +64,14 @@ def measure(bench: Bench, count: int = 20) -> tuple[list[Line], dict[str, Any]]:
     for central, label in ((True, "central"), (False, "one-sided")):
         chosen = {m: curve for (m, c), curve in curves.items() if c == central}
         for step in SHOWN_MM:
-            place = int(np.argmin(np.abs(np.log(STEPS_MM / step))))
+            place = int(np.argmin(np.abs(np.log(steps_mm / step))))
             cells: dict[str, float | str] = {m: float(curve[place]) for m, curve in chosen.items()}
             lines.append(Line(4, f"{label}, step {step:g} mm", "relative error", cells, why))
         best: dict[str, float | str] = {
-            m: f"{curve.min():.1e} at {STEPS_MM[curve.argmin()]:.0e}" for m, curve in chosen.items()
+            m: f"{curve.min():.1e} at {steps_mm[curve.argmin()]:.0e}" for m, curve in chosen.items()
         }
         lines.append(Line(4, f"{label}, best step [mm]", "relative error", best, why))
     case = f"as used, against the EF {bench.teacher.grid[0]}×{bench.teacher.grid[1]}"
     lines.append(Line(4, case, "relative error", off_truth, bench.missing))
     errors_of = {method: curve.tolist() for (method, central), curve in curves.items() if central}
-    return lines, {"steps_mm": STEPS_MM.tolist(), "errors": errors_of}
+    return lines, {"steps_mm": list(steps_mm), "errors": errors_of}
