@@ -162,7 +162,7 @@ def test_repeated_points_cannot_be_factorised_and_a_nugget_mends_it(bench):
 
 
 def test_surrogate_and_foundation_allow_the_same_explicit_step(bench):
-    _, curves = time_steps.measure(only(bench, PATCH, EF_ANALYTIC), (200.0, 800.0), ("rk4",))
+    _, curves = time_steps.measure(only(bench, PATCH, EF_ANALYTIC), (200.0, 800.0), ("rk4",), 40)
     np.testing.assert_allclose(curves[PATCH]["rk4"], curves[EF_ANALYTIC]["rk4"], rtol=0.05)
     assert curves[PATCH]["stiffness"][1] > curves[PATCH]["stiffness"][0]
     assert curves[PATCH]["rk4"][1] < curves[PATCH]["rk4"][0]
@@ -212,7 +212,7 @@ def test_bad_training_data_end_with_numbers_a_reason_and_an_error_that_tells(cas
         return
     assert stop
     assert np.isfinite(error)
-    assert said > 0.3 * error, "what the fit reports is no promise that clean rows break"
+    assert said >= 0.3 * error, "what the fit reports is no promise that clean rows break"
     if case == "constant output":
         assert error < 1e-6
     if case == "1 % outliers":
