@@ -34,7 +34,7 @@ def rest_of(simulator: KneeSimulator, near: Array) -> Array:
         lambda x: np.asarray(both(x)[0]).ravel(), near[:5] / STEPS[:5], jac=lambda x: np.asarray(both(x)[1]), tol=1e-12
     )
     if not np.abs(answer.fun).max() < 1e-4:
-        raise ValueError(f"no rest found near the surrogate's: {answer.message}")
+        raise ValueError(f"no rest found near the surrogate's: {' '.join(answer.message.split())}")
     return np.concatenate([answer.x * STEPS[:5], np.zeros(5)])
 
 
