@@ -10,7 +10,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.surrogate import Surrogate
 from problems.learned_range import pose_bounds
-from problems.stability.methods import FOUNDATIONS, PATCH, Bench
+from problems.stability.methods import FOUNDATIONS, PATCH, SURROGATES, Bench
 from problems.stability.table import Line
 
 TIMES = 3.0
@@ -66,7 +66,7 @@ def measure(bench: Bench, count: int = 100_000, per_parameter: int = 600) -> tup
     pose = bench.poses[len(bench.poses) // 3]
     cases = {f"{name}, {per_parameter} poses": along(learned, pose, name, per_parameter) for name in POSE_NAMES}
     cases[f"all at random, {count:,} poses"] = everywhere(learned, count)
-    silent = {m: "says nothing about validity: last number" for m in bench.models if m not in ("patch", "two-stage")}
+    silent = {m: "says nothing about validity: last number" for m in bench.models if m not in SURROGATES}
     lines = []
     for case, poses in cases.items():
         cells: dict[str, float | str] = {}
