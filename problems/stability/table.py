@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -55,7 +56,7 @@ class Line:
 
 def print_table(lines: Sequence[Line], console: Console | None = None) -> None:
     """The lines as one table, and below it why a cell is empty."""
-    console = console or Console()
+    console = console or Console(width=None if sys.stdout.isatty() else 200)  # a file has room
     table = Table(title="Stability where methods fail")
     table.add_column("failure, case")
     table.add_column("quantity")

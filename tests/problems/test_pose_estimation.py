@@ -46,7 +46,7 @@ def test_beginning_at_the_solution_ends_there_at_once(solved):
     problem, result = solved
     again = pose_estimation.solve(problem, result.poses)
     assert again.ipopt_status == "Solve_Succeeded"
-    assert again.iterations <= 5
+    assert again.iterations <= 12, "the barrier parameter has to fall; it once ran to the limit of 300"
     np.testing.assert_allclose(again.poses, result.poses, atol=1e-6)
 
 
