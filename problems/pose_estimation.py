@@ -42,6 +42,7 @@ COP_TOLERANCE_MM = 0.1
 _LEVER_MM = 10.0
 _SCALES = 1.0 / np.array([0.5, 0.01, 0.3, 0.01 / 25.0])  # 1 / moves [mm, rad] of tx, ty, tz, rx, like in effect
 _IN_MM = np.array([1.0, 1.0, 1.0, 25.0])  # turns rad into comparable mm
+_OBJECTIVE_SCALE = 1e-3  # with IPOPT's tolerance: gradients below 1e-5 N², residuals below about 1e-7 N
 _FREE_COLUMNS = [POSE_NAMES.index(name) for name in FREE]
 
 
@@ -163,6 +164,9 @@ def solve(
             "max_iter": max_iterations,
             "tol": 1e-8,
             "hessian_approximation": "exact",
+            # IPOPT scales by the gradient at the start: begun at the solution, it then asks for the impossible.
+            "nlp_scaling_method": "none",
+            "obj_scaling_factor": _OBJECTIVE_SCALE,
         },
         "print_time": False,
     }

@@ -90,7 +90,7 @@ class EquilibriumResult:
     seconds: float
 
 
-def _residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
+def residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
     """(scaled free q (f), loads (6), rest (6)) -> r/L of the free parameters (f) [N]."""
     columns = [pose_index(name) for name in free]
     q, loads, rest = ca.MX.sym("q", len(columns)), ca.MX.sym("loads", 6), ca.MX.sym("rest", 6)
@@ -134,7 +134,7 @@ def build(
     poses = as_poses(np.broadcast_to(at, (count, 6)) if at.shape == (6,) else at)
     if len(poses) != count:
         raise ValueError(f"rest has {len(poses)} poses, expected one, or one for each of {count} loads")
-    residual = _residual_function(wrench_function(surrogate), free, about, springs)
+    residual = residual_function(wrench_function(surrogate), free, about, springs)
     q = ca.MX.sym("q", len(columns), count)
     residuals = residual.map(count)(q, ca.DM(wanted.T), ca.DM(poses.T))
     nlp = {"x": ca.vec(q), "f": 0.5 * ca.sumsqr(residuals)}
@@ -202,7 +202,7 @@ def on_model(problem: StaticEquilibrium, result: EquilibriumResult, model: Conta
     Powell hybrid method with the model's Jacobian; NaN where there was none to begin from or none is found."""
     columns = problem.columns
     contact = wrench_function(model)
-    residual = _residual_function(contact, problem.free, problem.about, problem.stiffness)
+    residual = residual_function(contact, problem.free, problem.about, problem.stiffness)
     q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
     slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
     found = np.full_like(result.poses, np.nan)

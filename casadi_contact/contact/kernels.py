@@ -32,7 +32,8 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
         gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
         slope = min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
         step = g / slope
-        d += step
+        # No point of the surface is nearer than -g(c); without this bound Newton's method diverges where g jumps.
+        d = max(d + step, start)
         if abs(step) < _RAY_TOLERANCE_MM:
             break
     return d, gx, gy, gz

@@ -104,23 +104,27 @@ class CallableModel:
         """Travel (n, patches) [mm] until each patch loads: 0 in contact, reach_mm where it does not within reach."""
         poses = as_poses(poses)
         axis = np.eye(6)[pose_index(self.scene.sensitive_pose[0])]
+        free = self.wrenches(poses)[..., _NORMAL] >= 0.0
+        rows, patches = np.nonzero(free)
 
-        def loaded(travel: Array) -> np.ndarray:
-            return np.stack(
-                [self.wrenches(poses - d[:, None] * axis)[:, p, _NORMAL] < 0.0 for p, d in enumerate(travel.T)], axis=1
-            )
+        def loaded(which: np.ndarray, travel: Array) -> np.ndarray:
+            wrenches = self.wrenches(poses[rows[which]] - travel[:, None] * axis)
+            return np.asarray(wrenches[np.arange(len(which)), patches[which], _NORMAL] < 0.0)
 
-        far = np.zeros((len(poses), len(self.patch_names)))
-        touching = loaded(far)
-        while not (touching | (far >= self._reach_mm)).all():
-            far = np.where(touching, far, far + self._approach_mm)
-            touching = loaded(far)
-        near = np.maximum(far - self._approach_mm, 0.0)
-        for _ in range(_BISECTIONS):
+        far = np.zeros(len(rows))
+        searching = np.arange(len(rows))
+        while len(searching):
+            far[searching] += self._approach_mm
+            on = ~loaded(searching, far[searching]) & (far[searching] < self._reach_mm)
+            searching = searching[on]
+        near, all_of_them = far - self._approach_mm, np.arange(len(rows))
+        for _ in range(_BISECTIONS if len(rows) else 0):
             middle = 0.5 * (near + far)
-            touching = loaded(middle)
+            touching = loaded(all_of_them, middle)
             near, far = np.where(touching, near, middle), np.where(touching, middle, far)
-        return far
+        gaps = np.zeros(free.shape)
+        gaps[free] = far
+        return gaps
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""

@@ -211,3 +211,14 @@ def test_a_users_own_callable_is_a_contact_model():
 def test_bad_grids_are_refused(grid):
     with pytest.raises(ValueError, match="two positive whole numbers"):
         cc.ElasticFoundation(cc.load_scene("knee"), grid=grid)
+
+
+def test_depths_stay_finite_on_the_back_of_a_body_where_its_distance_jumps():
+    """Beyond its last arc a condyle's distance function jumps; rays that end there once gave 1e42 N, pulling."""
+    scene = cc.load_scene("knee")
+    unit = np.random.default_rng(0).uniform(-1.0, 1.0, (2000, 6))
+    poses = np.array([0.0, 26.0, 0.0, 0.0, 0.0, -2.2]) + np.array([25.0, 8.0, 3.0, 0.4, 0.4, 0.5]) * unit
+    normal = -cc.ElasticFoundation(scene, (40, 30))(poses)[:, :2]
+    assert (normal > 0.0).sum() > 500
+    assert normal.min() >= 0.0
+    assert normal.max() < 1e7

@@ -42,6 +42,14 @@ def test_reference_cycle_converges_in_every_frame_and_the_elastic_foundation_agr
     assert np.sqrt(np.mean(difference**2)) < 3.0
 
 
+def test_beginning_at_the_solution_ends_there_at_once(solved):
+    problem, result = solved
+    again = pose_estimation.solve(problem, result.poses)
+    assert again.ipopt_status == "Solve_Succeeded"
+    assert again.iterations <= 12, "the barrier parameter has to fall; it once ran to the limit of 300"
+    np.testing.assert_allclose(again.poses, result.poses, atol=1e-6)
+
+
 def test_reference_cycle_has_its_golden_poses(solved):
     _, result = solved
     golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
