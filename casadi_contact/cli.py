@@ -121,6 +121,8 @@ def _sample(project: Project, cycle_files: list[Path]) -> None:
         samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
     if report is not None:
         console.print(str(report), highlight=False)
+    for domain, reason in samples.provenance.get("left_out", {}).items():
+        console.print(f"{domain} left out: {reason}", highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 

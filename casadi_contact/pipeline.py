@@ -33,7 +33,8 @@ from casadi_contact.sampling import (
     reference_motion,
 )
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.scenes.cycles import LoadCycle, read_cycle
+from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.scenes.motion import reference_cycles
 from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
@@ -105,7 +106,7 @@ def sample(
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty.
     """
-    cycles = [read_cycle(path) for path in cycle_files] or reference_cycles()
+    cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     model = ElasticFoundation(project.scene, project.scene.grids["settle"])
     motion, report = reference_motion(model, cycles, settings)
@@ -116,6 +117,13 @@ def sample(
     with replacing(project.motion_path) as beside, beside.open("wb") as file:
         np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
     return samples, report
+
+
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion] if it has one, else the knee's walking."""
+    if scene.motion or not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+        return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
+    return [read_cycle(path) for path in cycle_files] or reference_cycles()
 
 
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
@@ -140,6 +148,11 @@ def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
     return replace(regression, **columns)
 
 
+def fitting_structures(project: Project) -> list[str]:
+    """The preset's structures that can stand for the scene's loads."""
+    return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
+
+
 def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
     """Train the preset's structures side by side on all cores, and write a surrogate file for each.
 
@@ -147,7 +160,7 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
     """
     samples = project.samples()
     paths = []
-    for structure in project.preset.efforts:
+    for structure in fitting_structures(project):
         kind = STRUCTURES[structure]
         regressions, settings = [], {}
         for regression in kind.regressions(samples):

@@ -8,7 +8,6 @@ from casadi_contact.contact.kernels import gap_many, touches_many, wrench_many
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.contact.pressure import LAW_CODES, layer_modulus
 from casadi_contact.conventions import (
-    WRENCH_NAMES,
     Array,
     angular_velocity_map,
     as_poses,
@@ -17,8 +16,7 @@ from casadi_contact.conventions import (
 )
 from casadi_contact.geometry import build_elements, build_surfaces
 from casadi_contact.scenes import Scene
-
-_NORMAL = WRENCH_NAMES.index("Fy")
+from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
 
 class ElasticFoundation:
@@ -87,12 +85,13 @@ class ElasticFoundation:
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
 
-        s = √(N/N0) in contact (N = -Fy of the patch), s = -gap_slope·gap out of contact.
+        s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
         poses = as_poses(poses)
         wrenches, slopes = self._evaluate(poses, derivatives=True)
-        normal = -wrenches[..., _NORMAL]
-        s, ds = root_of_normal(normal, -slopes[..., _NORMAL, :], self.scene.reference_load)
+        loads = self.scene.normal_loads
+        normal = normal_forces(loads, wrenches)
+        s, ds = root_of_normal(normal, normal_slopes(loads, wrenches, slopes), self.scene.reference_load)
         free = normal <= 0.0
         rows = free.any(axis=1)
         if rows.any():

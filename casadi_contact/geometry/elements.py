@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.joint_elements import joint_elements
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
 
@@ -82,6 +84,8 @@ def _blocks(centres: Array, normals: Array, areas: Array) -> ElementGrid:
 
 def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
     """The element grid (nx along x, nz along z) of each patch of the scene, in patch order."""
+    if scene.shape in JOINT_PARAMETERS:
+        return [_blocks(*patch) for patch in joint_elements(scene.shape, scene.geometry, grid)]
     grids = []
     for patch, anchor in zip(scene.patch_names, scene.anchors_mm, strict=True):
         if scene.shape == "knee":

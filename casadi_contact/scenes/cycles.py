@@ -85,6 +85,10 @@ class LoadCycle:
             "Tz": self.cop_ap_mm * fy,
         }
 
+    def measured_pose(self) -> dict[str, Array]:
+        """Pose parameters that fluoroscopy gives well enough to lock them (§3.3)."""
+        return {"ry": self.ry, "rz": self.rz}
+
     def resampled(self, frames: int) -> LoadCycle:
         """The cycle at `frames` equal steps of its time, linearly interpolated."""
         time = np.linspace(self.time_s[0], self.time_s[-1], frames)

@@ -21,6 +21,8 @@ import numpy as np
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS, JOINT_PATCHES, check_joint_geometry, joint_anchors, joint_start
+from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
 
 FORMAT = 1
 LAWS = ("linear", "log")
@@ -41,6 +43,7 @@ SHAPE_PARAMETERS: dict[str, tuple[str, ...]] = {
     "sphere_in_dish": ("radius", "dish_radius", "patch_side"),
     "cylinder_on_plane": ("radius", "length", "patch_side"),
     "punch_on_plane": ("area",),
+    **JOINT_PARAMETERS,
 }
 SIDES = ("med", "lat")
 GRIDS = ("fine", "coarse", "settle", "teacher")
@@ -78,13 +81,15 @@ def _names(key: str, value: object) -> tuple[str, ...]:
     return tuple(value)
 
 
-def _table(key: str, value: object, known: tuple[str, ...], *, complete: bool) -> dict[str, Any]:
-    """A table all of whose keys are known (and, if complete, all of the known keys)."""
+def _table(
+    key: str, value: object, known: tuple[str, ...], *, complete: bool, optional: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """A table all of whose keys are known or optional (and, if complete, all of the known keys)."""
     if not isinstance(value, Mapping):
         raise _fail(key, value, f"a table with {', '.join(known)}")
     for name in value:
-        if name not in known:
-            raise ValueError(f"scene: unknown key {key}.{name}, expected one of {', '.join(known)}")
+        if name not in (*known, *optional):
+            raise ValueError(f"scene: unknown key {key}.{name}, expected one of {', '.join((*known, *optional))}")
     missing = [name for name in known if name not in value]
     if complete and missing:
         raise ValueError(f"scene: {key} lacks {', '.join(missing)}")
@@ -131,35 +136,37 @@ class Scene:
     load_names: tuple[str, ...]
     tolerances: Mapping[str, float]
     sensitive_pose: tuple[str, ...]
-    sensitive_loads: tuple[str, ...]
+    normal_loads: tuple[NormalLoad, ...]
     reference_load: float
     gap_slope: float
     boundary_load: float
     grids: Mapping[str, tuple[int, int]]
     sampling: Mapping[str, Any]
+    motion: Mapping[str, Any]
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
-        known = ("format", "name", "shape", "geometry", "material", "grids", "loads", "tolerances", "sampling")
+        known = ("format", "name", "shape", "geometry", "material", "grids", "loads", "tolerances", "sampling", "motion")
         _table("scene", tables, known, complete=False)
         if tables.get("format") != FORMAT:
             raise _fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
         shape = tables.get("shape")
         if shape not in SHAPE_PARAMETERS:
             raise _fail("shape", shape, f"one of {', '.join(SHAPE_PARAMETERS)}")
-        patch_names = SIDES if shape == "knee" else ("contact",)
+        patch_names = SIDES if shape == "knee" else JOINT_PATCHES.get(shape, ("contact",))
         geometry = _check_geometry(shape, tables.get("geometry", {}))
         loads = _table(
             "loads",
             tables.get("loads", {}),
-            ("names", "sensitive", "sensitive_pose", "reference_load", "gap_slope", "boundary_load"),
+            ("names", "sensitive", "reference_load", "gap_slope", "boundary_load"),
             complete=True,
+            optional=("sensitive_pose",),
         )
         load_names = _names("loads.names", loads["names"])
-        sensitive_loads = _names("loads.sensitive", loads["sensitive"])
-        load_selection((*load_names, *sensitive_loads), patch_names)
-        sensitive_pose = _names("loads.sensitive_pose", loads["sensitive_pose"])
+        pressed = normal_loads(_names("loads.sensitive", loads["sensitive"]), patch_names)
+        load_selection(load_names, patch_names)
+        sensitive_pose = _names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
         for name in sensitive_pose:
             pose_index(name)
         tolerances = {
@@ -171,8 +178,10 @@ class Scene:
             for name, value in _table("grids", tables.get("grids", {}), GRIDS, complete=True).items()
         }
         sampling = tables.get("sampling", {})
-        if not isinstance(sampling, Mapping):
-            raise _fail("sampling", sampling, "a table")
+        motion = tables.get("motion", {})
+        for key, table in (("sampling", sampling), ("motion", motion)):
+            if not isinstance(table, Mapping):
+                raise _fail(key, table, "a table")
         return cls(
             tables=dict(tables),
             name=str(tables.get("name", shape)),
@@ -184,12 +193,13 @@ class Scene:
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
-            sensitive_loads=sensitive_loads,
+            normal_loads=pressed,
             reference_load=_number("loads.reference_load", loads["reference_load"], low=0.0),
             gap_slope=_number("loads.gap_slope", loads["gap_slope"], low=0.0),
             boundary_load=_number("loads.boundary_load", loads["boundary_load"], low=0.0),
             grids=grids,
             sampling=dict(sampling),
+            motion=dict(motion),
         )
 
     @classmethod
@@ -208,6 +218,16 @@ class Scene:
     def digest(self) -> str:
         """SHA-256 of the scene's TOML text: two scenes with one digest are the same scene."""
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+    @property
+    def sensitive_loads(self) -> tuple[str, ...]:
+        """The named loads that the normal loads are made of, in patch order."""
+        return tuple(name for normal in self.normal_loads for name in normal.loads)
+
+    @property
+    def start_pose(self) -> Array:
+        """A pose (6,) from which the moving body can be brought into contact."""
+        return joint_start(self.geometry)
 
     @property
     def insensitive_pose(self) -> tuple[str, ...]:
@@ -238,6 +258,8 @@ def _check_geometry(shape: str, table: object) -> dict[str, Any]:
     known = SHAPE_PARAMETERS[shape]
     if shape != "knee":
         values = _table("geometry", table, known, complete=True)
+        if shape in JOINT_PARAMETERS:
+            return check_joint_geometry(shape, values)
         numbers = {key: _number(f"geometry.{key}", value, low=0.0) for key, value in values.items()}
         if shape == "sphere_in_dish":
             limit = max(numbers["radius"], numbers["patch_side"] / math.sqrt(2.0))
@@ -278,6 +300,8 @@ def _check_knee_side(side: str, values: Mapping[str, Any]) -> None:
 
 def _anchors(shape: str, geometry: Mapping[str, Any]) -> Array:
     """Anchor of each patch on the moving body [mm]: a condyle's centre, or the body's own origin."""
+    if shape in JOINT_PARAMETERS:
+        return joint_anchors(shape)
     if shape != "knee":
         return np.zeros((1, 3))
     offsets = [geometry.get(side, {}).get("condyle_offset", geometry["condyle_offset"]) for side in SIDES]
