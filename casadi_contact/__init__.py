@@ -6,7 +6,16 @@ networks" (2015); see README.md.
 
 from casadi_contact.contact import CallableModel, ElasticFoundation
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.statics import relax, settle
+from casadi_contact.statics import relax, sensitive_directions, settle
 from casadi_contact.surrogate import load_surrogate
 
-__all__ = ["CallableModel", "ElasticFoundation", "Scene", "load_scene", "load_surrogate", "relax", "settle"]
+__all__ = [
+    "CallableModel",
+    "ElasticFoundation",
+    "Scene",
+    "load_scene",
+    "load_surrogate",
+    "relax",
+    "sensitive_directions",
+    "settle",
+]

@@ -30,6 +30,7 @@ from casadi_contact.sampling import (
     SamplePoint,
     SamplingSettings,
     draw_samples,
+    found_sensitive_pose,
     reference_motion,
 )
 from casadi_contact.scenes import Scene, load_scene
@@ -61,6 +62,8 @@ class Project:
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
         """Check the names and make the folder (results/SCENE-PRESET if left out).
 
+        The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
+
         Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
         """
         loaded = load_scene(scene)
@@ -68,7 +71,7 @@ class Project:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
         folder = Path("results") / f"{loaded.name}-{preset}" if folder is None else Path(folder)
         writable_folder(folder)
-        return cls(loaded, preset, folder)
+        return cls(loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml"), preset, folder)
 
     @property
     def preset(self) -> Preset:
@@ -94,6 +97,19 @@ class Project:
                 "choose another --out, or remove that folder"
             )
         return samples
+
+
+def _completed(scene: Scene, path: Path) -> Scene:
+    """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
+    if path.is_file():
+        names = load_scene(path).sensitive_pose
+    else:
+        model = ElasticFoundation(scene, scene.grids["settle"])
+        names = found_sensitive_pose(model, reference_motion_cycles(scene, ()))
+    completed = scene.with_sensitive_pose(names)
+    with replacing(path) as beside:
+        beside.write_text(completed.to_toml(), "utf-8")
+    return completed
 
 
 def sample(

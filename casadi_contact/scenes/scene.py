@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import resources
@@ -247,6 +247,11 @@ class Scene:
                 raise ValueError(f"scene {self.name}: unknown parameter {key!r}, expected one of {', '.join(possible)}")
             tables[homes[0]][key] = list(value) if isinstance(value, tuple) else value
         return Scene.from_tables(tables)
+
+    def with_sensitive_pose(self, names: Sequence[str]) -> Scene:
+        """A copy with these sensitive pose parameters, for a scene that leaves them out."""
+        loads = {**self.tables["loads"], "sensitive_pose": list(names)}
+        return Scene.from_tables({**self.tables, "loads": loads})
 
     def geometry_of(self, side: str) -> dict[str, Any]:
         """The geometry of one side of a knee: the common values, with that side's own values in their place."""
