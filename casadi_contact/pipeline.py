@@ -17,7 +17,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples
+from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples, read_table, write_samples
 from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.files import replacing, writable_folder
@@ -30,9 +30,11 @@ from casadi_contact.sampling import (
     SamplePoint,
     SamplingSettings,
     draw_samples,
+    elastic_foundations,
     found_sensitive_pose,
     reference_motion,
 )
+from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
@@ -104,7 +106,7 @@ def _completed(scene: Scene, path: Path) -> Scene:
     if path.is_file():
         names = load_scene(path).sensitive_pose
     else:
-        model = ElasticFoundation(scene, scene.grids["settle"])
+        model = ElasticFoundation(scene, scene.grids.get("settle"))
         names = found_sensitive_pose(model, reference_motion_cycles(scene, ()))
     completed = scene.with_sensitive_pose(names)
     with replacing(path) as beside:
@@ -117,17 +119,24 @@ def sample(
     cycle_files: Sequence[Path] = (),
     progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
 ) -> tuple[Samples, ReferenceReport]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
-    cycle_files: measured cycles (§3.3); the built-in reference motion if empty.
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
+    another contact model than the elastic foundation.
     """
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
-    model = ElasticFoundation(project.scene, project.scene.grids["settle"])
-    motion, report = reference_motion(model, cycles, settings)
+    motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
     samples = draw_samples(
-        project.scene, motion, project.samples_path, settings=settings, executor=executor, progress=progress
+        project.scene,
+        motion,
+        project.samples_path,
+        settings=settings,
+        executor=executor,
+        models=models,
+        progress=progress,
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
     with replacing(project.motion_path) as beside, beside.open("wb") as file:
@@ -135,8 +144,22 @@ def sample(
     return samples, report
 
 
+def take_table(project: Project, table: Path) -> Samples:
+    """Make the samples file from a table of samples (`dataset.read_table`) instead of drawing them.
+
+    Raises ValueError for a table that cannot serve, or a folder that holds other samples.
+    """
+    samples = read_table(table, project.scene)
+    if project.samples_path.is_file():
+        there = project.samples().provenance.get("table_digest")
+        if there != samples.provenance["table_digest"]:
+            raise ValueError(f"{project.samples_path} was not made from {table}: choose another --out")
+    write_samples(project.samples_path, samples)
+    return samples
+
+
 def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion] if it has one, else the knee's walking."""
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
     if scene.motion or not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
         return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
     return [read_cycle(path) for path in cycle_files] or reference_cycles()
@@ -153,6 +176,11 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
     except (ValueError, KeyError, OSError) as error:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
+
+
+def _has_motion(project: Project) -> bool:
+    """False where the samples come from a table."""
+    return project.motion_path.is_file() or "table" not in project.samples().provenance
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
@@ -219,7 +247,7 @@ def _record(project: Project, samples: Samples, surrogate: Surrogate, fits: dict
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": f"casadi-contact build {project.scene.name} --preset {project.preset_name}",
-        "reference_cycles": read_motion(project)[1],
+        "reference_cycles": read_motion(project)[1] if _has_motion(project) else [],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
         "machine": machine_record(),
@@ -239,7 +267,8 @@ def evaluate(project: Project) -> Path:
 
     Returns the path of the first, which the tables and the chart are drawn from.
     """
-    content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
+    motion = read_motion(project)[0] if _has_motion(project) else None
+    content = evaluate_models(trained(project), project.samples(), motion)
     path = project.folder / "evaluation.json"
 
     with replacing(project.folder / "evaluation.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
@@ -251,14 +280,15 @@ def evaluate(project: Project) -> Path:
                     writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
     with replacing(path) as beside:
         beside.write_text(json.dumps(content, indent=1), "utf-8")
-    draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
+    if "walking" in content:
+        draw_speed_accuracy(read_evaluation(path), project.folder / "speed_accuracy.png")
     return path
 
 
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
     written = []
-    middle = read_motion(project)[0].poses[0]
+    poses = read_motion(project)[0].poses[0] if _has_motion(project) else project.samples().poses
     for structure, surrogate in trained(project).items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
@@ -266,5 +296,5 @@ def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
             path = folder / f"{project.scene.name}.casadi"
             save_function(surrogate.function(), path)
             written.append(path)
-        written += surrogate.export_c(folder, example_pose=list(middle[len(middle) // 4]))
+        written += surrogate.export_c(folder, example_pose=list(poses[len(poses) // 4]))
     return written

@@ -34,7 +34,9 @@ def _rotation(q: torch.Tensor) -> torch.Tensor:
 
 def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
     scene, wrenches, roots = surrogate.scene, [], []
-    for patch, anchor, pressed in zip(scene.patch_names, scene.anchors_mm, scene.tables["loads"]["sensitive"], strict=True):
+    for patch, anchor, pressed in zip(
+        scene.patch_names, scene.anchors_mm, scene.tables["loads"]["sensitive"], strict=True
+    ):
         sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
         local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
         s = _network(surrogate.networks[f"root_{patch}"], local)

@@ -29,6 +29,7 @@ class ElasticFoundation:
     """
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
+        material = scene.material
         grid = scene.grids["fine"] if grid is None else grid
         if (
             not isinstance(grid, tuple | list)
@@ -47,7 +48,6 @@ class ElasticFoundation:
         self._elements = [
             (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm) for e in grids
         ]
-        material = scene.material
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:

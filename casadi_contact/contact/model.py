@@ -36,7 +36,8 @@ class ContactModel(Protocol):
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load of each patch (n, patches) and its derivatives (n, patches, 6).
 
-        s = √(N/N0) in contact, with N the patch's normal load (see the scene); s = -c·gap (or a like falling quantity) out of contact.
+        s = √(N/N0) in contact, with N the patch's normal load (see the scene); out of contact s = -c·gap, or a like
+        falling quantity.
         """
 
 
@@ -116,8 +117,10 @@ class CallableModel:
         directions = self._directions()
 
         def loaded(travel: Array) -> np.ndarray:
-            moved = [poses + np.pad(d[:, None] * u, ((0, 0), (0, 3))) for d, u in zip(travel.T, directions, strict=True)]
-            normals = [load.of(self.wrenches(m)[:, p]) for p, (load, m) in enumerate(zip(loads, moved, strict=True))]
+            normals = []
+            for p, (load, along) in enumerate(zip(loads, directions, strict=True)):
+                moved = poses + travel[:, p, None] * np.append(along, np.zeros(3))
+                normals.append(load.of(self.wrenches(moved)[:, p]))
             return np.stack(normals, axis=1) > 0.0
 
         loads = self.scene.normal_loads

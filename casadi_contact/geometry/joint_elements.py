@@ -68,10 +68,6 @@ def _facet(g: Mapping[str, Any], side: float, nx: int, nz: int) -> Patch:
     spread, reach = np.deg2rad(g["facet_half_width_deg"]), np.deg2rad(g["groove_half_angle_deg"])
     about, alpha = np.meshgrid(reach * _middles(nx), slope + spread * _middles(nz), indexing="ij")
     rho = rho_centre - radius * np.cos(alpha)
-    centres = np.stack(
-        [-rho * np.cos(about), rho * np.sin(about), side * (z_centre + radius * np.sin(alpha))], axis=-1
-    )
-    normals = np.stack(
-        [-np.cos(alpha) * np.cos(about), np.cos(alpha) * np.sin(about), -side * np.sin(alpha)], axis=-1
-    )
+    centres = np.stack([-rho * np.cos(about), rho * np.sin(about), side * (z_centre + radius * np.sin(alpha))], axis=-1)
+    normals = np.stack([-np.cos(alpha) * np.cos(about), np.cos(alpha) * np.sin(about), -side * np.sin(alpha)], axis=-1)
     return centres, normals, rho * radius * (2.0 * reach / nx) * (2.0 * spread / nz)

@@ -150,9 +150,7 @@ def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) 
     return inputs
 
 
-def _at_boundary(
-    box: Envelopes, held: Sequence[NormalLoad], count: int, shift: Array, boundary_load: float
-) -> Array:
+def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: Array, boundary_load: float) -> Array:
     """Hammersley points in a box's inputs, with the held normal loads at the contact boundary.
 
     A normal load without direction keeps the direction of its forces.

@@ -56,7 +56,8 @@ def draw_samples(
     models in each worker, an importable function; progress(done, all) is called after every chunk.
 
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
-    the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises ValueError if `path` holds samples of another plan.
+    the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
+    ValueError if `path` holds samples of another plan.
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings

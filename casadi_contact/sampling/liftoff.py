@@ -25,11 +25,11 @@ def lift_one(
     """Lift one patch off in equal increments of the second sensitive pose parameter (knee: r_x); other loads stay.
 
     poses (n, 6): the patch `lifted` at the contact boundary, the loads held (n,) elsewhere. It changes by k/steps·Δ
-    for k = 1..steps; the other free parameters (knee: t_y) are settled anew for each k so that the held loads stay. Δ is
-    such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
+    for k = 1..steps; the other free parameters (knee: t_y) are settled anew for each k so that the held loads stay.
+    Δ is such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
     (by r_x, against by t_y), then corrected once by the gap that the prediction gives; the paper asks for
     "approximately", and a model without gaps keeps the prediction. Raises ValueError unless two pose parameters are
-    sensitive.
+    sensitive and the patches are pressed along directions.
 
     Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
     """

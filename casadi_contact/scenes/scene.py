@@ -21,8 +21,15 @@ import numpy as np
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
-from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS, JOINT_PATCHES, check_joint_geometry, joint_anchors, joint_start
+from casadi_contact.scenes.joint_shapes import (
+    JOINT_PARAMETERS,
+    JOINT_PATCHES,
+    check_joint_geometry,
+    joint_anchors,
+    joint_start,
+)
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
+from casadi_contact.scenes.own_model import OWN_MODEL, check_own_geometry, own_anchors
 
 FORMAT = 1
 LAWS = ("linear", "log")
@@ -44,6 +51,7 @@ SHAPE_PARAMETERS: dict[str, tuple[str, ...]] = {
     "cylinder_on_plane": ("radius", "length", "patch_side"),
     "punch_on_plane": ("area",),
     **JOINT_PARAMETERS,
+    OWN_MODEL: ("patches",),
 }
 SIDES = ("med", "lat")
 GRIDS = ("fine", "coarse", "settle", "teacher")
@@ -130,7 +138,7 @@ class Scene:
     name: str
     shape: str
     geometry: Mapping[str, Any]
-    material: Material
+    layer: Material | None
     patch_names: tuple[str, ...]
     anchors_mm: Array = field(compare=False)
     load_names: tuple[str, ...]
@@ -147,15 +155,26 @@ class Scene:
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
-        known = ("format", "name", "shape", "geometry", "material", "grids", "loads", "tolerances", "sampling", "motion")
+        known = (
+            "format",
+            "name",
+            "shape",
+            "geometry",
+            "material",
+            "grids",
+            "loads",
+            "tolerances",
+            "sampling",
+            "motion",
+        )
         _table("scene", tables, known, complete=False)
         if tables.get("format") != FORMAT:
             raise _fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
         shape = tables.get("shape")
         if shape not in SHAPE_PARAMETERS:
             raise _fail("shape", shape, f"one of {', '.join(SHAPE_PARAMETERS)}")
-        patch_names = SIDES if shape == "knee" else JOINT_PATCHES.get(shape, ("contact",))
         geometry = _check_geometry(shape, tables.get("geometry", {}))
+        patch_names = _patch_names(shape, geometry)
         loads = _table(
             "loads",
             tables.get("loads", {}),
@@ -175,7 +194,7 @@ class Scene:
         }
         grids = {
             name: _grid(f"grids.{name}", value)
-            for name, value in _table("grids", tables.get("grids", {}), GRIDS, complete=True).items()
+            for name, value in _table("grids", tables.get("grids", {}), GRIDS, complete=shape != OWN_MODEL).items()
         }
         sampling = tables.get("sampling", {})
         motion = tables.get("motion", {})
@@ -187,7 +206,7 @@ class Scene:
             name=str(tables.get("name", shape)),
             shape=shape,
             geometry=geometry,
-            material=Material.from_table(tables.get("material", {})),
+            layer=None if shape == OWN_MODEL else Material.from_table(tables.get("material", {})),
             patch_names=patch_names,
             anchors_mm=_anchors(shape, geometry),
             load_names=load_names,
@@ -218,6 +237,16 @@ class Scene:
     def digest(self) -> str:
         """SHA-256 of the scene's TOML text: two scenes with one digest are the same scene."""
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+    @property
+    def material(self) -> Material:
+        """The elastic layer; raises ValueError for a scene without geometry."""
+        if self.layer is None:
+            raise ValueError(
+                f"scene {self.name} has no geometry for an elastic foundation (shape {self.shape}): "
+                "give your own contact model (cc.CallableModel), or a table of samples"
+            )
+        return self.layer
 
     @property
     def sensitive_loads(self) -> tuple[str, ...]:
@@ -263,6 +292,8 @@ def _check_geometry(shape: str, table: object) -> dict[str, Any]:
     known = SHAPE_PARAMETERS[shape]
     if shape != "knee":
         values = _table("geometry", table, known, complete=True)
+        if shape == OWN_MODEL:
+            return check_own_geometry(values)
         if shape in JOINT_PARAMETERS:
             return check_joint_geometry(shape, values)
         numbers = {key: _number(f"geometry.{key}", value, low=0.0) for key, value in values.items()}
@@ -303,8 +334,16 @@ def _check_knee_side(side: str, values: Mapping[str, Any]) -> None:
             raise _fail(f"geometry.{key} ({side})", values[key], f"more than {limit:g} (condyle and half patch)")
 
 
+def _patch_names(shape: str, geometry: Mapping[str, Any]) -> tuple[str, ...]:
+    if shape == OWN_MODEL:
+        return tuple(geometry["patches"])
+    return SIDES if shape == "knee" else JOINT_PATCHES.get(shape, ("contact",))
+
+
 def _anchors(shape: str, geometry: Mapping[str, Any]) -> Array:
     """Anchor of each patch on the moving body [mm]: a condyle's centre, or the body's own origin."""
+    if shape == OWN_MODEL:
+        return own_anchors(geometry)
     if shape in JOINT_PARAMETERS:
         return joint_anchors(shape)
     if shape != "knee":

@@ -4,8 +4,8 @@ Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p
 
     N_p = N0·max(s_p, 0)²,   wrench component along the sensitive load: ±N_p,   every other component k: N_p·ρ_pk
 
-(all six components are ratios where the normal load is the magnitude of the force, see `scenes.normal_load`), so that loads vanish exactly out of contact and nothing ever pulls. Networks are named ``root_med``,
-``ratio_med_Fx`` and so on.
+so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
+load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
 """
 
 from __future__ import annotations

@@ -39,8 +39,8 @@ class TwoStageSurrogate(Surrogate):
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         if not cls.fits(scene):
             raise ValueError(
-                f"scene {scene.name}: two_stage clamps one negative force per patch (-Fy_med, say), but loads.sensitive "
-                "has another kind: use the patch structure"
+                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med, say), which two_stage "
+                "clamps: use the patch structure"
             )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
         return {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
