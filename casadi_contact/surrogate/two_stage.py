@@ -39,7 +39,7 @@ class TwoStageSurrogate(Surrogate):
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         if not cls.fits(scene):
             raise ValueError(
-                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med, say), which two_stage "
+                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
                 "clamps: use the patch structure"
             )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
