@@ -12,23 +12,26 @@ import numpy as np
 from casadi_contact.conventions import Array
 
 
-def read_columns(path: str | Path, *, required: Sequence[str], optional: Sequence[str] = ()) -> dict[str, Array]:
+def read_columns(
+    path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), what: str = "file"
+) -> dict[str, Array]:
     """The required columns and those of the optional ones that the file has, each (n,); others are ignored.
 
+    what names the file in messages.
     Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing or repeated columns,
     text among the numbers, ragged rows, NaN and a file without rows.
     """
     path = Path(path)
     if not path.is_file():
-        what = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
-        raise FileNotFoundError(f"file {path} {what}")
+        why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
+        raise FileNotFoundError(f"{what} {path} {why}")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path} is not a CSV text file ({error})") from None
-    if len(rows) < 2:
-        raise ValueError(f"{path} has no rows, expected a header and numbers below it")
+    if not rows:
+        raise ValueError(f"{path} is empty, expected a header and rows of numbers")
     header = [name.strip() for name in rows[0][1]]
     missing = [column for column in required if column not in header]
     if missing:
@@ -49,4 +52,6 @@ def read_columns(path: str | Path, *, required: Sequence[str], optional: Sequenc
                 raise ValueError(f"{path} line {line}, {column}: got {row[place]!r}, expected a number") from None
             if not math.isfinite(numbers[k, c]):
                 raise ValueError(f"{path} line {line}, {column}: got {row[place].strip()}, expected a finite number")
+    if not len(numbers):
+        raise ValueError(f"{path} has a header only, expected rows of numbers below it")
     return {column: numbers[:, c].copy() for c, column in enumerate(wanted)}

@@ -64,7 +64,7 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     """
     path = Path(path)
     columns = column_names(scene.load_names)
-    curves = read_columns(path, required=("time_s",), optional=tuple(columns.values()))
+    curves = read_columns(path, required=("time_s",), optional=tuple(columns.values()), what="cycle file")
     named = {name: curves[column] for name, column in columns.items() if column in curves}
     pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
     loads = {name: curve for name, curve in named.items() if name not in POSE_NAMES}
