@@ -71,6 +71,14 @@ def check_surrogate(project):
     np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
     inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
     assert not surrogate(inside).any()
+    # IPOPT finds the pose that carries a wanted force.
+    pose, wanted = ca.MX.sym("pose", 6), want[0, :3]
+    load = surrogate.function(["Fx", "Fy", "Fz"])
+    problem = {"x": pose, "f": ca.sumsqr(pose[3:]), "g": load(pose) - ca.DM(wanted)}
+    solver = ca.nlpsol("solver", "ipopt", problem, {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"})
+    found = solver(x0=poses[0] + [0.005, 0.01, 0.0, 0.0, 0.0, 0.0], lbg=0.0, ubg=0.0)["x"].full().T
+    assert solver.stats()["success"]
+    np.testing.assert_allclose(surrogate(found)[0, :3], wanted, atol=1e-4)
     content = read_evaluation(project.folder / "evaluation.json")
     assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
     assert len(evaluation_tables(content)) == 2

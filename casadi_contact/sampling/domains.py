@@ -158,11 +158,7 @@ def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: 
     inputs = _fill(box, [n.loads[0] for n in held if n.component is not None], count, shift)
     for normal in held:
         columns = [box.names.index(name) for name in normal.loads]
-        if normal.component is not None:
-            inputs[:, columns] = normal.sign * boundary_load
-        else:
-            size = np.linalg.norm(inputs[:, columns], axis=1, keepdims=True)
-            inputs[:, columns] *= boundary_load / np.maximum(size, 1e-300)
+        inputs[:, columns] = normal.sized(inputs[:, columns], boundary_load)
     return inputs
 
 

@@ -55,6 +55,18 @@ class NormalLoad:
             return np.einsum("...i,...ij->...j", unit, slopes[..., :3, :])
         return self.sign * slopes[..., self.index, :]
 
+    def sized(self, forces: Array, size: Array | float) -> Array:
+        """Values (n, len(loads)) of the named loads that make N = size (n,) or one number; a force keeps its direction."""
+        size = np.broadcast_to(size, len(forces))[:, None]
+        if self.index is not None:
+            return self.sign * size
+        return forces * (size / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-300))
+
+    def at_least(self, forces: Array, least: float) -> Array:
+        """Values (n, len(loads)) of the named loads with N brought up to `least` where it is smaller, or pulls."""
+        size = self.sign * forces[:, 0] if self.index is not None else np.linalg.norm(forces, axis=1)
+        return self.sized(forces, np.maximum(size, least))
+
 
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
     """The normal load of each patch from its text, in patch order.
