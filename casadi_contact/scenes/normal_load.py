@@ -56,7 +56,7 @@ class NormalLoad:
         return self.sign * slopes[..., self.index, :]
 
     def sized(self, forces: Array, size: Array | float) -> Array:
-        """Values (n, len(loads)) of the named loads that make N = size (n,) or one number; a force keeps its direction."""
+        """Values (n, len(loads)) of the named loads with N = size, (n,) or one number; a force keeps its direction."""
         size = np.broadcast_to(size, len(forces))[:, None]
         if self.index is not None:
             return self.sign * size
