@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.pipeline import reference_motion_cycles
-from casadi_contact.sampling import found_sensitive_pose
+from casadi_contact.pipeline import Project, reference_motion_cycles
+from casadi_contact.sampling import SamplePoint, found_sensitive_pose
 from tests.contact.test_elastic_foundation import at
 
 
@@ -55,3 +55,18 @@ def test_mistakes_are_named():
         cc.sensitive_directions(model, at(29.9)[0], lever_mm=0.0)
     with pytest.raises(ValueError, match="got 2 poses"):
         cc.sensitive_directions(model, np.vstack([at(29.9), at(29.8)]))
+
+
+def test_a_project_finds_what_its_scene_leaves_out_and_keeps_it(tmp_path):
+    assert cc.load_scene("glenohumeral").sensitive_pose == ()
+    project = Project.open("glenohumeral", "quick", tmp_path)
+    assert project.scene.sensitive_pose == ("tz",)
+    assert cc.load_scene(tmp_path / "scene.toml").digest == project.scene.digest
+    written = (tmp_path / "scene.toml").stat().st_mtime_ns
+    assert Project.open("glenohumeral", "quick", tmp_path).scene == project.scene
+    assert (tmp_path / "scene.toml").stat().st_mtime_ns == written
+    other = tmp_path / "other.toml"
+    other.write_text(cc.load_scene("glenohumeral", ball_radius=23.0).to_toml())
+    assert Project.open(other, "quick", tmp_path).scene.geometry["ball_radius"] == 23.0
+    with pytest.raises(ValueError, match=r"leaves loads\.sensitive_pose out"):
+        SamplePoint.of_scene(cc.load_scene("glenohumeral"))
