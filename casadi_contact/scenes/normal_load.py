@@ -4,7 +4,7 @@
     "+Fx_med"             N = +Fx of the patch med: pressed along +x
     "F", "F_med"          N = |F|, the magnitude of the patch's force: no single direction (a hip)
 
-A scene of one patch may leave the patch's name out.
+A scene of one patch may leave the patch's name out; in one of several, a single name without patch holds for each.
 """
 
 from __future__ import annotations
@@ -73,6 +73,8 @@ def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[Norm
 
     Raises ValueError for text that is no such load, and unless there is one for each patch.
     """
+    if len(names) == 1 and len(patch_names) > 1 and "_" not in names[0]:
+        names = [f"{names[0]}_{patch}" for patch in patch_names]
     found = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
     missing = [patch for patch in patch_names if patch not in found]
     if missing or len(names) != len(patch_names):

@@ -33,6 +33,11 @@ def test_a_magnitude_and_its_slope():
     assert not hip.slope(np.zeros((2, 6)), slopes[:2]).any()
 
 
+def test_one_name_without_patch_holds_for_each_patch():
+    assert normal_loads(["+Fx"], SIDES) == normal_loads(["+Fx_med", "+Fx_lat"], SIDES)
+    assert normal_loads(["Fy"], ("contact",))[0].loads == ("Fy",)
+
+
 def test_loads_are_brought_to_a_size_without_turning_a_force():
     below, front = normal_loads(["Fy_med", "+Fx_lat"], SIDES)
     forces = np.array([[-700.0], [-2.0], [3.0]])
