@@ -73,7 +73,7 @@ def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[Norm
 
     Raises ValueError for text that is no such load, and unless there is one for each patch.
     """
-    if len(names) == 1 and len(patch_names) > 1 and "_" not in names[0]:
+    if len(names) == 1 and len(patch_names) > 1 and names[0].lstrip("+-") in (*FORCE_NAMES, "F"):
         names = [f"{names[0]}_{patch}" for patch in patch_names]
     found = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
     missing = [patch for patch in patch_names if patch not in found]
