@@ -7,7 +7,7 @@ networks" (2015); see README.md.
 from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
 from casadi_contact.front import choose
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.statics import relax, settle
+from casadi_contact.statics import relax, sensitive_directions, settle
 from casadi_contact.surrogate import load_surrogate
 from casadi_contact.verification import refine, verify
 
@@ -21,6 +21,7 @@ __all__ = [
     "load_surrogate",
     "refine",
     "relax",
+    "sensitive_directions",
     "settle",
     "verify",
 ]

@@ -33,6 +33,9 @@ Cycles = Annotated[
     list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
 ]
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
+Table = Annotated[
+    Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
 
@@ -72,11 +75,12 @@ def build(
     preset: PresetName = "quick",
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
+    table: Table = None,
     out: Out = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = _project(scene, preset, out)
-    _sample(project, [*(cycles or []), *(more_cycles or [])])
+    _sample(project, [*(cycles or []), *(more_cycles or [])], table)
     _train(project)
     _evaluate(project)
     _export(project)
@@ -88,10 +92,11 @@ def sample(
     preset: PresetName = "quick",
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
+    table: Table = None,
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])])
+    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table)
 
 
 @app.command()
@@ -229,11 +234,19 @@ def _numbers(text: str) -> list[float]:
         raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None
 
 
-def _sample(project: Project, cycle_files: list[Path]) -> None:
+def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> None:
+    if table is not None:
+        if cycle_files:
+            raise ValueError("got cycle files and a table of samples, expected one of them")
+        samples = pipeline.take_table(project, table)
+        console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
+        return
     with _bars() as update:
         samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
     if report is not None:
         console.print(str(report), highlight=False)
+    for domain, reason in samples.provenance.get("left_out", {}).items():
+        console.print(f"{domain} left out: {reason}", highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 

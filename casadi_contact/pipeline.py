@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.dataset import Samples, read_samples
+from casadi_contact.dataset import Samples, read_samples, read_table, write_samples
 from casadi_contact.evaluation import domain_errors, machine_record
 from casadi_contact.evaluation import evaluate as evaluate_models
 from casadi_contact.files import replacing, writable_folder
@@ -28,10 +28,14 @@ from casadi_contact.sampling import (
     SamplePoint,
     SamplingSettings,
     draw_samples,
+    elastic_foundations,
+    found_sensitive_pose,
     reference_motion,
 )
+from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.scenes.cycles import LoadCycle, read_cycle
+from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.scenes.motion import reference_cycles
 from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate, calibrated, load_surrogate
 from casadi_contact.surrogate.base import Surrogate
@@ -59,6 +63,8 @@ class Project:
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
         """Check the names and make the folder (results/SCENE-PRESET if left out).
 
+        The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
+
         Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
         """
         loaded = load_scene(scene)
@@ -66,7 +72,7 @@ class Project:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
         folder = Path("results") / f"{loaded.name}-{preset}" if folder is None else Path(folder)
         writable_folder(folder)
-        return cls(loaded, preset, folder)
+        return cls(loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml"), preset, folder)
 
     @property
     def preset(self) -> Preset:
@@ -94,27 +100,68 @@ class Project:
         return samples
 
 
+def _completed(scene: Scene, path: Path) -> Scene:
+    """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
+    if path.is_file():
+        before = load_scene(path)
+        if before.digest == scene.with_sensitive_pose(before.sensitive_pose).digest:
+            return before
+    model = ElasticFoundation(scene, scene.grids.get("settle"))
+    completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
+    with replacing(path) as beside:
+        beside.write_text(completed.to_toml(), "utf-8")
+    return completed
+
+
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
     progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
 ) -> tuple[Samples, ReferenceReport]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
-    cycle_files: measured cycles (§3.3); the built-in reference motion if empty.
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
+    another contact model than the elastic foundation.
     """
-    cycles = [read_cycle(path) for path in cycle_files] or reference_cycles()
+    cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
-    model = ElasticFoundation(project.scene, project.scene.grids["settle"])
-    motion, report = reference_motion(model, cycles, settings)
+    motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
     samples = draw_samples(
-        project.scene, motion, project.samples_path, settings=settings, executor=executor, progress=progress
+        project.scene,
+        motion,
+        project.samples_path,
+        settings=settings,
+        executor=executor,
+        models=models,
+        progress=progress,
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
     with replacing(project.motion_path) as beside, beside.open("wb") as file:
         np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
     return samples, report
+
+
+def take_table(project: Project, table: Path) -> Samples:
+    """Make the samples file from a table of samples (`dataset.read_table`) instead of drawing them.
+
+    Raises ValueError for a table that cannot serve, or a folder that holds other samples.
+    """
+    samples = read_table(table, project.scene)
+    if project.samples_path.is_file():
+        there = project.samples().provenance.get("table_digest")
+        if there != samples.provenance["table_digest"]:
+            raise ValueError(f"{project.samples_path} was not made from {table}: choose another --out")
+    write_samples(project.samples_path, samples)
+    return samples
+
+
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
+    if scene.motion or not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+        return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
+    return [read_cycle(path) for path in cycle_files] or reference_cycles()
 
 
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
@@ -130,6 +177,11 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
 
 
+def _has_motion(project: Project) -> bool:
+    """False where the samples come from a table."""
+    return project.motion_path.is_file() or "table" not in project.samples().provenance
+
+
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
     """A random subset of a regression's rows (§3.5 fits a random subset of the samples)."""
     if rows is None or len(regression.targets) <= rows:
@@ -137,6 +189,11 @@ def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
     kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
     columns = {name: getattr(regression, name)[kept] for name in ("inputs", "targets", "weights", "validation")}
     return replace(regression, **columns)
+
+
+def fitting_structures(project: Project) -> list[str]:
+    """The preset's structures that can stand for the scene's loads."""
+    return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
 
 
 def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
@@ -147,7 +204,8 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
     samples = project.samples()
     command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
     paths = []
-    for structure, efforts in project.preset.efforts.items():
+    for structure in fitting_structures(project):
+        efforts = project.preset.efforts[structure]
         folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
@@ -216,7 +274,7 @@ def _record(
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": command,
-        "reference_cycles": read_motion(project)[1],
+        "reference_cycles": read_motion(project)[1] if _has_motion(project) else [],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
         "machine": machine_record(),
@@ -241,7 +299,8 @@ def calibrate(project: Project) -> list[Path]:
 
 def evaluate(project: Project) -> Path:
     """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
-    content = evaluate_models(trained(project), project.samples(), read_motion(project)[0])
+    motion = read_motion(project)[0] if _has_motion(project) else None
+    content = evaluate_models(trained(project), project.samples(), motion)
     path = project.folder / "evaluation.json"
 
     with replacing(project.folder / "evaluation.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
@@ -259,7 +318,7 @@ def evaluate(project: Project) -> Path:
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
     written = []
-    middle = read_motion(project)[0].poses[0]
+    poses = read_motion(project)[0].poses[0] if _has_motion(project) else project.samples().poses
     for structure, surrogate in trained(project).items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
@@ -267,5 +326,5 @@ def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
             path = folder / f"{project.scene.name}.casadi"
             save_function(surrogate.function(), path)
             written.append(path)
-        written += surrogate.export_c(folder, example_pose=list(middle[len(middle) // 4]))
+        written += surrogate.export_c(folder, example_pose=list(poses[len(poses) // 4]))
     return written

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_unit, pose_index
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_unit
 from casadi_contact.files import replacing
 from casadi_contact.geometry import body_field
 
@@ -41,23 +41,28 @@ def read_poses(path: str | Path) -> Array:
 
 
 def neutral_pose(model: ElasticFoundation) -> Array:
-    """The pose of zeros (6,), moved along the first sensitive direction until the bodies overlap by 0.1 mm.
+    """The scene's start pose (6,), moved along the direction of pressing until the bodies overlap by 0.1 mm.
 
-    Raises ValueError where that direction is a rotation or never brings them together.
+    Raises ValueError where there is no single direction, or it never brings them together.
     """
-    axis = pose_index(model.scene.sensitive_pose[0])
+    scene = model.scene
+    direction = scene.normal_loads[0].direction
+    if direction is None:
+        raise ValueError(f"scene {scene.name} is pressed along no single direction, expected a pose of yours")
+
+    def posed(travel_mm: Array) -> Array:
+        return scene.start_pose - np.pad(travel_mm[:, None] * direction, ((0, 0), (0, 3)))
+
     travel = np.linspace(_FARTHEST_MM, -_FARTHEST_MM, 151)
-    poses = np.zeros((len(travel), 6))
-    poses[:, axis] = travel
-    touching = np.flatnonzero(model.gaps(poses).min(axis=1) < -_NEUTRAL_OVERLAP_MM) if axis < 3 else np.zeros(0, int)
+    touching = np.flatnonzero(model.gaps(posed(travel)).min(axis=1) < -_NEUTRAL_OVERLAP_MM)
     if not touching.size or touching[0] == 0:
-        raise ValueError(f"scene {model.scene.name} has no neutral pose along {POSE_NAMES[axis]}: give a pose")
+        raise ValueError(f"scene {scene.name} has no neutral pose along the direction of pressing: give a pose")
     low, high = travel[touching[0]], travel[touching[0] - 1]
-    pose = np.zeros(6)
     for _ in range(40):
-        pose[axis] = 0.5 * (low + high)
-        low, high = (pose[axis], high) if model.gaps(pose[None]).min() < -_NEUTRAL_OVERLAP_MM else (low, pose[axis])
-    return pose
+        middle = 0.5 * (low + high)
+        deep = model.gaps(posed(np.array([middle]))).min() < -_NEUTRAL_OVERLAP_MM
+        low, high = (middle, high) if deep else (low, middle)
+    return posed(np.array([low]))[0]
 
 
 def surface_fits(model: ElasticFoundation) -> list[str]:

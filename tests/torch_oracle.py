@@ -34,14 +34,17 @@ def _rotation(q: torch.Tensor) -> torch.Tensor:
 
 def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
     scene, wrenches, roots = surrogate.scene, [], []
-    for patch, anchor, sensitive in zip(scene.patch_names, scene.anchors_mm, scene.sensitive_loads, strict=True):
+    for patch, anchor, pressed in zip(
+        scene.patch_names, scene.anchors_mm, scene.tables["loads"]["sensitive"], strict=True
+    ):
+        sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
         local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
         s = _network(surrogate.networks[f"root_{patch}"], local)
         roots.append(s)
         normal = scene.reference_load * torch.clamp(s, min=0.0) ** 2
         for component in WRENCH_NAMES:
-            if component == sensitive.partition("_")[0]:
-                wrenches.append(-normal)
+            if component == sensitive:
+                wrenches.append(normal if pressed.startswith("+") else -normal)
             else:
                 wrenches.append(normal * _network(surrogate.networks[f"ratio_{patch}_{component}"], local))
     selection = load_selection(surrogate.load_names, scene.patch_names).reshape(len(surrogate.load_names), -1)

@@ -9,7 +9,6 @@ from casadi_contact.contact.model import root_of_normal
 from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
-    WRENCH_NAMES,
     Array,
     angular_velocity_map,
     as_poses,
@@ -18,8 +17,7 @@ from casadi_contact.conventions import (
 )
 from casadi_contact.geometry import build_elements, build_surfaces
 from casadi_contact.scenes import Scene
-
-_NORMAL = WRENCH_NAMES.index("Fy")
+from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
 
 class ElasticFoundation:
@@ -32,6 +30,7 @@ class ElasticFoundation:
     """
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
+        material = scene.material
         grid = scene.grids["fine"] if grid is None else grid
         if (
             not isinstance(grid, tuple | list)
@@ -50,7 +49,6 @@ class ElasticFoundation:
         self._elements = [
             (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm) for e in grids
         ]
-        material = scene.material
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -88,12 +86,13 @@ class ElasticFoundation:
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
 
-        s = √(N/N0) in contact (N = -Fy of the patch), s = -gap_slope·gap out of contact.
+        s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
         poses = as_poses(poses)
         wrenches, slopes = self._evaluate(poses, derivatives=True)
-        normal = -wrenches[..., _NORMAL]
-        s, ds = root_of_normal(normal, -slopes[..., _NORMAL, :], self.scene.reference_load)
+        loads = self.scene.normal_loads
+        normal = normal_forces(loads, wrenches)
+        s, ds = root_of_normal(normal, normal_slopes(loads, wrenches, slopes), self.scene.reference_load)
         free = normal <= 0.0
         rows = free.any(axis=1)
         if rows.any():

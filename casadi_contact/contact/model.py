@@ -8,17 +8,15 @@ from typing import Protocol
 import numpy as np
 
 from casadi_contact.conventions import (
-    WRENCH_NAMES,
     Array,
     angular_velocity_map,
     as_poses,
     load_selection,
-    pose_index,
     rotation,
 )
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
-_NORMAL = WRENCH_NAMES.index("Fy")
 _BISECTIONS = 12
 
 
@@ -38,7 +36,8 @@ class ContactModel(Protocol):
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load of each patch (n, patches) and its derivatives (n, patches, 6).
 
-        s = √(N/N0) in contact, with N = -Fy of the patch; s = -c·gap (or a like falling quantity) out of contact.
+        s = √(N/N0) in contact, with N the patch's normal load (see the scene); out of contact s = -c·gap, or a like
+        falling quantity.
         """
 
 
@@ -52,15 +51,17 @@ def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[
 class CallableModel:
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
-    Derivatives are central differences (steps in mm and rad). The user's function knows no gaps, so where a patch
-    carries no load its gap is found by moving down the scene's first sensitive pose parameter until the patch
-    loads: in steps of approach_mm as far as reach_mm, then by bisection.
+    Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
+    patches)`` [mm]. Without it the gap of a patch that carries no load is the way of the moving body along the
+    patch's direction of pressing until the patch loads: in steps of approach_mm as far as reach_mm, then by
+    bisection. A normal load without a direction (the magnitude of a force) needs gaps.
     """
 
     def __init__(
         self,
         scene: Scene,
         wrenches: Callable[[Array], Array],
+        gaps: Callable[[Array], Array] | None = None,
         *,
         step_mm: float = 1e-4,
         step_rad: float = 1e-5,
@@ -71,6 +72,7 @@ class CallableModel:
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
         self._wrenches = wrenches
+        self._gaps = gaps
         self._steps = np.repeat([step_mm, step_rad], 3)
         self._approach_mm = approach_mm
         self._reach_mm = reach_mm
@@ -101,15 +103,27 @@ class CallableModel:
         return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
 
     def gaps(self, poses: Array) -> Array:
-        """Travel (n, patches) [mm] until each patch loads: 0 in contact, reach_mm where it does not within reach."""
+        """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
+
+        Raises ValueError for another shape, and for a normal load without direction if there is no such function.
+        """
         poses = as_poses(poses)
-        axis = np.eye(6)[pose_index(self.scene.sensitive_pose[0])]
-        free = self.wrenches(poses)[..., _NORMAL] >= 0.0
+        if self._gaps is not None:
+            gaps = np.asarray(self._gaps(poses), dtype=float)
+            if gaps.shape != (len(poses), len(self.patch_names)):
+                expected = (len(poses), len(self.patch_names))
+                raise ValueError(f"the contact model returned gaps of shape {gaps.shape}, expected {expected}")
+            return gaps
+        directions = np.stack(self._directions())
+
+        normals = self.scene.normal_loads
+        free = normal_forces(normals, self.wrenches(poses)) <= 0.0
         rows, patches = np.nonzero(free)
 
         def loaded(which: np.ndarray, travel: Array) -> np.ndarray:
-            wrenches = self.wrenches(poses[rows[which]] - travel[:, None] * axis)
-            return np.asarray(wrenches[np.arange(len(which)), patches[which], _NORMAL] < 0.0)
+            moved = poses[rows[which]]
+            moved[:, :3] += travel[:, None] * directions[patches[which]]
+            return np.asarray(normal_forces(normals, self.wrenches(moved))[np.arange(len(which)), patches[which]] > 0.0)
 
         far = np.zeros(len(rows))
         searching = np.arange(len(rows))
@@ -122,26 +136,47 @@ class CallableModel:
             middle = 0.5 * (near + far)
             touching = loaded(all_of_them, middle)
             near, far = np.where(touching, near, middle), np.where(touching, middle, far)
-        gaps = np.zeros(free.shape)
-        gaps[free] = far
-        return gaps
+        travel = np.zeros(free.shape)
+        travel[free] = far
+        return travel
+
+    def _directions(self) -> list[Array]:
+        """Unit vectors (3,) along which each patch is pressed."""
+        directions = [load.direction for load in self.scene.normal_loads]
+        if any(direction is None for direction in directions):
+            raise ValueError(
+                f"scene {self.scene.name}: a normal load without direction needs the model's gaps: "
+                "CallableModel(scene, wrenches, gaps)"
+            )
+        return [direction for direction in directions if direction is not None]
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""
         poses = as_poses(poses)
-        normal = -self.wrenches(poses)[..., _NORMAL]
-        s, slope = root_of_normal(normal, -self._wrench_slopes(poses)[..., _NORMAL, :], self.scene.reference_load)
+        loads, wrenches = self.scene.normal_loads, self.wrenches(poses)
+        normal = normal_forces(loads, wrenches)
+        slopes = normal_slopes(loads, wrenches, self._wrench_slopes(poses))
+        s, slope = root_of_normal(normal, slopes, self.scene.reference_load)
         rows = np.flatnonzero((normal <= 0.0).any(axis=1))
         if len(rows):
             free = normal[rows] <= 0.0
-            by_travel = np.zeros((*free.shape, 6))
-            by_travel[..., pose_index(self.scene.sensitive_pose[0])] = -self.scene.gap_slope
-            for p, anchor in enumerate(self.scene.anchors_mm):
-                # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
-                turn = angular_velocity_map(poses[rows, 3:])
-                arm = np.einsum("nij,j->ni", rotation(poses[rows, 3:]), anchor)
-                lift = np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :])[..., 1]
-                by_travel[:, p, 3:] = -self.scene.gap_slope * lift
             s[rows] = np.where(free, -self.scene.gap_slope * self.gaps(poses[rows]), s[rows])
-            slope[rows] = np.where(free[..., None], by_travel, slope[rows])
+            by_gap = -self.scene.gap_slope * self._gap_slopes(poses[rows])
+            slope[rows] = np.where(free[..., None], by_gap, slope[rows])
         return s, slope
+
+    def _gap_slopes(self, poses: Array) -> Array:
+        """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
+        if self._gaps is not None:
+            moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
+            shifted = self.gaps((poses[:, None, :] + moves).reshape(-1, 6))
+            plus, minus = np.split(shifted.reshape(len(poses), 12, -1), 2, axis=1)
+            return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None]), 1, -1)
+        slopes = np.zeros((len(poses), len(self.patch_names), 6))
+        turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
+        for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):
+            # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
+            arm = rotations @ anchor
+            slopes[:, p, :3] = -along
+            slopes[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
+        return slopes

@@ -74,11 +74,12 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     }
 
 
-def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion) -> dict[str, Any]:
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
     """Everything `report.evaluation_tables` shows, as plain JSON data.
 
     Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
-    samples' teacher grid; the walking sequence as in `evaluate_walking`.
+    samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, or for a scene without
+    geometry, the domain errors of the surrogates alone.
     """
     if not surrogates:
         raise ValueError("no surrogate to evaluate, expected at least one")
@@ -86,20 +87,25 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
     for name, surrogate in surrogates.items():
         if surrogate.scene.digest != scene.digest:
             raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
-    grids = {f"EF {grid_text(scene.grids[g])}": ElasticFoundation(scene, scene.grids[g]) for g in ("coarse", "fine")}
-    models: dict[str, LoadModel] = {**grids, **surrogates}
+    models: dict[str, LoadModel] = {}
+    compared = motion is not None and scene.layer is not None
+    for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
+        models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
+    models |= surrogates
     test = samples.select(role=TEST)
-    walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
-    return {
+    content = {
         "format": "casadi_contact evaluation",
         "format_version": 1,
         "scene": scene.name,
         "scene_digest": scene.digest,
         "machine": machine_record(),
         "loads": list(scene.load_names),
-        "teacher": grid_text(scene.grids["teacher"]),
+        "teacher": grid_text(scene.grids["teacher"]) if compared else None,
         "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
-        "walking": evaluate_walking(surrogates, walking),
         "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
     }
+    if compared and motion is not None:
+        walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
+        content["walking"] = evaluate_walking(surrogates, walking)
+    return content

@@ -14,9 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.joint_elements import joint_elements
 from casadi_contact.geometry.mesh_bodies import body_field, patch_box, patch_mesh
 from casadi_contact.geometry.mesh_elements import grid_on_mesh, open_triangles, triangles_on_mesh
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
 
@@ -117,6 +119,8 @@ def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
     """
     if scene.shape == "mesh":
         return [_mesh_elements(scene, patch, grid) for patch in scene.patch_names]
+    if scene.shape in JOINT_PARAMETERS:
+        return [_grid_elements(*patch) for patch in joint_elements(scene.shape, scene.geometry, grid)]
     grids = []
     for patch, anchor in zip(scene.patch_names, scene.anchors_mm, strict=True):
         if scene.shape == "knee":

@@ -69,7 +69,12 @@ def build_surfaces(scene: Scene) -> list[MovingSurface]:
         return [MovingSurface(CYLINDER, np.array([scene.geometry["radius"]]))]
     if scene.shape == "punch_on_plane":
         return [MovingSurface(HALF_SPACE, np.zeros(1))]
-    radius = scene.geometry["radius"]
+    if scene.shape == "button_in_groove":
+        dome = swept_arcs(
+            np.array([scene.geometry["dome_sagittal_radius"]]), np.zeros(0), scene.geometry["dome_radius"], 0.0
+        )
+        return [dome for _ in scene.patch_names]
+    radius = scene.geometry["ball_radius" if scene.shape == "ball_in_cup" else "radius"]
     return [swept_arcs(np.array([radius]), np.zeros(0), radius, 0.0)]
 
 

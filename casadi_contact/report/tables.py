@@ -19,9 +19,10 @@ def read_evaluation(path: str | Path) -> dict[str, Any]:
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     """The paper's Tables 2, 3 and 4 from an ``evaluation.json``."""
     loads = content["loads"]
+    teacher = f"EF {content['teacher']}" if content["teacher"] else "the samples"
     tables = []
     for key, title in (("rms", "RMS error per domain (Table 2)"), ("max", "Largest error per domain (Table 3)")):
-        table = Table(title=f"{title}, unseen samples against EF {content['teacher']}")
+        table = Table(title=f"{title}, unseen samples against {teacher}")
         for column in ("model", "domain", "samples"):
             table.add_column(column)
         for load in loads:
@@ -32,6 +33,8 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
                 table.add_row(model, domain, str(content["test_samples"][domain]), *cells)
             table.add_section()
         tables.append(table)
+    if "walking" not in content:
+        return tables
     walking = content["walking"]
     table = Table(title=f"Speed and accuracy on {walking['poses']} unseen walking poses inside D1 (Table 4)")
     table.add_column("model")

@@ -7,6 +7,7 @@ from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.hammersley import hammersley
 from casadi_contact.sampling.reference import ReferenceMotion, ReferenceReport, reference_motion, reference_poses
 from casadi_contact.sampling.sample_point import SamplePoint
+from casadi_contact.sampling.sensitive_pose import found_sensitive_pose
 from casadi_contact.sampling.settings import PAPER_COUNTS, SamplingSettings
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "SamplingSettings",
     "draw_samples",
     "elastic_foundations",
+    "found_sensitive_pose",
     "hammersley",
     "plan_chunks",
     "plan_domains",

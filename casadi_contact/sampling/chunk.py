@@ -11,13 +11,14 @@ from typing import Protocol
 import numpy as np
 
 from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.domains import plan_domains
 from casadi_contact.sampling.liftoff import lift_all, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.statics import settle
 
 _PULL_N = 1e-9
@@ -59,7 +60,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses."""
     chunks = []
     point = motion.point
-    for block in plan_domains(motion.envelopes, scene.sensitive_loads, scene.boundary_load, settings):
+    for block in plan_domains(motion.envelopes, scene.normal_loads, scene.boundary_load, settings):
         starts = motion.starts(block.inputs)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)
@@ -91,8 +92,8 @@ def draw_chunk(
     domain = DOMAINS[chunk.domain - 1]
     steps = settings.liftoff_steps
     if domain == "D4":
-        lifted_load = settle_model.scene.sensitive_loads[chunk.lifted]
-        held = {name: load[kept] for name, load in chunk.loads.items() if name != lifted_load}
+        lifted_loads = settle_model.scene.normal_loads[chunk.lifted].loads
+        held = {name: load[kept] for name, load in chunk.loads.items() if name not in lifted_loads}
         lifted, reason = lift_one(
             settle_model,
             poses,
@@ -111,8 +112,7 @@ def draw_chunk(
         role = np.repeat(role, steps)
     wrenches = teacher.wrenches(poses)
     gaps = teacher.gaps(poses) if hasattr(teacher, "gaps") else np.full(wrenches.shape[:2], np.nan)
-    normal = wrenches[..., WRENCH_NAMES.index("Fy")]
-    pulls = (normal > _PULL_N).any(axis=1)
+    pulls = (normal_forces(settle_model.scene.normal_loads, wrenches) < -_PULL_N).any(axis=1)
     touching = np.asarray((wrenches != 0.0).any(axis=2))
     lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
     touches = touching[:, lifted_patches].any(axis=1) & ~pulls

@@ -6,8 +6,8 @@
     D5      all patches at the contact boundary, later lifted off in steps: Hammersley points
     D6, D7  one patch, all patches at the contact boundary: Hammersley points
 
-No input pulls: compressive loads end at the contact boundary. With one patch, one patch out of contact is all
-patches out of contact: D4 and D6 are then empty.
+No input pulls: normal loads end at the contact boundary. With one patch, one patch out of contact is all patches out
+of contact: D4 and D6 are then left out (`left_out`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.hammersley import hammersley
 from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.scenes.normal_load import NormalLoad
 
 _LEAST_ROWS = 10
 _FILLING, _VERTICES, _ROLES = 0, 1, 2  # streams of random numbers within one domain
@@ -42,45 +43,54 @@ class Block:
 
 
 def plan_domains(
-    envelopes: Envelopes, sensitive_loads: Sequence[str], boundary_load: float, settings: SamplingSettings
+    envelopes: Envelopes, normals: Sequence[NormalLoad], boundary_load: float, settings: SamplingSettings
 ) -> list[Block]:
     """The inputs of all domains, in domain order.
 
-    sensitive_loads: the compressive load of each patch, in patch order; boundary_load: compression [N] at the contact
-    boundary. Raises ValueError where D4 to D7 are wanted and a sensitive load is no input.
+    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary. Raises
+    ValueError where D4 to D7 are wanted and a normal load is no input.
     """
     fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
     tight = envelopes.expanded(settings.d1_fraction, settings.d1_offset, fixed[0])
     loose = envelopes.expanded(settings.d2_fraction, settings.d2_offset, fixed[1])
     box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
-    box = box.pushing(sensitive_loads, boundary_load)
-    patches = len(sensitive_loads)
-    missing = [name for name in sensitive_loads if name not in envelopes.names]
+    box = box.pushing(normals, boundary_load)
+    patches = len(normals)
+    missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
+    skipped = left_out(normals, settings)
     blocks = []
     for domain, name in enumerate(DOMAINS, start=1):
         count = _scaled(name, settings)
-        if not count:
+        if not count or name in skipped:
             continue
         if domain >= 4 and missing:
             raise ValueError(f"{name} needs {', '.join(missing)} as an input, expected it there or counts.{name} = 0")
         if domain in (1, 2):
-            boxes = (tight if domain == 1 else loose).pushing(sensitive_loads, boundary_load)
+            boxes = (tight if domain == 1 else loose).pushing(normals, boundary_load)
             parts = [(-1, _clustered(boxes, domain, count, settings))]
         elif domain == 3:
             parts = [(-1, _fill(box, [], count, None))]
         elif domain in (4, 6):
             parts = []
-            for p, n in enumerate(_shares(count, patches) if patches > 1 else ()):
+            for p, n in enumerate(_shares(count, patches)):
                 shift = _rng(settings, domain, _FILLING, p).random(len(envelopes.names))
-                parts.append((p, _at_boundary(box, [sensitive_loads[p]], int(n), shift, boundary_load)))
+                parts.append((p, _at_boundary(box, [normals[p]], int(n), shift, boundary_load)))
         else:
             shift = _rng(settings, domain, _FILLING, 0).random(len(envelopes.names))
-            parts = [(-1, _at_boundary(box, sensitive_loads, count, shift, boundary_load))]
+            parts = [(-1, _at_boundary(box, normals, count, shift, boundary_load))]
         roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
         for lifted, inputs in parts:
             blocks.append(Block(domain, lifted, inputs, roles[: len(inputs)]))
             roles = roles[len(inputs) :]
     return blocks
+
+
+def left_out(normals: Sequence[NormalLoad], settings: SamplingSettings) -> dict[str, str]:
+    """Domains that make no sense for these patches though they are wanted, with the reason."""
+    if len(normals) > 1:
+        return {}
+    wanted = [domain for domain in ("D4", "D6") if settings.counts[domain]]
+    return dict.fromkeys(wanted, "one patch out of contact is all patches out of contact (D5, D7)")
 
 
 def _rng(settings: SamplingSettings, *stream: int) -> np.random.Generator:
@@ -140,10 +150,15 @@ def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) 
     return inputs
 
 
-def _at_boundary(box: Envelopes, held: Sequence[str], count: int, shift: Array, boundary_load: float) -> Array:
-    """Hammersley points in a box's inputs, with the held loads at the contact boundary."""
-    inputs = _fill(box, held, count, shift)
-    inputs[:, [box.names.index(name) for name in held]] = -boundary_load
+def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: Array, boundary_load: float) -> Array:
+    """Hammersley points in a box's inputs, with the held normal loads at the contact boundary.
+
+    A normal load without direction keeps the direction of its forces.
+    """
+    inputs = _fill(box, [n.loads[0] for n in held if n.component is not None], count, shift)
+    for normal in held:
+        columns = [box.names.index(name) for name in normal.loads]
+        inputs[:, columns] = normal.sized(inputs[:, columns], boundary_load)
     return inputs
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.dataset import COLUMNS, DOMAINS, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
+from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
@@ -55,7 +56,8 @@ def draw_samples(
     models in each worker, an importable function; progress(done, all) is called after every chunk.
 
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
-    the reason in provenance["dropped"]. Raises ValueError if `path` holds samples of another plan.
+    the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
+    ValueError if `path` holds samples of another plan.
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings
@@ -137,7 +139,9 @@ def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identi
     columns = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
     provenance = {key: value for key, value in identity.items() if key != "scene"}
     versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
-    return Samples(scene, **columns, provenance={**provenance, "versions": versions, "dropped": dropped})
+    skipped = left_out(scene.normal_loads, SamplingSettings.from_table(identity["settings"]))
+    found = {"versions": versions, "dropped": dropped, "left_out": skipped}
+    return Samples(scene, **columns, provenance={**provenance, **found})
 
 
 def _version(name: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
+from casadi_contact.scenes.normal_load import NormalLoad
 
 _ROUNDING = 1e-9  # a frame of exactly mean width is not narrow, whatever the last digit of the mean
 
@@ -76,10 +77,16 @@ class Envelopes:
             upper[:, column] += 0.5 * grow
         return Envelopes(self.names, lower, upper)
 
-    def pushing(self, loads: Sequence[str], boundary_load: float) -> Envelopes:
-        """The same boxes without pulling surfaces: bounds of compressive loads end at -boundary_load [N] (§2.2)."""
+    def pushing(self, normals: Sequence[NormalLoad], boundary_load: float) -> Envelopes:
+        """The same boxes without pulling surfaces: bounds of normal loads end at the boundary load [N] (§2.2).
+
+        The forces of a normal load without direction stay as they are: a contact can carry each.
+        """
         lower, upper = self.lower.copy(), self.upper.copy()
-        for column in (self.names.index(name) for name in loads if name in self.names):
-            lower[:, column] = np.minimum(lower[:, column], -boundary_load)
-            upper[:, column] = np.minimum(upper[:, column], -boundary_load)
+        for normal in normals:
+            if normal.component is None or normal.loads[0] not in self.names:
+                continue
+            column, least = self.names.index(normal.loads[0]), normal.sign * boundary_load
+            bound = np.maximum if normal.sign > 0.0 else np.minimum
+            lower[:, column], upper[:, column] = bound(lower[:, column], least), bound(upper[:, column], least)
         return Envelopes(self.names, lower, upper)

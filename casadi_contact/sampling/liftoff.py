@@ -22,17 +22,23 @@ def lift_one(
     steps: int,
     tolerance_n: float,
 ) -> tuple[Array, np.ndarray]:
-    """Lift one patch off in equal increments of the second sensitive pose parameter (r_x); all other loads stay.
+    """Lift one patch off in equal increments of the second sensitive pose parameter (knee: r_x); other loads stay.
 
-    poses (n, 6): the patch `lifted` at the contact boundary, the loads held (n,) elsewhere. r_x changes by k/steps·Δ
-    for k = 1..steps; the other free parameters (t_y) are settled anew for each k so that the held loads stay. Δ is
-    such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
+    poses (n, 6): the patch `lifted` at the contact boundary, the loads held (n,) elsewhere. It changes by k/steps·Δ
+    for k = 1..steps; the other free parameters (knee: t_y) are settled anew for each k so that the held loads stay.
+    Δ is such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
     (by r_x, against by t_y), then corrected once by the gap that the prediction gives; the paper asks for
-    "approximately", and a model without gaps keeps the prediction.
+    "approximately", and a model without gaps keeps the prediction. Raises ValueError unless two pose parameters are
+    sensitive and the patches are pressed along directions.
 
     Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
     """
     scene = model.scene
+    if len(scene.sensitive_pose) != 2 or any(normal.component is None for normal in scene.normal_loads):
+        raise ValueError(
+            f"scene {scene.name}: D4 lifts one patch of several by the second of two sensitive pose parameters, each "
+            "patch pressed along a direction; expected these, or sampling.counts.D4 = 0"
+        )
     rise, turn = scene.sensitive_pose
     tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
     others = [pose_index(name) for name in rest]
@@ -69,20 +75,25 @@ def lift_one(
 
 
 def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> Array:
-    """Derivative (n, 6) by the pose of a named load, or of its root load where it is a patch's sensitive load."""
-    if name in model.scene.sensitive_loads:
-        return root_slopes[:, model.scene.sensitive_loads.index(name)]
+    """Derivative (n, 6) by the pose of a named load, or of its root load where it is a patch's normal load."""
+    for p, normal in enumerate(model.scene.normal_loads):
+        if normal.loads == (name,):
+            return root_slopes[:, p]
     return model.jacobian(poses)[1][:, model.load_names.index(name)]
 
 
 def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int) -> Array:
-    """Raise the first sensitive pose parameter (t_y) of poses at the contact boundary in equal steps to liftoff_mm.
+    """Move poses at the contact boundary apart in equal steps to liftoff_mm, along the sensitive translations.
 
-    Up is where the root loads fall. Returns poses (n, steps, 6).
+    Apart is where the sum of the root loads falls: straight up for the knee, whose one sensitive translation is t_y;
+    away from the contact for a hip. Returns poses (n, steps, 6).
     """
-    column = pose_index(model.scene.sensitive_pose[0])
+    columns = [column for column in map(pose_index, model.scene.sensitive_pose) if column < 3]
+    if not columns:
+        raise ValueError(f"scene {model.scene.name} has no sensitive translation, expected one to lift along")
     _, ds = model.root_loads(poses)
-    up = -np.sign(ds[..., column].sum(axis=1))
+    apart = -ds[..., columns].sum(axis=1)
+    apart /= np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300)
     raised = np.repeat(poses[:, None, :], steps, axis=1)
-    raised[..., column] += up[:, None] * liftoff_mm * np.arange(1, steps + 1) / steps
+    raised[..., columns] += apart[:, None, :] * (liftoff_mm * np.arange(1, steps + 1) / steps)[:, None]
     return raised

@@ -30,11 +30,8 @@ class Cycle(Protocol):
     @property
     def time_s(self) -> Array: ...
 
-    @property
-    def ry(self) -> Array: ...
-
-    @property
-    def rz(self) -> Array: ...
+    def measured_pose(self) -> Mapping[str, Array]:
+        """Measured pose parameters by name, each (n,) [mm, rad]; the knee's are ry and rz."""
 
     def targets(self) -> Mapping[str, Array]:
         """Measured loads by name, each (n,) [N, N·mm]."""
@@ -128,28 +125,29 @@ def reference_poses(
     start: Array | None = None,
     tolerance_n: float = 1e-3,
 ) -> tuple[Array, ReferenceReport]:
-    """Pose estimation of each cycle with ry and rz locked: the other pose parameters carry the measured loads (§3.3).
+    """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads (§3.3).
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
-    first touch at tx = tz = rx = 0 (or a start pose (6,), needed for a model without gaps): first the sensitive
-    pose parameters alone under the sensitive loads, then all four.
+    first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
+    for a model without gaps): first the sensitive pose parameters alone under the sensitive loads, then all.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
-    ValueError for no cycles and for a cycle of which no frame converges.
+    ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
     """
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
-    free = tuple(name for name in POSE_NAMES if name not in ("ry", "rz"))
+    measured = tuple(cycles[0].measured_pose())
+    if any(tuple(cycle.measured_pose()) != measured for cycle in cycles):
+        raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
+    free = tuple(name for name in POSE_NAMES if name not in measured)
     scene = model.scene
     targets = [_on_frames(cycle, frames) for cycle in cycles]
     wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
-    poses = np.zeros((len(cycles) * frames, 6))
-    if start is not None:
-        poses[:] = start
-    for name in ("ry", "rz"):
+    poses = np.tile(scene.start_pose if start is None else start, (len(cycles) * frames, 1))
+    for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     if start is None:
-        poses = _touching(model, poses)
+        poses = _touching(model, poses, wanted)
     sensitive = {name: wanted[name] for name in scene.sensitive_loads if name in wanted}
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
@@ -172,29 +170,39 @@ def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
-    """The cycle's targets, ry and rz, linearly interpolated on the percentage of the cycle."""
+    """The cycle's targets and measured pose parameters, linearly interpolated on the percentage of the cycle."""
     time = np.asarray(cycle.time_s, dtype=float)
     percent = (time - time[0]) / (time[-1] - time[0])
-    curves = {"ry": cycle.ry, "rz": cycle.rz, **cycle.targets()}
+    curves = {**cycle.measured_pose(), **cycle.targets()}
     return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
 
 
-def _touching(model: ContactModel, poses: Array) -> Array:
-    """Lower the moving body from far above (along the first sensitive pose parameter) until the first touch.
+def _touching(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
+    """Move the body towards the patches until the first touch: from far away along the direction in which they are
+    pressed, or, where a normal load has none, from the start pose along the wanted force.
 
     Steps of the smallest gap can never pass the surface (sphere tracing).
     """
     gaps = getattr(model, "gaps", None)
     if gaps is None:
         raise ValueError("this contact model has no gaps(poses): give reference_poses a start pose")
-    column = pose_index(model.scene.sensitive_pose[0])
     poses = poses.copy()
-    poses[:, column] = _ABOVE_MM
+    normal = model.scene.normal_loads[0]
+    if normal.direction is not None:
+        along: Array = np.tile(normal.direction, (len(poses), 1))
+        axis = int(np.abs(normal.direction).argmax())
+        poses[:, axis] = -_ABOVE_MM * normal.direction[axis]
+    else:
+        missing = [name for name in normal.loads if name not in wanted]
+        if missing:
+            raise ValueError(f"the cycles hold no load {', '.join(missing)}, expected the force that presses the patch")
+        along = np.stack([wanted[name] for name in normal.loads], axis=1)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     for _ in range(_TOUCH_STEPS):
         gap = gaps(poses).min(axis=1)
         if gap.max() < _TOUCH_MM:
             break
-        poses[:, column] -= gap
+        poses[:, :3] += np.maximum(gap, 0.0)[:, None] * along
     return poses
 
 

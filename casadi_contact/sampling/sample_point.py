@@ -59,6 +59,11 @@ class SamplePoint:
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
         """§3.2: the pose parameters, each sensitive one replaced by a sensitive load."""
+        if not scene.sensitive_pose:
+            raise ValueError(
+                f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
+                "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
+            )
         if len(scene.sensitive_pose) != len(scene.sensitive_loads):
             raise ValueError(
                 f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "

@@ -94,7 +94,8 @@ class SamplingSettings:
         A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming
         an unknown key or a bad value.
         """
-        values: dict[str, Any] = {"settle_grid": scene.grids["settle"], "teacher_grid": scene.grids["teacher"]}
+        grids = {"settle_grid": "settle", "teacher_grid": "teacher"}
+        values: dict[str, Any] = {key: scene.grids[grid] for key, grid in grids.items() if grid in scene.grids}
         base = cls()
         known = [f.name for f in fields(cls)]
         for origin, table in (("sampling.", scene.sampling), ("", overrides)):

@@ -41,13 +41,15 @@ def distinct_names(key: str, value: object) -> tuple[str, ...]:
     return tuple(value)
 
 
-def table_of(key: str, value: object, known: tuple[str, ...], *, complete: bool) -> dict[str, Any]:
-    """A table all of whose keys are known (and, if complete, all of the known keys)."""
+def table_of(
+    key: str, value: object, known: tuple[str, ...], *, complete: bool, optional: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """A table all of whose keys are known or optional (and, if complete, all of the known keys)."""
     if not isinstance(value, Mapping):
         raise fail(key, value, f"a table with {', '.join(known)}")
     for name in value:
-        if name not in known:
-            raise ValueError(f"scene: unknown key {key}.{name}, expected one of {', '.join(known)}")
+        if name not in (*known, *optional):
+            raise ValueError(f"scene: unknown key {key}.{name}, expected one of {', '.join((*known, *optional))}")
     missing = [name for name in known if name not in value]
     if complete and missing:
         raise ValueError(f"scene: {key} lacks {', '.join(missing)}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.files import replacing
+from casadi_contact.scenes.columns import read_columns
 
 # Column of the file for each curve of a cycle; other columns are ignored.
 COLUMNS = {
@@ -87,6 +87,10 @@ class LoadCycle:
             "Tz": self.cop_ap_mm * fy,
         }
 
+    def measured_pose(self) -> dict[str, Array]:
+        """Pose parameters that fluoroscopy gives well enough to lock them (§3.3)."""
+        return {"ry": self.ry, "rz": self.rz}
+
     def resampled(self, frames: int) -> LoadCycle:
         """The cycle at `frames` equal steps of its time, linearly interpolated."""
         time = np.linspace(self.time_s[0], self.time_s[-1], frames)
@@ -101,38 +105,10 @@ def read_cycle(path: str | Path) -> LoadCycle:
     among the numbers, ragged rows, NaN, fewer than 2 frames, unsorted time, pulling forces or suspected wrong units.
     """
     path = Path(path)
-    if not path.is_file():
-        what = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
-        raise FileNotFoundError(f"cycle file {path} {what}")
+    columns = read_columns(path, required=tuple(COLUMNS.values()), what="cycle file")
+    curves = {key: columns[column] for key, column in COLUMNS.items()}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV text file ({error})") from None
-    if not rows:
-        raise ValueError(f"{path} is empty, expected a header and at least 2 frames")
-    header = [name.strip() for name in rows[0][1]]
-    missing = [column for column in COLUMNS.values() if column not in header]
-    if missing:
-        raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(header)}")
-    repeated = [column for column in COLUMNS.values() if header.count(column) > 1]
-    if repeated:
-        raise ValueError(f"{path} has the column {repeated[0]} more than once")
-    curves: dict[str, list[float]] = {key: [] for key in COLUMNS}
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")
-        for key, column in COLUMNS.items():
-            text = row[header.index(column)]
-            try:
-                value = float(text)
-            except ValueError:
-                raise ValueError(f"{path} line {line}, {column}: got {text!r}, expected a number") from None
-            if not math.isfinite(value):
-                raise ValueError(f"{path} line {line}, {column}: got {text.strip()}, expected a finite number")
-            curves[key].append(value)
-    try:
-        return LoadCycle(path.stem, **{key: np.array(values) for key, values in curves.items()})
+        return LoadCycle(path.stem, **curves)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

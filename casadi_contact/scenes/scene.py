@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import resources
@@ -19,7 +19,10 @@ import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
 from casadi_contact.scenes.checks import distinct_names, fail, grid_size, number, table_of
+from casadi_contact.scenes.joint_shapes import joint_start
 from casadi_contact.scenes.mesh_files import with_files, without_places
+from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
+from casadi_contact.scenes.own_model import OWN_MODEL
 from casadi_contact.scenes.shapes import SHAPE_PARAMETERS, SIDES, anchors_of, check_geometry, patches_of
 
 FORMAT = 1
@@ -62,23 +65,35 @@ class Scene:
     name: str
     shape: str
     geometry: Mapping[str, Any]
-    material: Material
+    layer: Material | None
     patch_names: tuple[str, ...]
     anchors_mm: Array = field(compare=False)
     load_names: tuple[str, ...]
     tolerances: Mapping[str, float]
     sensitive_pose: tuple[str, ...]
-    sensitive_loads: tuple[str, ...]
+    normal_loads: tuple[NormalLoad, ...]
     reference_load: float
     gap_slope: float
     boundary_load: float
     grids: Mapping[str, tuple[int, int]]
     sampling: Mapping[str, Any]
+    motion: Mapping[str, Any]
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
-        known = ("format", "name", "shape", "geometry", "material", "grids", "loads", "tolerances", "sampling")
+        known = (
+            "format",
+            "name",
+            "shape",
+            "geometry",
+            "material",
+            "grids",
+            "loads",
+            "tolerances",
+            "sampling",
+            "motion",
+        )
         table_of("scene", tables, known, complete=False)
         if tables.get("format") != FORMAT:
             raise fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
@@ -90,13 +105,16 @@ class Scene:
         loads = table_of(
             "loads",
             tables.get("loads", {}),
-            ("names", "sensitive", "sensitive_pose", "reference_load", "gap_slope", "boundary_load"),
+            ("names", "sensitive", "reference_load", "gap_slope", "boundary_load"),
             complete=True,
+            optional=("sensitive_pose",),
         )
         load_names = distinct_names("loads.names", loads["names"])
-        sensitive_loads = distinct_names("loads.sensitive", loads["sensitive"])
-        load_selection((*load_names, *sensitive_loads), patch_names)
-        sensitive_pose = distinct_names("loads.sensitive_pose", loads["sensitive_pose"])
+        pressed = normal_loads(distinct_names("loads.sensitive", loads["sensitive"]), patch_names)
+        load_selection(load_names, patch_names)
+        sensitive_pose = (
+            distinct_names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
+        )
         for name in sensitive_pose:
             pose_index(name)
         tolerances = {
@@ -105,28 +123,31 @@ class Scene:
         }
         grids = {
             name: grid_size(f"grids.{name}", value)
-            for name, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=True).items()
+            for name, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape != OWN_MODEL).items()
         }
         sampling = tables.get("sampling", {})
-        if not isinstance(sampling, Mapping):
-            raise fail("sampling", sampling, "a table")
+        motion = tables.get("motion", {})
+        for key, table in (("sampling", sampling), ("motion", motion)):
+            if not isinstance(table, Mapping):
+                raise fail(key, table, "a table")
         return cls(
             tables=dict(tables),
             name=str(tables.get("name", shape)),
             shape=shape,
             geometry=geometry,
-            material=Material.from_table(tables.get("material", {})),
+            layer=None if shape == OWN_MODEL else Material.from_table(tables.get("material", {})),
             patch_names=patch_names,
             anchors_mm=anchors_of(shape, geometry),
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
-            sensitive_loads=sensitive_loads,
+            normal_loads=pressed,
             reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
             gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
             boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
             grids=grids,
             sampling=dict(sampling),
+            motion=dict(motion),
         )
 
     @classmethod
@@ -148,6 +169,26 @@ class Scene:
         return hashlib.sha256(tomli_w.dumps(tables).encode()).hexdigest()
 
     @property
+    def material(self) -> Material:
+        """The elastic layer; raises ValueError for a scene without geometry."""
+        if self.layer is None:
+            raise ValueError(
+                f"scene {self.name} has no geometry for an elastic foundation (shape {self.shape}): "
+                "give your own contact model (cc.CallableModel), or a table of samples"
+            )
+        return self.layer
+
+    @property
+    def sensitive_loads(self) -> tuple[str, ...]:
+        """The named loads that the normal loads are made of, in patch order."""
+        return tuple(name for normal in self.normal_loads for name in normal.loads)
+
+    @property
+    def start_pose(self) -> Array:
+        """A pose (6,) from which the moving body can be brought into contact."""
+        return joint_start(self.geometry)
+
+    @property
     def insensitive_pose(self) -> tuple[str, ...]:
         """The pose parameters that are not sensitive (§2.1), in pose order."""
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
@@ -165,6 +206,11 @@ class Scene:
                 raise ValueError(f"scene {self.name}: unknown parameter {key!r}, expected one of {', '.join(possible)}")
             tables[homes[0]][key] = list(value) if isinstance(value, tuple) else value
         return Scene.from_tables(tables)
+
+    def with_sensitive_pose(self, names: Sequence[str]) -> Scene:
+        """A copy with these sensitive pose parameters, for a scene that leaves them out."""
+        loads = {**self.tables["loads"], "sensitive_pose": list(names)}
+        return Scene.from_tables({**self.tables, "loads": loads})
 
     def geometry_of(self, side: str) -> dict[str, Any]:
         """The geometry of one side of a knee: the common values, with that side's own values in their place."""

@@ -11,7 +11,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.scenes.checks import fail, number, table_of
+from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS, JOINT_PATCHES, check_joint_geometry, joint_anchors
 from casadi_contact.scenes.mesh_files import check_mesh_geometry
+from casadi_contact.scenes.own_model import OWN_MODEL, check_own_geometry, own_anchors
 
 # What each shape needs in [geometry]; lengths in mm, angles in degrees, areas in mm².
 SHAPE_PARAMETERS: dict[str, tuple[str, ...]] = {
@@ -29,6 +31,8 @@ SHAPE_PARAMETERS: dict[str, tuple[str, ...]] = {
     "sphere_in_dish": ("radius", "dish_radius", "patch_side"),
     "cylinder_on_plane": ("radius", "length", "patch_side"),
     "punch_on_plane": ("area",),
+    **JOINT_PARAMETERS,
+    OWN_MODEL: ("patches",),
     "mesh": (),  # see `scenes.mesh_files`
 }
 SIDES = ("med", "lat")
@@ -36,9 +40,9 @@ SIDES = ("med", "lat")
 
 def patches_of(shape: str, geometry: Mapping[str, Any]) -> tuple[str, ...]:
     """Names of a scene's patches, in order."""
-    if shape == "mesh":
+    if shape in ("mesh", OWN_MODEL):
         return tuple(geometry["patches"])
-    return SIDES if shape == "knee" else ("contact",)
+    return SIDES if shape == "knee" else JOINT_PATCHES.get(shape, ("contact",))
 
 
 def check_geometry(shape: str, table: object) -> dict[str, Any]:
@@ -48,6 +52,10 @@ def check_geometry(shape: str, table: object) -> dict[str, Any]:
     known = SHAPE_PARAMETERS[shape]
     if shape != "knee":
         values = table_of("geometry", table, known, complete=True)
+        if shape == OWN_MODEL:
+            return check_own_geometry(values)
+        if shape in JOINT_PARAMETERS:
+            return check_joint_geometry(shape, values)
         numbers = {key: number(f"geometry.{key}", value, low=0.0) for key, value in values.items()}
         if shape == "sphere_in_dish":
             limit = max(numbers["radius"], numbers["patch_side"] / math.sqrt(2.0))
@@ -90,6 +98,10 @@ def anchors_of(shape: str, geometry: Mapping[str, Any]) -> Array:
     """Anchor of each patch on the moving body [mm]: a condyle's centre, or the body's own origin."""
     if shape == "mesh":
         return np.array([patch.get("anchor", [0.0, 0.0, 0.0]) for patch in geometry["patches"].values()], dtype=float)
+    if shape == OWN_MODEL:
+        return own_anchors(geometry)
+    if shape in JOINT_PARAMETERS:
+        return joint_anchors(shape)
     if shape != "knee":
         return np.zeros((1, 3))
     offsets = [geometry.get(side, {}).get("condyle_offset", geometry["condyle_offset"]) for side in SIDES]

@@ -2,6 +2,7 @@
 
 from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.relax import relax
+from casadi_contact.statics.sensitive import SensitiveDirections, sensitive_directions
 from casadi_contact.statics.settle import SettleReport, settle
 
-__all__ = ["Equilibrium", "SettleReport", "relax", "settle"]
+__all__ = ["Equilibrium", "SensitiveDirections", "SettleReport", "relax", "sensitive_directions", "settle"]

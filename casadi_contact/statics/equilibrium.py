@@ -18,9 +18,10 @@ LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
 class Equilibrium:
     """Wanted loads (n, targets) of a contact model, to be met by varying the free pose parameters.
 
-    The load of a patch's sensitive direction is compared as a signed root load, r = s - √(N*/N0), which is nearly
-    linear in the pose and keeps its slope out of contact; any other load as r = (load - wanted)/N0 (torques over
-    N0·LEVER_MM).
+    A patch's normal load that is one load is compared as a signed root load, r = s - √(N*/N0), which is nearly
+    linear in the pose and keeps its slope out of contact. Where it is the magnitude of three wanted forces these are
+    compared as a root vector likewise: r = s·u - √(N*/N0)·u*, with u the direction of the force (out of contact, that
+    in which the body closes the gap). Any other load as r = (load - wanted)/N0 (torques over N0·LEVER_MM).
     """
 
     model: ContactModel
@@ -48,15 +49,27 @@ class Equilibrium:
         return cls(model, tuple(pose_index(name) for name in free), tuple(targets), wanted)
 
     @property
-    def _patch_of(self) -> list[int | None]:
-        sensitive = self.model.scene.sensitive_loads
-        per_patch = len(sensitive) == len(self.model.patch_names)
-        return [sensitive.index(name) if per_patch and name in sensitive else None for name in self.names]
+    def _directed(self) -> dict[int, int]:
+        """Patch of each target (by column) that is its normal load."""
+        normals = self.model.scene.normal_loads
+        patches = {load.loads[0]: p for p, load in enumerate(normals) if load.component is not None}
+        return {column: patches[name] for column, name in enumerate(self.names) if name in patches}
+
+    @property
+    def _vectors(self) -> dict[int, list[int]]:
+        """Columns of the three targets whose magnitude is a patch's normal load, by patch."""
+        normals = self.model.scene.normal_loads
+        return {
+            p: [self.names.index(name) for name in load.loads]
+            for p, load in enumerate(normals)
+            if load.component is None and set(load.loads) <= set(self.names)
+        }
 
     def pulls(self) -> np.ndarray:
-        """True (n,) where a wanted load of a patch's sensitive direction would pull, which no contact can."""
-        columns = [column for column, patch in enumerate(self._patch_of) if patch is not None]
-        return np.asarray((self.wanted[:, columns] > 0.0).any(axis=1))
+        """True (n,) where a wanted normal load would pull, which no contact can."""
+        normals = self.model.scene.normal_loads
+        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in self._directed.items()]
+        return np.any(pulling, axis=0) if pulling else np.zeros(len(self.wanted), dtype=bool)
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
         """Named loads minus wanted loads (rows, targets) [N, N·mm]."""
@@ -74,21 +87,45 @@ class Equilibrium:
         loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
         r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
-        roots = model.root_loads(poses) if any(p is not None for p in self._patch_of) else None
-        for column, (name, patch) in enumerate(zip(self.names, self._patch_of, strict=True)):
-            if patch is not None and roots is not None:
-                r[:, column] = roots[0][:, patch] - np.sqrt(np.maximum(-self.wanted[rows, column], 0.0) / n0)
-                slope[:, column] = roots[1][:, patch]
-            else:
-                scale = n0 if is_force(name) else n0 * LEVER_MM
-                r[:, column] = misfit[:, column] / scale
-                slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
+        directed, vectors = self._directed, self._vectors
+        roots = model.root_loads(poses) if directed or vectors else (np.empty(0), np.empty(0))
+        for column, name in enumerate(self.names):
+            scale = n0 if is_force(name) else n0 * LEVER_MM
+            r[:, column] = misfit[:, column] / scale
+            slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
+        for column, patch in directed.items():
+            wanted = model.scene.normal_loads[patch].sign * self.wanted[rows, column]
+            r[:, column] = roots[0][:, patch] - np.sqrt(np.maximum(wanted, 0.0) / n0)
+            slope[:, column] = roots[1][:, patch]
+        for patch, columns in vectors.items():
+            of_loads = [model.load_names.index(self.names[column]) for column in columns]
+            wanted = self.wanted[rows][:, columns]
+            size = np.linalg.norm(wanted, axis=1, keepdims=True)
+            vector, slope[:, columns] = _root_vector(
+                loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
+            )
+            r[:, columns] = vector - wanted / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
         return r, slope[..., list(self.free)] * self.free_scales, misfit
 
     @property
     def free_scales(self) -> Array:
         """Size of one comparable step of each free parameter: 1 mm, or 1/LEVER_MM rad."""
         return np.array([1.0 if i < 3 else 1.0 / LEVER_MM for i in self.free])
+
+
+def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
+    """s·u (n, 3) and its derivatives (n, 3, 6): F/√(N·N0) in contact; out of contact along the gap's gradient.
+
+    There the turning of u is left out of the derivative: a step closes the gap first.
+    """
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0.0
+    root = np.sqrt(np.where(loaded, size, 1.0) * n0)[:, None]
+    along = force / np.where(loaded, size, 1.0)[:, None]
+    in_contact = (slope - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, slope)) / root[..., None]
+    closing = ds[:, :3] / np.maximum(np.linalg.norm(ds[:, :3], axis=1, keepdims=True), 1e-300)
+    vector = np.where(loaded[:, None], force / root, s[:, None] * closing)
+    return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
 
 
 def checked_start(poses: ArrayLike) -> Array:

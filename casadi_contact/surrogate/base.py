@@ -60,6 +60,11 @@ class Surrogate(ABC):
                 f"{scene.name!r}, expected some of {', '.join(known)}"
             )
 
+    @staticmethod
+    def fits(scene: Scene) -> bool:
+        """True where this structure can stand for the scene's loads."""
+        return True
+
     @classmethod
     @abstractmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:

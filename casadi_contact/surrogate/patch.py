@@ -2,16 +2,15 @@
 
 Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p):
 
-    N_p = N0·max(s_p, 0)²,   wrench component along the sensitive load: -N_p,   every other component k: N_p·ρ_pk
+    N_p = N0·max(s_p, 0)²,   wrench component along the sensitive load: ±N_p,   every other component k: N_p·ρ_pk
 
-so that loads vanish exactly out of contact and nothing ever pulls. Networks are named ``root_med``,
-``ratio_med_Fx`` and so on.
+so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
+load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -39,17 +38,6 @@ def ratio_name(patch: str, component: str) -> str:
     return f"ratio_{patch}_{component}"
 
 
-def sensitive_components(scene: Scene) -> dict[str, str]:
-    """Wrench component along which each patch is pressed (it is -N): med -> Fy."""
-    components = {}
-    for patch, load in zip(scene.patch_names, scene.sensitive_loads, strict=True):
-        component, _, of_patch = load.partition("_")
-        if of_patch not in ("", patch) or (not of_patch and len(scene.patch_names) > 1):
-            raise ValueError(f"sensitive load {load!r} is not a load of patch {patch!r}, expected one load per patch")
-        components[patch] = component
-    return components
-
-
 def _touched(selection: Array) -> np.ndarray:
     """Wrench components (P, 6) that a selection (L, P, 6) needs."""
     return np.asarray((selection != 0.0).any(axis=0))
@@ -63,27 +51,25 @@ class PatchSurrogate(Surrogate):
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         names = []
-        for patch, sensitive in sensitive_components(scene).items():
-            names += [root_name(patch), *(ratio_name(patch, k) for k in WRENCH_NAMES if k != sensitive)]
+        for normal in scene.normal_loads:
+            patch = normal.patch
+            names += [root_name(patch), *(ratio_name(patch, k) for k in WRENCH_NAMES if k != normal.component)]
         return dict.fromkeys(names, 6)
 
     @staticmethod
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
-        return patch_regressions(samples, sensitive_components(samples.scene), gap_weight=gap_weight)
-
-    @cached_property
-    def _sensitive(self) -> dict[str, str]:
-        return sensitive_components(self.scene)
+        return patch_regressions(samples, gap_weight=gap_weight)
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
         selection = load_selection(loads, scene.patch_names)
         names = []
-        for p, (patch, sensitive) in enumerate(sensitive_components(scene).items()):
+        for p, normal in enumerate(scene.normal_loads):
             used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
             if used:
-                names += [root_name(patch), *(ratio_name(patch, k) for k in used if k != sensitive)]
+                ratios = (ratio_name(normal.patch, k) for k in used if k != normal.component)
+                names += [root_name(normal.patch), *ratios]
         return names
 
     def _root_networks(self) -> list[str]:
@@ -128,7 +114,7 @@ class PatchSurrogate(Surrogate):
         """Wrenches (n, P, 6) and d/dpose (n, P, 6, 6), zero where used (P, 6) is False."""
         n, patches = len(poses), len(self.patch_names)
         wrenches, jacobian = np.zeros((n, patches, 6)), np.zeros((n, patches, 6, 6) if derivative else (0, 0, 0, 0))
-        for p, (patch, sensitive) in enumerate(self._sensitive.items()):
+        for p, pressed in enumerate(self.scene.normal_loads):
             if not used[p].any():
                 continue
             s, ds = self._root(poses, p, derivative=derivative)
@@ -138,10 +124,11 @@ class PatchSurrogate(Surrogate):
             for k, component in enumerate(WRENCH_NAMES):
                 if not used[p, k]:
                     continue
-                if component == sensitive:
-                    ratio, d_ratio = np.full(n, -1.0), np.zeros_like(ds)
+                if component == pressed.component:
+                    ratio, d_ratio = np.full(n, pressed.sign), np.zeros_like(ds)
                 else:
-                    ratio, d_ratio = self._network(ratio_name(patch, component), poses, p, derivative=derivative)
+                    name = ratio_name(pressed.patch, component)
+                    ratio, d_ratio = self._network(name, poses, p, derivative=derivative)
                 wrenches[:, p, k] = normal * ratio
                 if derivative:
                     jacobian[:, p, k] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
@@ -168,5 +155,8 @@ class PatchSurrogate(Surrogate):
                 k: self.networks[ratio_name(patch, k)] for k in WRENCH_NAMES if ratio_name(patch, k) in self.networks
             }
             root = self.networks[root_name(patch)]
-            patches.append(PatchNetworks(patch, self.scene.anchors_mm[p], self._sensitive[patch], root, ratios))
+            normal = self.scene.normal_loads[p]
+            patches.append(
+                PatchNetworks(patch, self.scene.anchors_mm[p], normal.component, root, ratios, sign=normal.sign)
+            )
         return patches, load_selection(loads, self.patch_names)[:, present]

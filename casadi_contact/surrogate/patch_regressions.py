@@ -37,7 +37,7 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
-def patch_regressions(samples: Samples, sensitive: Mapping[str, str], *, gap_weight: float) -> list[Regression]:
+def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
     """Regressions for the root load and the ratios of every patch, for those that the scene's loads need.
 
     Root: target `root_target`, weight `root_weight`; ratio: target W_k/N, weight N, so that residuals are in N or
@@ -53,17 +53,18 @@ def patch_regressions(samples: Samples, sensitive: Mapping[str, str], *, gap_wei
     gaps_mm = samples.gaps[rows]
     selection = load_selection(scene.load_names, scene.patch_names)
     regressions = []
-    for p, (patch, component) in enumerate(sensitive.items()):
-        used = [k for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != component]
+    for p, pressed in enumerate(scene.normal_loads):
+        patch = pressed.patch
+        used = [k for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != pressed.component]
         if not selection[:, p].any():
             continue
         wrench = all_wrenches[:, p]
-        normal = -wrench[:, WRENCH_NAMES.index(component)]
+        normal = pressed.of(wrench)
         if normal.min() < -0.01 * scene.boundary_load:  # beyond rounding of a model that extrapolates
             worst = int(np.argmin(normal))
             raise ValueError(
                 f"samples: patch {patch!r} pulls with {-normal[worst]:.3g} N at row {np.flatnonzero(rows)[worst]}, "
-                f"expected {component} <= 0 (compression is negative)"
+                f"expected {pressed.component} {'>' if pressed.sign > 0.0 else '<'}= 0"
             )
         lost = (normal <= 0.0) & ~np.isfinite(gaps_mm[:, p])
         if lost.any():

@@ -37,8 +37,18 @@ class TwoStageSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        if not cls.fits(scene):
+            raise ValueError(
+                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
+                "clamps: use the patch structure"
+            )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
         return {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
+
+    @staticmethod
+    def fits(scene: Scene) -> bool:
+        """True where every patch is pressed along a negative force, which this structure's clamp is made for."""
+        return all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:

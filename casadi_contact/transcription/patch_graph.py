@@ -23,13 +23,17 @@ from casadi_contact.transcription.network_graph import NetworkValue, network_val
 
 @dataclass(frozen=True)
 class PatchNetworks:
-    """The networks of one patch: root s_p and ratios ρ_pk by wrench component; ``sensitive`` is the component -N."""
+    """The networks of one patch: root s_p and ratios ρ_pk by wrench component.
+
+    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio.
+    """
 
     name: str
     anchor_mm: Array
-    sensitive: str
+    sensitive: str | None
     root: Network
     ratios: Mapping[str, Network]
+    sign: float = -1.0
 
 
 def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
@@ -56,7 +60,9 @@ def _times(normal: NetworkValue, ratio: NetworkValue, order: int) -> NetworkValu
     return NetworkValue(value, gradient, hessian)
 
 
-def _negative(normal: NetworkValue) -> NetworkValue:
+def _signed(sign: float, normal: NetworkValue) -> NetworkValue:
+    if sign > 0.0:
+        return normal
     return NetworkValue(-normal.value, -normal.gradient, -normal.hessian)
 
 
@@ -80,7 +86,7 @@ def patch_expressions(
         for k in used:
             component = WRENCH_NAMES[k]
             if component == patch.sensitive:
-                wrench.append(_negative(normal))
+                wrench.append(_signed(patch.sign, normal))
             else:
                 wrench.append(_times(normal, network_value(patch.ratios[component], local.x, order), order))
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))

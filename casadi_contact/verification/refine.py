@@ -120,11 +120,13 @@ def _drawn_around(
     starts = frames.copy()
     starts[:, columns] += SPREAD * trust.scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
     loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
-    pressing = np.array([name in scene.sensitive_loads for name in point.load_inputs])
-    loads[:, pressing] = np.minimum(loads[:, pressing], -scene.boundary_load)
     role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
     lifted = rng.random(len(frames)) < LIFTED_SHARE
-    loads[np.ix_(lifted, pressing)] = -scene.boundary_load
+    for normal in scene.normal_loads:
+        if set(normal.loads) <= set(point.load_inputs):
+            columns = [point.load_inputs.index(name) for name in normal.loads]
+            pressed = normal.at_least(loads[:, columns], scene.boundary_load)
+            loads[:, columns] = np.where(lifted[:, None], normal.sized(pressed, scene.boundary_load), pressed)
     parts = []
     for domain, rows in ((1, ~lifted), (5, lifted)):
         wanted = dict(zip(point.load_inputs, loads[rows].T, strict=True))

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from casadi_contact.sampling import Envelopes
+from casadi_contact.scenes.normal_load import normal_loads
 
 # Two cycles, two frames. tx: 0..1 and 0..3 (widths 1, 3; mean 2).
 # Fy_med: -100..-60 and -20..-20 (widths 40, 0; mean 20).
@@ -40,7 +41,7 @@ def test_d3_by_hand():
 
 def test_no_bound_pulls():
     """Fy_med of D2 reaches +20 N in frame 2 and -20 N in frame 1; 5 N of compression is the boundary."""
-    pushing = REFERENCE.expanded(1.0, 2.0, {}).pushing(["Fy_med", "Fy_lat"], 5.0)
+    pushing = REFERENCE.expanded(1.0, 2.0, {}).pushing(normal_loads(["Fy_med", "Fy_lat"], ["med", "lat"]), 5.0)
     np.testing.assert_allclose(pushing.upper, [[5.0, -20.0], [6.0, -5.0]])
     np.testing.assert_allclose(pushing.lower, [[-4.0, -140.0], [-3.0, -60.0]])
 

@@ -80,6 +80,9 @@ class Cycle:
     rz: np.ndarray
     loads: dict
 
+    def measured_pose(self):
+        return {"ry": self.ry, "rz": self.rz}
+
     def targets(self):
         return self.loads
 

@@ -10,7 +10,8 @@ from tests.random_surrogates import random_poses, random_surrogate
 
 torch_oracle = pytest.importorskip("tests.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
-CASES = [("knee", "patch"), ("knee", "two_stage"), ("sphere_on_plane", "patch"), ("sphere_on_plane", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
+CASES += [("hip", "patch"), ("patellofemoral", "patch")]  # N as a magnitude, N = +Fx
 
 
 def close(got, want, digits, least=1e-300):

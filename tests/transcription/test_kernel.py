@@ -14,7 +14,8 @@ from tests.transcription.test_consistency import close, second_derivatives
 torch_oracle = pytest.importorskip("tests.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 pytestmark = needs_compiler
 
-CASES = [("knee", "patch"), ("knee", "two_stage"), ("sphere_on_plane", "patch"), ("sphere_on_plane", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
+CASES += [("hip", "patch"), ("patellofemoral", "patch")]  # N as a magnitude, N = +Fx
 
 
 def far_poses(count: int) -> np.ndarray:

@@ -41,12 +41,12 @@ $rows
   }
 }
 
-/* N times phi = sum_k c_k ratio_k - c of the sensitive component: one weighted sum for all loads. */
+/* N times phi = sum_k c_k ratio_k + sign c of the sensitive component: one weighted sum for all loads. */
 INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const double *loads_weight, double root_weight,
                              double *hessian) {
   const Local local = local_of(pose, frame, $anchor, 1);
   const double c[RATIOS] = {$ratio_weights}, one = 1.0;
-  double s, ds[6] = {0}, d2s[36] = {0}, ratio[RATIOS], phi = -($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
+  double s, ds[6] = {0}, d2s[36] = {0}, ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
   root_${patch}_hessian(local.x, &one, &s, ds, d2s);
   if (s > 0.0) {
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
@@ -123,6 +123,7 @@ def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: flo
     """Networks and functions of one patch; selection (L, 6) picks its wrench components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
     ratios = [name for name in used if name != patch.sensitive]
+    sign = "-" if patch.sign < 0.0 else ""
     bundles = [
         Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}),
         Bundle(f"ratios_{patch.name}", 6, {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios}),
@@ -142,7 +143,7 @@ def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: flo
             for load, name, share in picked
         ]
 
-    def weight(component: str) -> str:
+    def weight(component: str | None) -> str:
         return " + ".join(f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
 
     code = _PATCH.substitute(
@@ -151,17 +152,18 @@ def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: flo
         n0=repr(float(reference_load)),
         anchor=_anchor(patch),
         ratios=len(ratios),
-        loads=_lines(sums("loads[{load}]", "-normal", "normal * ratio[{m}]"), 2),
+        loads=_lines(sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"), 2),
         rows=_lines(
             sums(
                 "loads_jacobian[{load}][j]",
-                "(-slope * ds[j])",
+                f"({sign}slope * ds[j])",
                 "(slope * ratio[{m}] * ds[j] + normal * d_ratio[{m}][j])",
             ),
             4,
         ),
-        lane_loads=_lines(sums("loads[{load}][l]", "-normal", "normal * all_ratios[{m} * LANES + l]"), 4),
+        lane_loads=_lines(sums("loads[{load}][l]", f"{sign}normal", "normal * all_ratios[{m} * LANES + l]"), 4),
         ratio_weights=", ".join(weight(name) for name in ratios) or "0.0",
+        sign=sign,
         sensitive_weight=weight(patch.sensitive) or "0.0",
     )
     return bundles, code

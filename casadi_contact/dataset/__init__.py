@@ -1,0 +1,29 @@
+"""Samples of a contact model, their HDF5 file, and tables of samples from elsewhere."""
+
+from casadi_contact.dataset.samples import (
+    COLUMNS,
+    DOMAINS,
+    ROLES,
+    TEST,
+    TRAIN,
+    VALIDATION,
+    Samples,
+    partial_folder,
+    read_samples,
+    write_samples,
+)
+from casadi_contact.dataset.table import read_table
+
+__all__ = [
+    "COLUMNS",
+    "DOMAINS",
+    "ROLES",
+    "TEST",
+    "TRAIN",
+    "VALIDATION",
+    "Samples",
+    "partial_folder",
+    "read_samples",
+    "read_table",
+    "write_samples",
+]

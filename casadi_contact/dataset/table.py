@@ -1,0 +1,118 @@
+"""A user's own table of samples, from any contact model or measurement, in CSV or HDF5.
+
+Columns (HDF5: data sets of one dimension) by name, one row per pose:
+
+    tx ty tz rx ry rz     pose [mm, rad]
+    Fx ... Tz             wrench on the fixed body [N, N·mm]; Fx_med ... for scenes of several patches. Needed are
+                          those that the scene's loads and normal loads are made of.
+    gap, gap_med ...      distance of each patch [mm], for rows out of contact; may be left out
+    domain, role          numbers of domain (1 for D1) and role (0 train, 1 validation, 2 test); may be left out
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
+from casadi_contact.dataset.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes import Scene
+from casadi_contact.scenes.columns import read_columns
+
+_LEAST_ROWS = 10
+
+
+def read_table(
+    path: str | Path,
+    scene: Scene,
+    *,
+    validation_fraction: float = 0.1,
+    test_fraction: float = 0.1,
+    seed: int = 0,
+) -> Samples:
+    """Samples from a table; rows without a role are split at random into training, validation and test rows.
+
+    Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, columns of
+    different length, too few rows and fractions outside 0..0.5.
+    """
+    for name, fraction in (("validation_fraction", validation_fraction), ("test_fraction", test_fraction)):
+        if not 0.0 < fraction <= 0.5:
+            raise ValueError(f"{name} is {fraction}, expected a number above 0, up to 0.5")
+    path = Path(path)
+    wrench_columns = _wrench_columns(scene)
+    needed: np.ndarray = np.any(load_selection(scene.load_names, scene.patch_names) != 0.0, axis=0)
+    for p, normal in enumerate(scene.normal_loads):
+        needed[p, range(3) if normal.index is None else [normal.index]] = True
+    required = [*POSE_NAMES, *(wrench_columns[p][k] for p, k in np.argwhere(needed))]
+    gap_columns = [_of_patch("gap", patch, scene) for patch in scene.patch_names]
+    rest = [column for columns in wrench_columns for column in columns if column not in required]
+    read = _read_hdf5 if path.suffix.lower() in (".h5", ".hdf5") else _read_csv
+    table = read(path, required, [*rest, *gap_columns, "domain", "role"])
+    count = len(table[POSE_NAMES[0]])
+    if count < _LEAST_ROWS:
+        raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
+    zero, unknown = np.zeros(count), np.full(count, np.nan)
+    wrenches = np.stack(
+        [np.stack([table.get(column, zero) for column in columns], axis=1) for columns in wrench_columns], axis=1
+    )
+    role = table.get("role")
+    return Samples(
+        scene,
+        poses=np.stack([table[name] for name in POSE_NAMES], axis=1),
+        wrenches=wrenches,
+        gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
+        domain=_whole(path, "domain", table.get("domain", np.ones(count))),
+        role=_split(count, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
+        provenance={"table": path.name, "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
+    )
+
+
+def _of_patch(name: str, patch: str, scene: Scene) -> str:
+    return name if len(scene.patch_names) == 1 else f"{name}_{patch}"
+
+
+def _wrench_columns(scene: Scene) -> list[list[str]]:
+    """Column of each wrench component of each patch."""
+    return [[_of_patch(component, patch, scene) for component in WRENCH_NAMES] for patch in scene.patch_names]
+
+
+def _read_csv(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
+    return read_columns(path, required=required, optional=optional)
+
+
+def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
+    if not path.is_file():
+        raise FileNotFoundError(f"file {path} does not exist")
+    try:
+        with h5py.File(path, "r") as file:
+            missing = [column for column in required if column not in file]
+            if missing:
+                raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(file)}")
+            columns = {c: np.asarray(file[c][()], dtype=float) for c in (*required, *optional) if c in file}
+    except (OSError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path} is not an HDF5 file with columns of numbers ({error})") from None
+    count = columns[required[0]].size
+    for name, column in columns.items():
+        if column.shape != (count,) or not np.isfinite(column).all():
+            raise ValueError(f"{path}: {name} of shape {column.shape} is not {count} finite numbers")
+    return columns
+
+
+def _whole(path: Path, name: str, column: Array) -> np.ndarray:
+    if np.any(column != np.round(column)) or column.min() < 0.0 or column.max() > 255.0:
+        raise ValueError(f"{path}: {name} holds other numbers than those of a {name}")
+    return column.astype(np.uint8)
+
+
+def _split(count: int, validation_fraction: float, test_fraction: float, seed: int) -> np.ndarray:
+    """Roles (count,) drawn at random, at least one row of each."""
+    order = np.random.default_rng(seed).permutation(count)
+    test = max(1, round(test_fraction * count))
+    validation = max(1, round(validation_fraction * count))
+    role = np.full(count, TRAIN, dtype=np.uint8)
+    role[order[:test]] = TEST
+    role[order[test : test + validation]] = VALIDATION
+    return role

@@ -1,0 +1,111 @@
+"""The normal load N of a patch: how hard it is pressed, as a scene's ``loads.sensitive`` names it for each patch.
+
+    "Fy_med", "-Fy_med"   N = -Fy of the patch med: pressed along -y (a knee's plateau, from above)
+    "+Fx_med"             N = +Fx of the patch med: pressed along +x
+    "F", "F_med"          N = |F|, the magnitude of the patch's force: no single direction (a hip)
+
+A scene of one patch may leave the patch's name out; in one of several, a single name without patch holds for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import WRENCH_NAMES, Array
+
+FORCE_NAMES = WRENCH_NAMES[:3]
+
+
+@dataclass(frozen=True)
+class NormalLoad:
+    """N = sign·component of a patch's wrench, or the magnitude of its force where component is None.
+
+    loads: the named loads that N is made of, one with a direction, three without.
+    """
+
+    patch: str
+    component: str | None
+    sign: float
+    loads: tuple[str, ...]
+
+    @property
+    def index(self) -> int | None:
+        """Column of the component in a wrench; None for a magnitude."""
+        return None if self.component is None else WRENCH_NAMES.index(self.component)
+
+    @property
+    def direction(self) -> Array | None:
+        """Unit vector (3,) along which the moving body presses the patch; None for a magnitude."""
+        return None if self.index is None else self.sign * np.eye(3)[self.index]
+
+    def of(self, wrenches: Array) -> Array:
+        """N (...) [N] of the patch's wrenches (..., 6)."""
+        if self.index is None:
+            return np.linalg.norm(wrenches[..., :3], axis=-1)
+        return self.sign * wrenches[..., self.index]
+
+    def slope(self, wrenches: Array, slopes: Array) -> Array:
+        """dN (..., k) for d wrench (..., 6, k); F·dF/|F| for a magnitude, zero without force."""
+        if self.index is None:
+            size = self.of(wrenches)[..., None]
+            unit = wrenches[..., :3] / np.where(size > 0.0, size, 1.0)
+            return np.einsum("...i,...ij->...j", unit, slopes[..., :3, :])
+        return self.sign * slopes[..., self.index, :]
+
+    def sized(self, forces: Array, size: Array | float) -> Array:
+        """Values (n, len(loads)) of the named loads with N = size, (n,) or one number; a force keeps its direction."""
+        size = np.broadcast_to(size, len(forces))[:, None]
+        if self.index is not None:
+            return self.sign * size
+        return forces * (size / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-300))
+
+    def at_least(self, forces: Array, least: float) -> Array:
+        """Values (n, len(loads)) of the named loads with N brought up to `least` where it is smaller, or pulls."""
+        size = self.sign * forces[:, 0] if self.index is not None else np.linalg.norm(forces, axis=1)
+        return self.sized(forces, np.maximum(size, least))
+
+
+def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
+    """The normal load of each patch from its text, in patch order.
+
+    Raises ValueError for text that is no such load, and unless there is one for each patch.
+    """
+    if len(names) == 1 and len(patch_names) > 1 and names[0].lstrip("+-") in (*FORCE_NAMES, "F"):
+        names = [f"{names[0]}_{patch}" for patch in patch_names]
+    found = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
+    missing = [patch for patch in patch_names if patch not in found]
+    if missing or len(names) != len(patch_names):
+        raise ValueError(
+            f"scene: loads.sensitive = {list(names)!r}, expected one load for each of the patches "
+            f"{', '.join(patch_names)}"
+        )
+    return tuple(found[patch] for patch in patch_names)
+
+
+def _normal_load(text: str, patch_names: Sequence[str]) -> NormalLoad:
+    name = text.lstrip("+-")
+    component, _, patch = name.partition("_")
+    if not patch and len(patch_names) == 1:
+        patch = patch_names[0]
+    signed = text != name
+    if component not in (*FORCE_NAMES, "F") or patch not in patch_names or (component == "F" and signed):
+        possible = [f"{sign}{force}_{p}" for p in patch_names for sign in "-+" for force in FORCE_NAMES]
+        possible += [f"F_{p}" for p in patch_names]
+        raise ValueError(f"scene: unknown load {text!r} in loads.sensitive, expected one of {', '.join(possible)}")
+    if component == "F":
+        suffix = name[1:]
+        return NormalLoad(patch, None, 1.0, tuple(f"{force}{suffix}" for force in FORCE_NAMES))
+    return NormalLoad(patch, component, 1.0 if text.startswith("+") else -1.0, (name,))
+
+
+def normal_forces(loads: Sequence[NormalLoad], wrenches: Array) -> Array:
+    """N of every patch (n, patches) for wrenches (n, patches, 6)."""
+    return np.stack([load.of(wrenches[:, p]) for p, load in enumerate(loads)], axis=1)
+
+
+def normal_slopes(loads: Sequence[NormalLoad], wrenches: Array, slopes: Array) -> Array:
+    """dN (n, patches, k) for d wrench (n, patches, 6, k)."""
+    return np.stack([load.slope(wrenches[:, p], slopes[:, p]) for p, load in enumerate(loads)], axis=1)

@@ -1,0 +1,54 @@
+"""Sensitive directions of a contact model: which pose changes change its loads most (§2.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses, is_force
+from casadi_contact.statics.equilibrium import LEVER_MM
+
+
+@dataclass(frozen=True)
+class SensitiveDirections:
+    """How strongly a contact model's loads answer to its pose parameters, in comparable units [N/mm].
+
+    names: pose parameters, most sensitive first; stiffness by name: root of the sum of squares of the loads' changes
+    (torques over the lever) by 1 mm, or by the rotation that moves a point at the lever by 1 mm. directions (6, 6):
+    the unit directions of pose change (tx ty tz [mm], rx ry rz [rad times lever]) in rows, strongest first, and
+    their stiffnesses (6,): the right singular vectors and singular values of the scaled Jacobian.
+    """
+
+    names: tuple[str, ...]
+    stiffness: dict[str, float]
+    directions: Array
+    stiffnesses: Array
+
+    def __str__(self) -> str:
+        lines = [f"  {name}  {self.stiffness[name]:12.1f}" for name in self.names]
+        return "\n".join(["stiffness [N/mm], rotations at the lever:", *lines])
+
+
+def sensitive_directions(model: ContactModel, pose: ArrayLike, *, lever_mm: float = LEVER_MM) -> SensitiveDirections:
+    """Rank the pose parameters by the loads they change at a pose (6,) in contact.
+
+    With S = D_loads⁻¹·(d loads/d pose)·D_pose, D = 1 for forces and translations, the lever for torques and 1/lever
+    for rotations. Raises ValueError for a bad pose or lever, and out of contact, where no load changes.
+    """
+    if not np.isfinite(lever_mm) or lever_mm <= 0.0:
+        raise ValueError(f"lever_mm is {lever_mm}, expected a length above 0")
+    poses = as_poses(np.atleast_2d(np.asarray(pose, dtype=float)))
+    if len(poses) != 1:
+        raise ValueError(f"got {len(poses)} poses, expected one: tx ty tz [mm] rx ry rz [rad]")
+    of_load = np.array([1.0 if is_force(name) else lever_mm for name in model.load_names])
+    of_pose = np.array([1.0] * 3 + [lever_mm] * 3)
+    scaled = model.jacobian(poses)[1][0] / of_load[:, None] / of_pose
+    if not scaled.any():
+        raise ValueError("no load changes at this pose, expected a pose in contact")
+    columns = np.linalg.norm(scaled, axis=0)
+    _, values, directions = np.linalg.svd(np.vstack([scaled, np.zeros((6, 6))]), full_matrices=False)
+    ranked = tuple(POSE_NAMES[k] for k in np.argsort(-columns, kind="stable"))
+    return SensitiveDirections(ranked, dict(zip(POSE_NAMES, columns.tolist(), strict=True)), directions, values)

@@ -1,0 +1,73 @@
+"""A contact model of one's own, with no elastic foundation behind it: a ball of stiffness k in a spherical socket.
+
+With the ball's centre displaced by e from the socket's: F = k·max(|e| - c, 0)²·e/|e|, T = centre × F.
+"""
+
+import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.scenes import Scene
+
+CLEARANCE_MM, STIFFNESS = 0.4, 2.0e5  # N/mm²
+CENTRE_MM = np.array([5.0, -3.0, 2.0])
+
+SCENE = Scene.from_toml("""
+format = 1
+name = "socket"
+shape = "own_model"
+
+[geometry.patches]
+contact = { anchor = [0.0, 0.0, 0.0] }
+
+[loads]
+names = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"]
+sensitive = ["F"]
+sensitive_pose = ["tx", "ty", "tz"]
+reference_load = 1000.0
+gap_slope = 14.0
+boundary_load = 5.0
+
+[motion]
+cycles = 3
+
+[motion.harmonics]
+Fx_N = [20.0, 40.0, 10.0]
+Fy_N = [500.0, 200.0, 30.0]
+Fz_N = [50.0, 20.0, -40.0]
+rx_rad = [0.0, 0.1, 0.0]
+ry_rad = [0.1, 0.0, 0.1]
+rz_rad = [0.0, 0.3, 0.1]
+
+[sampling]
+counts = { D1 = 4000, D2 = 2000, D3 = 4000, D4 = 0, D5 = 900, D6 = 0, D7 = 300 }
+liftoff_mm = 0.4
+
+[tolerances]
+Fx = 2.0
+Fy = 2.0
+Fz = 2.0
+Tx = 10.0
+Ty = 10.0
+Tz = 10.0
+""")
+
+
+def _displacement(poses):
+    e = poses[:, :3] - CENTRE_MM
+    return e, np.maximum(np.linalg.norm(e, axis=1), 1e-12)
+
+
+def wrenches(poses):
+    e, size = _displacement(poses)
+    force = (STIFFNESS * np.maximum(size - CLEARANCE_MM, 0.0) ** 2 / size)[:, None] * e
+    return np.concatenate([force, np.cross(CENTRE_MM, force)], axis=1)[:, None, :]
+
+
+def gaps(poses):
+    return CLEARANCE_MM - _displacement(poses)[1][:, None]
+
+
+def models(scene, settings):
+    """A pair of models for draw_samples, importable by worker processes."""
+    model = cc.CallableModel(scene, wrenches, gaps)
+    return model, model

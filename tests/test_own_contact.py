@@ -1,0 +1,119 @@
+"""A user's own contact model, as a Python callable or as a table, becomes a surrogate with no elastic foundation."""
+
+import csv
+from concurrent.futures import ThreadPoolExecutor
+
+import casadi as ca
+import h5py
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import pipeline
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
+from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.report import evaluation_tables, read_evaluation
+from tests import own_contact
+
+SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 10.0), "ratio": Effort(((6, 6),), 3.0)}})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small():
+    PRESETS["small"] = SMALL
+    yield
+    del PRESETS["small"]
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "socket.toml"
+    path.write_text(own_contact.SCENE.to_toml())
+    return path
+
+
+def table_rows(count=1200):
+    rng = np.random.default_rng(0)
+    directions = np.array([0.1, 0.9, 0.2]) + rng.uniform(-0.2, 0.2, (count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    size = own_contact.CLEARANCE_MM + rng.uniform(-0.02, 0.08, (count, 1))
+    poses = np.hstack([own_contact.CENTRE_MM + size * directions, rng.uniform(-0.3, 0.3, (count, 3))])
+    columns = dict(zip(POSE_NAMES, poses.T, strict=True))
+    columns |= dict(zip(WRENCH_NAMES, own_contact.wrenches(poses)[:, 0].T, strict=True))
+    return columns | {"gap": own_contact.gaps(poses)[:, 0]}
+
+
+def write_csv(path, columns):
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(np.column_stack(list(columns.values())).tolist())
+    return path
+
+
+def write_hdf5(path, columns):
+    with h5py.File(path, "w") as file:
+        for name, column in columns.items():
+            file[name] = column
+    return path
+
+
+def check_surrogate(project):
+    """The surrogate and its CasADi function say what the user's own model says, and nothing out of contact."""
+    surrogate = cc.load_surrogate(project.surrogate_path("patch"))
+    rng = np.random.default_rng(5)
+    directions = np.array([0.1, 0.9, 0.1]) + rng.uniform(-0.05, 0.05, (50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    poses = np.hstack([own_contact.CENTRE_MM + 0.44 * directions, np.zeros((50, 3))])
+    want = own_contact.wrenches(poses)[:, 0]
+    np.testing.assert_allclose(surrogate(poses), want, atol=0.05 * np.abs(want).max(axis=0).max())
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "socket.casadi"))
+    np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
+    inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
+    assert not surrogate(inside).any()
+    # IPOPT finds the pose that carries a wanted force.
+    pose, wanted = ca.MX.sym("pose", 6), want[0, :3]
+    load = surrogate.function(["Fx", "Fy", "Fz"])
+    problem = {"x": pose, "f": ca.sumsqr(pose[3:]), "g": load(pose) - ca.DM(wanted)}
+    solver = ca.nlpsol("solver", "ipopt", problem, {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"})
+    found = solver(x0=poses[0] + [0.005, 0.01, 0.0, 0.0, 0.0, 0.0], lbg=0.0, ubg=0.0)["x"].full().T
+    assert solver.stats()["success"]
+    np.testing.assert_allclose(surrogate(found)[0, :3], wanted, atol=1e-4)
+    content = read_evaluation(project.folder / "evaluation.json")
+    assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
+    assert len(evaluation_tables(content)) == 2
+
+
+def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp_path):
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    with ThreadPoolExecutor(1) as executor:
+        samples, report = pipeline.sample(project, executor=executor, models=own_contact.models)
+    assert report.converged.all()
+    assert (samples.select("D5").wrenches == 0.0).all()
+    np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
+    pipeline.train(project)
+    pipeline.evaluate(project)
+    pipeline.export(project)
+    check_surrogate(project)
+
+
+@pytest.mark.parametrize(("name", "write"), [("samples.csv", write_csv), ("samples.h5", write_hdf5)])
+def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name, write):
+    table = write(tmp_path / name, table_rows())
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    samples = pipeline.take_table(project, table)
+    assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
+    pipeline.train(project)
+    pipeline.evaluate(project)
+    pipeline.export(project)
+    check_surrogate(project)
+    assert pipeline.take_table(project, table).provenance["table"] == name
+    with pytest.raises(ValueError, match="was not made from"):
+        pipeline.take_table(project, write(tmp_path / f"other-{name}", table_rows(50)))
+
+
+def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        cc.ElasticFoundation(own_contact.SCENE)
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
