@@ -20,7 +20,7 @@ def draw_speed_accuracy(front: Front) -> Any:
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         shown.append(_scatter(axis, front, "value", error))
         axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind} error [{unit}]")
-    return _labelled(figure, axes, shown)
+    return _labelled(figure, axes, shown, front)
 
 
 def draw_gradient_hessian_time(front: Front) -> Any:
@@ -30,7 +30,7 @@ def draw_gradient_hessian_time(front: Front) -> Any:
     for axis, (what, label) in zip(axes, (("jacobian", "Jacobian"), ("hessian", "Lagrangian Hessian")), strict=True):
         shown.append(_scatter(axis, front, what, "force_rms_n"))
         axis.set(xlabel=f"time per {label} [µs]", ylabel="RMS force error [N]")
-    return _labelled(figure, axes, shown)
+    return _labelled(figure, axes, shown, front)
 
 
 def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
@@ -54,13 +54,13 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
     return shown
 
 
-def _labelled(figure: Any, axes: Any, shown: list[list[Measured]]) -> Any:
+def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front) -> Any:
     """Legend, then the labels, when nothing moves any more."""
     legend_beside(figure, axes)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    styles = family_styles(families(front.points))
     for axis, points in zip(axes, shown, strict=True):
-        styles = family_styles(families([point for point, *_ in points]))
         labels = [
             (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].text_colour)
             for point, timing, rms in points
