@@ -21,13 +21,19 @@ import typer
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.dataset import read_samples
+from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.scenes.cycles import LoadCycle
 from casadi_contact.scenes.motion import reference_cycle
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.surrogate import PatchSurrogate, Surrogate, calibrated, load_surrogate
+from casadi_contact.surrogate.info import samples_record
+from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.verification import Refinement, Solve, refine
+from casadi_contact.workers import worker_pool
 from problems import pose_estimation
+
+WALKING_DOMAINS = ("D1", "D5", "D7")
+WALKING_ONLY_S = 45.0  # training of each root network
 
 
 def beyond(cycle: LoadCycle, loads: float, flexion_deg: float) -> LoadCycle:
@@ -39,6 +45,25 @@ def beyond(cycle: LoadCycle, loads: float, flexion_deg: float) -> LoadCycle:
         fy_med=loads * cycle.fy_med,
         fy_lat=loads * cycle.fy_lat,
     )
+
+
+def walking_only(samples: Samples, seconds: float) -> tuple[Surrogate, Samples]:
+    """A patch surrogate of the samples around walking alone (D1, and D5 and D7 for liftoff), and those samples.
+
+    Roots have 16-16-16 neurons, ratios 12-12 and a quarter of the seconds.
+    """
+    narrow = samples.select(domain=WALKING_DOMAINS)
+    regressions = PatchSurrogate.regressions(narrow)
+    settings = {
+        r.name: TrainingSettings(sizes=((16, 16, 16),), max_time_s=seconds)
+        if r.name.startswith("root")
+        else TrainingSettings(sizes=((12, 12),), max_time_s=0.25 * seconds)
+        for r in regressions
+    }
+    with worker_pool() as workers:
+        fits = fit_all([replace(r, tolerance=0.2 * r.tolerance) for r in regressions], settings, workers)
+    networks = {name: fit.network for name, fit in fits.items()}
+    return calibrated(PatchSurrogate(samples.scene, networks, samples_record(narrow)), narrow), narrow
 
 
 def build(cycle: LoadCycle, tell: Callable[[str], None] | None = None) -> Solve:
@@ -89,11 +114,16 @@ def run(
     frames: Annotated[int, typer.Option(min=2, help="frames of the cycle")] = 101,
     rounds: Annotated[int, typer.Option(min=0, help="refinements at most")] = 3,
     seconds: Annotated[float, typer.Option(help="training at most, for each network in each round")] = 30.0,
+    narrow: Annotated[bool, typer.Option("--walking-only", help="begin with what walking alone teaches")] = False,
     out: Annotated[Path, typer.Option(help="folder for refine_beyond.csv and refined.h5")] = Path("results"),
 ) -> None:
     """Solve a cycle outside the learned region, verify the solution, and refine the surrogate until it passes."""
     writable_folder(out)  # before minutes of training
-    surrogate, samples = load_surrogate(project / f"{structure}.h5"), read_samples(project / "samples.h5")
+    samples = read_samples(project / "samples.h5")
+    if narrow:
+        surrogate, samples = walking_only(samples, WALKING_ONLY_S)
+    else:
+        surrogate = load_surrogate(project / f"{structure}.h5")
     cycle = beyond(reference_cycle(frames), loads, flexion)
     teacher = ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
     result = refine(surrogate, samples, build(cycle, print), teacher, rounds=rounds, seconds=seconds, progress=print)

@@ -68,8 +68,23 @@ def test_twice_the_loads_and_40_degrees_are_seen_to_be_beyond(project, tmp_path)
     assert not (tmp_path / "refined.h5").exists()
 
 
+def test_walking_alone_teaches_nothing_of_other_domains():
+    scene = cc.load_scene("knee")
+    walking = pose_estimation.solve(pose_estimation.build(cc.load_surrogate("knee"), reference_cycle())).poses
+    rng = np.random.default_rng(0)
+    poses = np.repeat(walking, 6, axis=0) + rng.normal(size=(606, 6)) * [0.3, 0.01, 0.1, 4e-4, 0.01, 0.05]
+    model = cc.ElasticFoundation(scene, (40, 20))
+    domain = np.where(np.arange(606) % 6 == 0, 3, 1).astype(np.uint8)
+    role = np.where(rng.random(606) < 0.2, 1, 0).astype(np.uint8)
+    samples = Samples(scene, poses, model.wrenches(poses), model.gaps(poses), domain, role)
+    surrogate, narrow = refine_beyond.walking_only(samples, 2.0)
+    assert set(narrow.domain) == {1}
+    assert surrogate.record["samples"]["D3"] == 0
+    assert (surrogate.validity(walking) > 0.5).mean() > 0.9
+
+
 def test_a_missing_project_is_one_line(tmp_path):
     done = command("--project", tmp_path / "none", "--out", tmp_path)
     assert done.returncode == 1
-    assert done.stderr.startswith("refine_beyond: surrogate file")
+    assert done.stderr.startswith("refine_beyond: samples file")
     assert done.stderr.count("\n") == 1
