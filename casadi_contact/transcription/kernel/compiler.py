@@ -88,7 +88,7 @@ def shared_library(source: str) -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
     except OSError:
-        folder = _session_folder()
+        folder = _process_folder()
         if (found := _intact(folder, key)) is not None:
             return found
         scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
@@ -119,10 +119,10 @@ def _intact(folder: Path, key: str) -> Path | None:
 
 
 @cache
-def _session_folder() -> Path:
+def _process_folder() -> Path:
     keep = tempfile.TemporaryDirectory(prefix="casadi_contact-")
-    _SESSION.append(keep)
+    _KEPT.append(keep)
     return Path(keep.name)
 
 
-_SESSION: list[tempfile.TemporaryDirectory[str]] = []
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
