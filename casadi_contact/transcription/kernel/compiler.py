@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -114,7 +115,8 @@ def _intact(folder: Path, key: str) -> Path | None:
     for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
         if path.stem.partition("-")[2] == _digest(path):
             return path
-        path.unlink(missing_ok=True)
+        with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
+            path.unlink()
     return None
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from casadi_contact.transcription.kernel.networks import Bundle, Shape
 
-LANES = 32  # poses worked on at once in a batch
+LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
 
 
 def network_functions(bundles: Sequence[Bundle]) -> str:
