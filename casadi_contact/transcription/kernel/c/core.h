@@ -25,42 +25,32 @@
 /* Offset of a pose from the middle of the learned range; so far out that no square overflows, all is flat. */
 INLINE double bounded(double offset) { return offset > 1e100 ? 1e100 : (offset < -1e100 ? -1e100 : offset); }
 
-INLINE void affine_block(int inputs, int width, int stride, const double *w, const double *a, double *z) {
+INLINE void layer_block(int biased, int inputs, int width, int stride, const double *w, const double *a, double *z) {
   double sum[32];
-  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = w[i];
+  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = biased ? w[i] : 0.0;
   for (int j = 0; j < inputs; j++) {
     const double *row = w + (j + 1) * stride;
     KEEP_LOOP for (int i = 0; i < width; i++) sum[i] += row[i] * a[j];
   }
   KEEP_LOOP for (int i = 0; i < width; i++) z[i] = sum[i];
+}
+
+INLINE void layer(int biased, int inputs, int outputs, const double *w, const double *a, double *z) {
+  int i = 0;
+  for (; i + 32 <= outputs; i += 32) layer_block(biased, inputs, 32, outputs, w + i, a, z + i);
+  if (outputs - i >= 24) layer_block(biased, inputs, 24, outputs, w + i, a, z + i);
+  else if (outputs - i >= 16) layer_block(biased, inputs, 16, outputs, w + i, a, z + i);
+  else if (outputs - i >= 8) layer_block(biased, inputs, 8, outputs, w + i, a, z + i);
 }
 
 /* z = W a + b */
 INLINE void affine(int inputs, int outputs, const double *w, const double *a, double *z) {
-  int i = 0;
-  for (; i + 32 <= outputs; i += 32) affine_block(inputs, 32, outputs, w + i, a, z + i);
-  if (outputs - i >= 24) affine_block(inputs, 24, outputs, w + i, a, z + i);
-  else if (outputs - i >= 16) affine_block(inputs, 16, outputs, w + i, a, z + i);
-  else if (outputs - i >= 8) affine_block(inputs, 8, outputs, w + i, a, z + i);
-}
-
-INLINE void linear_block(int inputs, int width, int stride, const double *w, const double *a, double *z) {
-  double sum[32];
-  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = 0.0;
-  for (int j = 0; j < inputs; j++) {
-    const double *row = w + (j + 1) * stride;
-    KEEP_LOOP for (int i = 0; i < width; i++) sum[i] += row[i] * a[j];
-  }
-  KEEP_LOOP for (int i = 0; i < width; i++) z[i] = sum[i];
+  layer(1, inputs, outputs, w, a, z);
 }
 
 /* z = W a */
 INLINE void linear(int inputs, int outputs, const double *w, const double *a, double *z) {
-  int i = 0;
-  for (; i + 32 <= outputs; i += 32) linear_block(inputs, 32, outputs, w + i, a, z + i);
-  if (outputs - i >= 24) linear_block(inputs, 24, outputs, w + i, a, z + i);
-  else if (outputs - i >= 16) linear_block(inputs, 16, outputs, w + i, a, z + i);
-  else if (outputs - i >= 8) linear_block(inputs, 8, outputs, w + i, a, z + i);
+  layer(0, inputs, outputs, w, a, z);
 }
 
 INLINE double dot(int n, const double *u, const double *v) {
