@@ -21,7 +21,6 @@ Run ``python -m problems.knee_simulator --help``.
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +36,7 @@ from casadi_contact.conventions import Array, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from problems import static_equilibrium
+from problems.command import run_command
 from problems.joint_mechanics import generalised_forces, wrench_function
 from problems.simulator_rig import Rig
 from problems.simulator_waveforms import WALKING, Waveforms
@@ -236,10 +236,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"knee_simulator: {error}")
+    run_command(app, "knee_simulator")
 
 
 if __name__ == "__main__":

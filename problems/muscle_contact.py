@@ -34,6 +34,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.opensim import ColumnMap
 from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.surrogate import load_surrogate
+from problems.command import run_command
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_on_femur, in_newtons
 from problems.muscle_example import example_walk
 from problems.muscle_problem import BALANCED, FREE, RESERVE_SIZES, MuscleContact, build
@@ -178,10 +179,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1; unsolved frames are exit status 2."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"muscle_contact: {error}")
+    run_command(app, "muscle_contact")
 
 
 if __name__ == "__main__":

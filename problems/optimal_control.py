@@ -36,6 +36,7 @@ from casadi_contact.conventions import Array, is_force, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from problems import static_equilibrium
+from problems.command import run_command
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, SURROGATE_OPTIONS, generalised_forces
 from problems.learned_range import middle_pose, pose_bounds
@@ -280,10 +281,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1; not converged is exit status 2."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"optimal_control: {error}")
+    run_command(app, "optimal_control")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from casadi_contact.scenes.cycles import LoadCycle, read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
+from problems.command import run_command
 
 FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -232,10 +233,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1; unsolved frames are exit status 2."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"pose_estimation: {error}")
+    run_command(app, "pose_estimation")
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.verification import Refinement, Solve, refine
 from casadi_contact.workers import worker_pool
 from problems import pose_estimation
+from problems.command import run_command
 
 WALKING_DOMAINS = ("D1", "D5", "D7")
 WALKING_ONLY_S = 45.0  # training of each root network
@@ -139,10 +140,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1; a failed refinement is exit status 2."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"refine_beyond: {error}")
+    run_command(app, "refine_beyond")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ Run ``python -m problems.stable_step --help``.
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated, Any
 
 import casadi as ca
@@ -23,6 +22,7 @@ from rich.table import Table
 from casadi_contact.conventions import Array
 from casadi_contact.surrogate import load_surrogate
 from problems import knee_simulator
+from problems.command import run_command
 from problems.joint_mechanics import STEPS
 from problems.knee_simulator import KneeSimulator, start_state
 from problems.simulator_waveforms import Waveforms
@@ -149,10 +149,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"stable_step: {error}")
+    run_command(app, "stable_step")
 
 
 if __name__ == "__main__":

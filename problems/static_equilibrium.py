@@ -41,6 +41,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.surrogate import Surrogate, load_surrogate
+from problems.command import run_command
 from problems.equilibrium_start import pressed_together
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM, LEVER_MM, STEPS, generalised_forces, wrench_function
@@ -282,10 +283,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1; no equilibrium is exit status 2."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"static_equilibrium: {error}")
+    run_command(app, "static_equilibrium")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from casadi_contact.files import writable_folder
+from problems.command import run_command
 from problems.stability import (
     bad_training_data,
     clusters,
@@ -87,10 +88,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    try:
-        app()
-    except (ValueError, OSError) as error:
-        sys.exit(f"stability: {error}")
+    run_command(app, "stability")
 
 
 if __name__ == "__main__":
