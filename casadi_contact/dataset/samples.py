@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from casadi_contact.conventions import Array, load_selection
+from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 
 DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
@@ -28,9 +28,10 @@ COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
 class Samples:
     """Poses and what the contact model says there (one row per sample).
 
-    poses (n, 6) [mm, rad]; wrenches (n, patches, 6) on the fixed body [N, N·mm]; gaps (n, patches) [mm], NaN where
-    the model knows none; domain (n,) 1..7 for D1..D7; role (n,) TRAIN, VALIDATION or TEST; provenance says what
-    made them (settings, versions, plan digest, dropped samples with the reasons).
+    poses (n, 6) [mm, rad]; wrenches (n, parts, 6) on the fixed body [N, N·mm] and gaps (n, parts) [mm] of the parts of
+    the scene's patches (most are one part), gaps NaN where the model knows none; domain (n,) 1..7 for D1..D7; role
+    (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, dropped samples
+    with the reasons).
     """
 
     scene: Scene
@@ -42,8 +43,8 @@ class Samples:
     provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
-        count, patches = len(self.poses), len(self.scene.patch_names)
-        shapes = {"poses": (count, 6), "wrenches": (count, patches, 6), "gaps": (count, patches)}
+        count, parts = len(self.poses), len(self.scene.parts)
+        shapes = {"poses": (count, 6), "wrenches": (count, parts, 6), "gaps": (count, parts)}
         for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
@@ -58,7 +59,7 @@ class Samples:
     def loads(self, names: Sequence[str] | None = None) -> Array:
         """Named loads (n, loads), the scene's if no names are given; raises ValueError for an unknown name."""
         names = self.scene.load_names if names is None else names
-        return np.einsum("lpk,npk->nl", load_selection(names, self.scene.patch_names), self.wrenches)
+        return np.einsum("lpk,npk->nl", self.scene.part_selection(names), self.wrenches)
 
     def select(
         self, domain: str | int | Sequence[str | int] | None = None, role: int | Sequence[int] | None = None

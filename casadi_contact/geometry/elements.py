@@ -9,6 +9,7 @@ for the elastic foundation's culling.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,13 +20,15 @@ from casadi_contact.geometry.mesh_bodies import body_field, patch_box, patch_mes
 from casadi_contact.geometry.mesh_elements import grid_on_mesh, open_triangles, triangles_on_mesh
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS
+from casadi_contact.scenes.parts import Part
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
+_ALL = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True)
 class ElementGrid:
-    """Elements of one patch in block order, fixed frame.
+    """Elements of one part of a patch in block order, fixed frame.
 
     centres_mm, normals (m, 3); areas_mm2 (m,); edge_centres_mm (k, 3) of the outermost elements;
     blocks (b + 1,) first element of each block;
@@ -65,12 +68,14 @@ def _grid(nx: int, nz: int, length: float, width: float) -> tuple[Array, Array, 
     return *np.meshgrid(x, z, indexing="ij"), (length / nx) * (width / nz)
 
 
-def _grid_elements(centres: Array, normals: Array, areas: Array) -> ElementGrid:
-    """Elements of a grid of cells (nx, nz), less those of no area; at its edge or beside one of these is outermost."""
+def _grid_elements(centres: Array, normals: Array, areas: Array, z_mm: tuple[float, float] = _ALL) -> ElementGrid:
+    """Elements of a grid of cells (nx, nz) between z_mm, less those of no area; at its edge or beside one of these is
+    outermost."""
     nx, nz = areas.shape
     present = areas > 0.0
     inner = np.zeros((nx, nz), dtype=bool)
     inner[1:-1, 1:-1] = present[2:, 1:-1] & present[:-2, 1:-1] & present[1:-1, 2:] & present[1:-1, :-2]
+    present &= _between(centres[..., 2], z_mm)
     index = np.arange(nx * nz).reshape(nx, nz)
     blocks = []
     for i in range(0, nx, BLOCK_SIDE):
@@ -90,35 +95,52 @@ def _halved(centres: Array, members: np.ndarray) -> list[np.ndarray]:
     return [group for half in np.array_split(ordered, 2) for group in _halved(centres, half)]
 
 
+def _between(z: Array, bounds: tuple[float, float]) -> np.ndarray:
+    return np.asarray((z >= bounds[0]) & (z < bounds[1]))
+
+
 def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks: list[np.ndarray]) -> ElementGrid:
     blocks = [block for block in blocks if block.size]
     starts = np.cumsum([0, *(block.size for block in blocks)], dtype=np.int64)
-    flat = np.concatenate(blocks)
+    flat = np.concatenate([np.zeros(0, dtype=np.int64), *blocks])
     centres, normals, areas = centres[flat], normals[flat], areas[flat]
     spans = list(itertools.pairwise(starts))
-    low = np.array([centres[a:b].min(axis=0) for a, b in spans])
-    high = np.array([centres[a:b].max(axis=0) for a, b in spans])
+    low = np.array([centres[a:b].min(axis=0) for a, b in spans]).reshape(-1, 3)
+    high = np.array([centres[a:b].max(axis=0) for a, b in spans]).reshape(-1, 3)
     return ElementGrid(centres, normals, areas, edge, starts, 0.5 * (low + high), 0.5 * (high - low))
 
 
-def _mesh_elements(scene: Scene, patch: str, grid: tuple[int, int]) -> ElementGrid:
+def _mesh_elements(scene: Scene, patch: str, parts: Sequence[Part], grid: tuple[int, int]) -> list[ElementGrid]:
+    """Elements of each part of a patch: one grid, or the patch's triangles, shared out by the elements' centres."""
     field = body_field(scene, "fixed")
     if scene.geometry["elements"] == "grid":
         reaching = patch_mesh(scene, patch, reaching=True)
-        return _grid_elements(*grid_on_mesh(reaching, field, grid, patch_box(scene, patch)))
-    mesh = patch_mesh(scene, patch)
-    centres, normals, areas = triangles_on_mesh(mesh, field)
-    blocks = _halved(centres, np.arange(len(centres)))
-    return _in_blocks(centres, normals, areas, centres[open_triangles(mesh)], blocks)
+        cells = grid_on_mesh(reaching, field, grid, patch_box(scene, patch))
+        found = [_grid_elements(*cells, part.z_mm) for part in parts]
+    else:
+        mesh = patch_mesh(scene, patch)
+        centres, normals, areas = triangles_on_mesh(mesh, field)
+        edge = open_triangles(mesh)
+        found = []
+        for part in parts:
+            inside = _between(centres[:, 2], part.z_mm)
+            blocks = _halved(centres, np.flatnonzero(inside))
+            found.append(_in_blocks(centres, normals, areas, centres[edge & inside], blocks))
+    for part, elements in zip(parts, found, strict=True):
+        if not len(elements.areas_mm2):
+            raise ValueError(f"scene {scene.name}: part {part.name} of patch {patch} holds no element: check split_z")
+    return found
 
 
 def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
-    """The element grid (nx along x, nz along z) of each patch of the scene, in patch order.
+    """The element grid (nx along x, nz along z over each patch) of each part of the scene's patches, in part order.
 
     A mesh scene whose elements are its triangles has these instead, whatever the grid.
     """
     if scene.shape == "mesh":
-        return [_mesh_elements(scene, patch, grid) for patch in scene.patch_names]
+        by_patch = [[part for part in scene.parts if part.patch == p] for p in range(len(scene.patch_names))]
+        of_patches = zip(scene.patch_names, by_patch, strict=True)
+        return [elements for patch, parts in of_patches for elements in _mesh_elements(scene, patch, parts, grid)]
     if scene.shape in JOINT_PARAMETERS:
         return [_grid_elements(*patch) for patch in joint_elements(scene.shape, scene.geometry, grid)]
     grids = []

@@ -25,7 +25,10 @@ _PULL_N = 1e-9
 
 
 class WrenchModel(Protocol):
-    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where it has them."""
+    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where it has them.
+
+    A model that tells the parts of patches apart has part_wrenches(poses) (n, parts, 6) and part_gaps(poses) besides.
+    """
 
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6)."""
@@ -110,10 +113,10 @@ def draw_chunk(
     elif domain == "D5":
         poses = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps).reshape(-1, 6)
         role = np.repeat(role, steps)
-    wrenches = teacher.wrenches(poses)
-    gaps = teacher.gaps(poses) if hasattr(teacher, "gaps") else np.full(wrenches.shape[:2], np.nan)
-    pulls = (normal_forces(settle_model.scene.normal_loads, wrenches) < -_PULL_N).any(axis=1)
-    touching = np.asarray((wrenches != 0.0).any(axis=2))
+    scene = settle_model.scene
+    wrenches, gaps = _by_parts(teacher, poses)
+    pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
+    touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
     lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
     touches = touching[:, lifted_patches].any(axis=1) & ~pulls
     dropped["pulls"] += int(pulls.sum())
@@ -130,6 +133,13 @@ def draw_chunk(
         role[good],
         {reason: count for reason, count in dropped.items() if count},
     )
+
+
+def _by_parts(teacher: WrenchModel, poses: Array) -> tuple[Array, Array]:
+    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; of patches where the model knows only these."""
+    wrenches = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
+    gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
+    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses)
 
 
 def _count(dropped: Counter[str], stage: str, reasons: np.ndarray) -> None:

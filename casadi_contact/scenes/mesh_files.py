@@ -11,6 +11,7 @@
     x = [-20.0, 20.0]                     # where the patch's elements lie; no bound if left out
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
+    split_z = [17.0]                      # where it touches in several places: cut into parts, learned apart
 
 Loading a scene file makes the paths absolute and adds the files' SHA-256; the scene's digest holds the latter only,
 so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
@@ -19,6 +20,7 @@ so that a scene stays the same scene wherever its files lie, and another one whe
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +62,7 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 
 def _patch(key: str, table: object) -> dict[str, list[float]]:
-    values = table_of(key, table, ("x", "z", "anchor"), complete=False)
+    values = table_of(key, table, ("x", "z", "anchor", "split_z"), complete=False)
     for name, length in (("x", 2), ("z", 2), ("anchor", 3)):
         listed = values.get(name, [0.0, 1.0, 2.0][:length])
         if not isinstance(listed, list | tuple) or len(listed) != length:
@@ -69,7 +71,20 @@ def _patch(key: str, table: object) -> dict[str, list[float]]:
             number(f"{key}.{name}", value)
         if length == 2 and listed[0] >= listed[1]:
             raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
+    if "split_z" in values:
+        _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
     return values
+
+
+def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
+    if bounds is None:
+        raise ValueError(f"scene: {key} = {cuts!r} needs the patch's z, its bounds [mm]")
+    expected = f"a list of rising numbers between {bounds[0]:g} and {bounds[1]:g} [mm]"
+    if not isinstance(cuts, list | tuple):
+        raise fail(key, cuts, expected)
+    ends = [bounds[0], *(number(key, value) for value in cuts), bounds[1]]
+    if any(a >= b for a, b in itertools.pairwise(ends)):
+        raise fail(key, cuts, expected)
 
 
 def axes_rotation(axes: Sequence[str]) -> Array:

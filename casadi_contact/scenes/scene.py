@@ -23,6 +23,7 @@ from casadi_contact.scenes.joint_shapes import joint_start
 from casadi_contact.scenes.mesh_files import with_files, without_places
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
 from casadi_contact.scenes.own_model import OWN_MODEL
+from casadi_contact.scenes.parts import Part, parts_of
 from casadi_contact.scenes.shapes import SHAPE_PARAMETERS, SIDES, anchors_of, check_geometry, patches_of
 
 FORMAT = 1
@@ -72,6 +73,7 @@ class Scene:
     tolerances: Mapping[str, float]
     sensitive_pose: tuple[str, ...]
     normal_loads: tuple[NormalLoad, ...]
+    parts: tuple[Part, ...] = field(compare=False)
     reference_load: float
     gap_slope: float
     boundary_load: float
@@ -112,6 +114,7 @@ class Scene:
         load_names = distinct_names("loads.names", loads["names"])
         pressed = normal_loads(distinct_names("loads.sensitive", loads["sensitive"]), patch_names)
         load_selection(load_names, patch_names)
+        anchors_mm = anchors_of(shape, geometry)
         sensitive_pose = (
             distinct_names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
         )
@@ -137,11 +140,12 @@ class Scene:
             geometry=geometry,
             layer=None if shape == OWN_MODEL else Material.from_table(tables.get("material", {})),
             patch_names=patch_names,
-            anchors_mm=anchors_of(shape, geometry),
+            anchors_mm=anchors_mm,
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
             normal_loads=pressed,
+            parts=parts_of(geometry, pressed, anchors_mm),
             reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
             gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
             boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
@@ -182,6 +186,16 @@ class Scene:
     def sensitive_loads(self) -> tuple[str, ...]:
         """The named loads that the normal loads are made of, in patch order."""
         return tuple(name for normal in self.normal_loads for name in normal.loads)
+
+    @cached_property
+    def first_parts(self) -> list[int]:
+        """The first part of each patch, by number: sums over the parts of patches are ``np.add.reduceat`` of these."""
+        patches = [part.patch for part in self.parts]
+        return [patches.index(p) for p in range(len(self.patch_names))]
+
+    def part_selection(self, loads: Sequence[str]) -> Array:
+        """`load_selection` by parts (loads, parts, 6): a part counts for its patch; raises ValueError likewise."""
+        return load_selection(loads, self.patch_names)[:, [part.patch for part in self.parts]]
 
     @property
     def start_pose(self) -> Array:

@@ -105,6 +105,14 @@ class Surrogate(ABC):
     @abstractmethod
     def _root_networks(self) -> list[str]: ...
 
+    def _root_count(self) -> int:
+        """Root loads that `_expressions` and `_kernel` give."""
+        return len(self.patch_names)
+
+    def _of_patches(self, roots: ca.MX) -> ca.MX:
+        """Root loads of the patches (P x n) from those that `_expressions` and `_kernel` give."""
+        return roots
+
     @classmethod
     def assemble(
         cls, scene: Scene, networks: Mapping[str, Network], record: Mapping[str, Any] | None = None
@@ -212,8 +220,19 @@ class Surrogate(ABC):
     ) -> ca.Function:
         if batch is not None and batch < 1:
             raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
+        if "roots" not in wanted or self._root_count() == len(self.patch_names):
+            return self._transcribed(name, loads, wanted, compiled, batch)
+        of_parts = self._transcribed(f"{name}_of_parts", loads, wanted, compiled, batch)
+        pose = ca.MX.sym("pose", 6, batch or 1)
+        outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
+        outputs["roots"] = self._of_patches(outputs["roots"])
+        return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
+
+    def _transcribed(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
         if compiled:
-            sizes = {"loads": len(loads), "roots": len(self.patch_names)}
+            sizes = {"loads": len(loads), "roots": self._root_count()}
             kernel = self._kernel(loads, roots="roots" in wanted)
             try:
                 return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)

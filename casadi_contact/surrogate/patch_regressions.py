@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array, load_selection
+from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
@@ -38,7 +38,7 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
 
 
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
-    """Regressions for the root load and the ratios of every patch, for those that the scene's loads need.
+    """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
 
     Root: target `root_target`, weight `root_weight`; ratio: target W_k/N, weight N, so that residuals are in N or
     N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that pulls, for an
@@ -51,10 +51,10 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     poses = finite("poses", samples.poses)[rows]
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
     gaps_mm = samples.gaps[rows]
-    selection = load_selection(scene.load_names, scene.patch_names)
+    selection = scene.part_selection(scene.load_names)
     regressions = []
-    for p, pressed in enumerate(scene.normal_loads):
-        patch = pressed.patch
+    for p, part in enumerate(scene.parts):
+        patch, pressed = part.name, part.normal
         used = [k for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != pressed.component]
         if not selection[:, p].any():
             continue
@@ -72,7 +72,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                 f"samples: gap of patch {patch!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out of "
                 "contact; expected a contact model with gaps, or the two_stage structure"
             )
-        local = local_poses(poses, scene.anchors_mm[p])
+        local = local_poses(poses, part.anchor_mm)
         target = root_target(normal, gaps_mm[:, p], scene)
         contact = normal > 0.0
         nonempty(f"patch {patch!r} in contact", contact)
@@ -98,9 +98,9 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
 
 
 def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, float]) -> tuple[float, dict[int, float]]:
-    """Tolerance of the root [N] and of each ratio [N or N·mm] of patch p.
+    """Tolerance of the root [N] and of each ratio [N or N·mm] of part p.
 
-    A load summed over m patches has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per patch, so each
+    A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
     may be τ/√(2m). Through the lever ρ (root mean square, weighted by N) that also limits δN; a load that is N
     itself limits it directly.
     """

@@ -1,0 +1,52 @@
+"""Parts of patches: pieces of a patch whose contact a surrogate learns apart.
+
+Where a patch touches in several places at once, its load bends sharply as one of them comes and goes, and no small
+network follows. Cut between these places, each part's root load is as smooth as that of a simple condyle; a patch's
+wrench is the sum over its parts. Most patches are one part of the same name. Parts concern samples and the `patch`
+surrogate alone: contact models, settling and problems know patches.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.scenes.normal_load import NormalLoad
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part: its patch by number, bounds [mm] of its elements' centres along z, its anchor (3,) on the moving body
+    [mm], and the normal load, which is that of the patch."""
+
+    name: str
+    patch: int
+    z_mm: tuple[float, float]
+    anchor_mm: Array
+    normal: NormalLoad
+
+
+def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors_mm: Array) -> tuple[Part, ...]:
+    """The parts of all patches, patch by patch: those a ``split_z`` makes ("med_1", "med_2", by rising z), or one.
+
+    A part's anchor is the patch's, moved along z to the middle of the part.
+    """
+    patches = geometry.get("patches", {})
+    parts = []
+    for p, (normal, anchor) in enumerate(zip(normals, anchors_mm, strict=True)):
+        bounds = patches.get(normal.patch, {})
+        cuts = bounds.get("split_z", [])
+        if not cuts:
+            parts.append(Part(normal.patch, p, (-np.inf, np.inf), anchor, normal))
+            continue
+        low, high = bounds["z"]
+        for k, (a, b) in enumerate(itertools.pairwise([low, *cuts, high]), start=1):
+            name = f"{normal.patch}_{k}"
+            at = np.array([anchor[0], anchor[1], 0.5 * (a + b)])
+            parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name)))
+    return tuple(parts)
