@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from casadi_contact.network import Network
-from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.scene import Scene, load_scene
 from casadi_contact.surrogate import PatchSurrogate, Surrogate, TwoStageSurrogate
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
 POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])
+
+
+IN_PARTS = "knee in parts"
+
+
+def scene_called(name: str) -> Scene:
+    """A ready-made scene, or the knee with its medial patch in three parts (a surrogate does not ask how it is cut)."""
+    if name != IN_PARTS:
+        return load_scene(name)
+    knee = load_scene("knee")
+    medial, lateral = knee.parts
+    cut = []
+    for k in (1, 2, 3):
+        anchor, normal = (
+            medial.anchor_mm + np.array([0.0, 0.0, 6.0 * (k - 2)]),
+            replace(medial.normal, patch=f"med_{k}"),
+        )
+        cut.append(replace(medial, name=f"med_{k}", anchor_mm=anchor, normal=normal))
+    return replace(knee, parts=(*cut, lateral))
 
 
 def random_poses(count: int, seed: int = 0) -> np.ndarray:

@@ -33,22 +33,31 @@ def _rotation(q: torch.Tensor) -> torch.Tensor:
 
 
 def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
-    scene, wrenches, roots = surrogate.scene, [], []
-    for patch, anchor, pressed in zip(
-        scene.patch_names, scene.anchors_mm, scene.tables["loads"]["sensitive"], strict=True
-    ):
+    scene, wrenches, roots = surrogate.scene, [], [[] for _ in surrogate.patch_names]
+    for part in scene.parts:
+        patch, anchor, pressed = part.name, part.anchor_mm, scene.tables["loads"]["sensitive"][part.patch]
         sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
         local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
         s = _network(surrogate.networks[f"root_{patch}"], local)
-        roots.append(s)
+        roots[part.patch].append(s)
         normal = scene.reference_load * torch.clamp(s, min=0.0) ** 2
         for component in WRENCH_NAMES:
             if component == sensitive:
                 wrenches.append(normal if pressed.startswith("+") else -normal)
             else:
                 wrenches.append(normal * _network(surrogate.networks[f"ratio_{patch}_{component}"], local))
-    selection = load_selection(surrogate.load_names, scene.patch_names).reshape(len(surrogate.load_names), -1)
-    return _tensor(selection) @ torch.stack(wrenches) if loads else torch.stack(roots)
+    of_patches = load_selection(surrogate.load_names, scene.patch_names)
+    selection = of_patches[:, [part.patch for part in scene.parts]].reshape(len(surrogate.load_names), -1)
+    return _tensor(selection) @ torch.stack(wrenches) if loads else torch.stack([_together(s) for s in roots])
+
+
+def _together(roots: list[torch.Tensor]) -> torch.Tensor:
+    """Root load of a patch from those of its parts."""
+    if len(roots) == 1:
+        return roots[0]
+    s = torch.stack(roots)
+    pressed = s[s > 0.0]
+    return torch.linalg.norm(pressed) if len(pressed) else -1.0 / torch.sqrt((s**-2.0).sum())
 
 
 def _two_stage(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:

@@ -6,12 +6,12 @@ import pytest
 
 from casadi_contact.network import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
-from tests.random_surrogates import random_poses, random_surrogate
+from tests.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
 torch_oracle = pytest.importorskip("tests.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
-CASES += [("hip", "patch"), ("patellofemoral", "patch")]  # N as a magnitude, N = +Fx
+CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
 
 
 def close(got, want, digits, least=1e-300):
@@ -31,7 +31,7 @@ def second_derivatives(function: ca.Function) -> ca.Function:
 @pytest.mark.parametrize(("scene", "structure"), CASES)
 @pytest.mark.parametrize("what", ["loads", "roots"])
 def test_all_evaluations_agree(scene, structure, activation, what):
-    surrogate = random_surrogate(load_scene(scene), structure, activation, seed=3)
+    surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
     poses = random_poses(12, seed=1)
     function = surrogate.function() if what == "loads" else surrogate.root_function()
     hessian, jacobian = second_derivatives(function), function.jacobian()
@@ -55,7 +55,7 @@ def test_all_evaluations_agree(scene, structure, activation, what):
 
 @pytest.mark.parametrize(("scene", "structure"), CASES)
 def test_combined_and_numeric_functions_agree_with_the_single_ones(scene, structure):
-    surrogate = random_surrogate(load_scene(scene), structure, seed=8)
+    surrogate = random_surrogate(scene_called(scene), structure, seed=8)
     loads, roots, both = surrogate.function(), surrogate.root_function(), surrogate.load_and_root_function()
     numeric, pose = surrogate.jacobian_function(), ca.MX.sym("pose", 6)
     weights = ca.MX.sym("w", loads.numel_out(0) + roots.numel_out(0))
