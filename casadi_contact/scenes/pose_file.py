@@ -26,14 +26,25 @@ def read_poses(path: str | Path) -> Array:
     columns, and angles beyond a whole turn.
     """
     path = Path(path)
-    if path.suffix.lower() in OPENSIM_ENDINGS:
-        curves = mapped_curves(read_table(path), [ColumnMap(name, name) for name in POSE_NAMES])
-    else:
+    if path.suffix.lower() not in OPENSIM_ENDINGS:
         curves = read_columns(path, required=POSE_NAMES, what="pose file")
+    else:
+        curves = _opensim_curves(path)
     try:
         return poses_from_curves(curves)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _opensim_curves(path: Path) -> dict[str, Array]:
+    table = read_table(path)
+    missing = [name for name in POSE_NAMES if name not in table.columns]
+    if missing:
+        raise ValueError(
+            f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(table.columns)}: "
+            "name them with casadi-contact cycle --map"
+        )
+    return mapped_curves(table, [ColumnMap(name, name) for name in POSE_NAMES])
 
 
 def poses_from_curves(curves: Mapping[str, Array]) -> Array:
