@@ -15,13 +15,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from casadi_contact import front, pipeline
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.front.choice_table import choice_table
-from casadi_contact.opensim import ColumnMap, mapped_curves, read_table
+from casadi_contact.opensim import TIME, ColumnMap, mapped_curves, read_table
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.scenes import load_scene
 from casadi_contact.scenes.cycles import cycle_from_curves, write_cycle
-from casadi_contact.show import draw_contact, neutral_pose, read_poses, surface_fits
+from casadi_contact.scenes.pose_file import poses_from_curves, read_poses, write_poses
+from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
 from casadi_contact.surrogate import load_surrogate
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -192,27 +194,39 @@ def cycle(
     maps: Annotated[
         list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
     ],
-    out: Annotated[Path, typer.Option(help="CSV file to write, for --cycles and the problems")] = Path("cycle.csv"),
+    out: Annotated[
+        Path | None, typer.Option(help="CSV file to write; cycle.csv or poses.csv in this folder if left out")
+    ] = None,
 ) -> None:
-    """Turn columns of an OpenSim file into a load cycle: rz, ry, Fy_med, Fy_lat, and cop_ap or Tz, cop_ml or Tx."""
+    """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
+    cop_ap or Tz, cop_ml or Tx; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
+    """
     table = read_table(file)
     try:
         curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
-        written = cycle_from_curves(out.stem, curves)
+        if set(curves) <= {TIME, *POSE_NAMES}:
+            poses, path = poses_from_curves(curves), out or Path("poses.csv")
+            write_poses(curves[TIME], poses, path)
+            console.print(f"{len(poses)} poses in {path}", highlight=False)
+            return
+        path = out or Path("cycle.csv")
+        written = cycle_from_curves(path.stem, curves)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
-    write_cycle(written, out)
-    console.print(f"cycle of {len(written)} frames in {out}", highlight=False)
+    write_cycle(written, path)
+    console.print(f"cycle of {len(written)} frames in {path}", highlight=False)
 
 
 @app.command()
 def show(
     scene: SceneName,
     pose: Annotated[str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; just touching if left out")] = None,
-    poses: Annotated[Path | None, typer.Option(help="CSV of poses (tx ... rz): a strip of small pictures")] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="CSV, .sto or .mot of poses (tx ... rz): a strip of small pictures")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="picture file; SCENE.png if left out")] = None,
 ) -> None:
-    """Draw the pressure on the fixed surface and the moving surface in section."""
+    """Draw the pressure on the fixed surface and the moving one in section, and how well smooth surfaces fit meshes."""
     model = ElasticFoundation(load_scene(scene))
     if pose is not None and poses is not None:
         raise ValueError("got both --pose and --poses, expected one of them")
@@ -222,9 +236,11 @@ def show(
         shown = np.array([neutral_pose(model) if pose is None else _numbers(pose)])
     path = Path(f"{model.scene.name}.png") if out is None else out
     draw_contact(model, shown, path)
-    for line in surface_fits(model):
-        console.print(line, highlight=False)
     console.print(f"picture in {path}", highlight=False)
+    if fits := surface_fits(model):
+        fit_path = path.with_stem(f"{path.stem}_fit")
+        draw_fit(model, fit_path)
+        console.print(*fits, f"picture of the fit in {fit_path}", sep="\n", highlight=False, soft_wrap=True)
 
 
 def _numbers(text: str) -> list[float]:

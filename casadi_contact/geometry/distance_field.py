@@ -39,11 +39,13 @@ class FieldFit:
     rms_mm: float
     largest_mm: float
     dropped_triangles: int
+    nonmanifold_edges: int  # away from contact
 
     def __str__(self) -> str:
+        left = f", {self.nonmanifold_edges} non-manifold edges away from contact" if self.nonmanifold_edges else ""
         return (
             f"smooth surface {self.rms_mm:.2g} mm RMS, {self.largest_mm:.2g} mm at most from the vertices, "
-            f"{self.dropped_triangles} degenerate triangles dropped"
+            f"{self.dropped_triangles} degenerate triangles dropped{left}"
         )
 
 
@@ -76,7 +78,8 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     bound = _curvature_bound(coefficients, (values > _NEAR_MM[0]) & (values < _NEAR_MM[1]), spacing_mm)
     parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
-    return DistanceField(parameters, FieldFit(float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), mesh.dropped))
+    rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+    return DistanceField(parameters, FieldFit(rms, largest, mesh.dropped, len(mesh.nonmanifold_edges)))
 
 
 def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.vtp import read_vtp
 from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
 
+Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
+_NEAR_MM = 3.0  # of contact: a vertex's normal is fitted over two edges
 _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
 
 
@@ -42,6 +45,12 @@ class TriangleMesh:
         a, b, c = np.moveaxis(self.corners_mm, 1, 0)
         return 0.5 * np.cross(b - a, c - a)
 
+    @cached_property
+    def nonmanifold_edges(self) -> np.ndarray:
+        """Edges (e, 2) that join more than two triangles."""
+        edges, count = np.unique(_undirected(self.faces), axis=0, return_counts=True)
+        return edges[count > 2]
+
     @property
     def boundary_edges(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
@@ -62,11 +71,14 @@ class TriangleMesh:
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
 
 
-def load_mesh(path: str | Path, units: str, axes: Sequence[str] = FILE_AXES) -> TriangleMesh:
+def load_mesh(
+    path: str | Path, units: str, axes: Sequence[str] = FILE_AXES, contact: Sequence[Box] | None = None
+) -> TriangleMesh:
     """Read and check a mesh file (STL, OBJ, PLY or VTP).
 
     units: of the file, "m" or "mm". axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y", "-z")
-    for a right knee of OpenSim (x anterior, z lateral). Raises FileNotFoundError, or ValueError for what cannot work.
+    for a right knee of OpenSim (x anterior, z lateral). contact: boxes in these axes within 3 mm of which the mesh must
+    be manifold; everywhere if left out. Raises FileNotFoundError, or ValueError for what cannot work.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
@@ -74,11 +86,16 @@ def load_mesh(path: str | Path, units: str, axes: Sequence[str] = FILE_AXES) -> 
     if not path.is_file():
         raise FileNotFoundError(f"mesh file {path} does not exist")
     vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else _read_by_trimesh(path)
-    return checked_mesh(path.name, vertices, faces, units, axes)
+    return checked_mesh(path.name, vertices, faces, units, axes, contact)
 
 
 def checked_mesh(
-    name: str, vertices: Array, faces: np.ndarray, units: str = "mm", axes: Sequence[str] = FILE_AXES
+    name: str,
+    vertices: Array,
+    faces: np.ndarray,
+    units: str = "mm",
+    axes: Sequence[str] = FILE_AXES,
+    contact: Sequence[Box] | None = None,
 ) -> TriangleMesh:
     """Merge equal vertices, drop degenerate triangles and refuse a mesh that cannot work (see `load_mesh`)."""
     if units not in MM_PER_UNIT:
@@ -104,7 +121,8 @@ def checked_mesh(
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()))
     if not sound.any():
         raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
-    _check_edges(mesh)
+    _check_manifold(mesh, contact)
+    _check_orientation(mesh)
     if not len(mesh.boundary_edges) and (volume := _volume(mesh)) < 0.0:
         raise ValueError(
             f"mesh {name} is inside-out (closed, of volume {volume:.3g} mm³), expected outward normals: "
@@ -149,21 +167,30 @@ def _undirected(faces: np.ndarray) -> np.ndarray:
     return np.sort(_directed(faces), axis=1)
 
 
-def _check_edges(mesh: TriangleMesh) -> None:
-    """Every edge joins at most two triangles, which run through it in opposite directions."""
-    edges, count = np.unique(_undirected(mesh.faces), axis=0, return_counts=True)
-    if count.max() > 2:
-        at = mesh.vertices_mm[edges[np.argmax(count)]].mean(axis=0)
+def _check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
+    """Every edge near the contact boxes, or anywhere without such, joins at most two triangles."""
+    ends = mesh.vertices_mm[mesh.nonmanifold_edges]
+    near = np.full(len(ends), contact is None)
+    for low, high in contact or ():
+        reaches = (ends.max(axis=1) >= np.subtract(low, _NEAR_MM)) & (ends.min(axis=1) <= np.add(high, _NEAR_MM))
+        near |= reaches.all(axis=1)
+    if near.any():
+        where = "" if contact is None else " near contact"
         raise ValueError(
-            f"mesh {mesh.name} is not manifold: {int((count > 2).sum())} edges join more than two triangles, the worst "
-            f"at {_point(at)} mm: remove the extra sheets"
+            f"mesh {mesh.name} is not manifold{where}: {int(near.sum())} edges join more than two triangles, first at "
+            f"{_point(ends[near][0].mean(axis=0))} mm: remove the extra sheets"
         )
+
+
+def _check_orientation(mesh: TriangleMesh) -> None:
+    """The two triangles of every manifold edge run through it in opposite directions."""
     directed, count = np.unique(_directed(mesh.faces), axis=0, return_counts=True)
-    if count.max() > 1:
-        at = mesh.vertices_mm[directed[np.argmax(count)]].mean(axis=0)
+    size = len(mesh.vertices_mm)
+    twice = directed[(count > 1) & ~np.isin(np.sort(directed, axis=1) @ [size, 1], mesh.nonmanifold_edges @ [size, 1])]
+    if len(twice):
         raise ValueError(
-            f"mesh {mesh.name}: neighbouring triangles face opposite ways at {int((count > 1).sum())} edges, first at "
-            f"{_point(at)} mm: make the normals consistent"
+            f"mesh {mesh.name}: neighbouring triangles face opposite ways at {len(twice)} edges, first at "
+            f"{_point(mesh.vertices_mm[twice[0]].mean(axis=0))} mm: make the normals consistent"
         )
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.mesh import TriangleMesh, load_mesh
+from casadi_contact.geometry.mesh import Box, TriangleMesh, load_mesh
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.mesh_files import file_digest
 
+_Source = tuple[str, str, str, tuple[str, ...], tuple[Box, ...] | None]  # path, digest, units, axes, contact
 _NO_BOUND = [-np.inf, np.inf]
 
 
@@ -28,7 +29,7 @@ def body_mesh(scene: Scene, body: str) -> TriangleMesh:
 
 def body_field(scene: Scene, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(*_source(scene, body), scene.geometry["spacing"])
+    return _field(_source(scene, body), scene.geometry["spacing"])
 
 
 def patch_box(scene: Scene, patch: str) -> tuple[Array, Array]:
@@ -43,7 +44,7 @@ def patch_mesh(scene: Scene, patch: str, *, reaching: bool = False) -> TriangleM
     return body_mesh(scene, "fixed").inside_box(*patch_box(scene, patch), reaching=reaching)
 
 
-def _source(scene: Scene, body: str) -> tuple[str, str, str, tuple[str, ...]]:
+def _source(scene: Scene, body: str) -> _Source:
     if scene.shape != "mesh":
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected mesh: it has no mesh files")
     geometry: Mapping[str, Any] = scene.geometry
@@ -51,14 +52,22 @@ def _source(scene: Scene, body: str) -> tuple[str, str, str, tuple[str, ...]]:
     digest = file_digest(path)
     if geometry.get(f"{body}_sha256", digest) != digest:
         raise ValueError(f"scene {scene.name}: {path} has changed since the scene was made with it: load it again")
-    return str(path), digest, geometry["units"], tuple(geometry["axes"])
+    return str(path), digest, geometry["units"], tuple(geometry["axes"]), _contact(scene, body)
+
+
+def _contact(scene: Scene, body: str) -> tuple[Box, ...] | None:
+    """Where the fixed body is touched: its patches. The moving one may be touched anywhere."""
+    if body == "moving":
+        return None
+    boxes = (patch_box(scene, patch) for patch in scene.patch_names)
+    return tuple((tuple(low.tolist()), tuple(high.tolist())) for low, high in boxes)
 
 
 @lru_cache(maxsize=8)
-def _mesh(path: str, digest: str, units: str, axes: tuple[str, ...]) -> TriangleMesh:
-    return load_mesh(path, units, axes)
+def _mesh(path: str, digest: str, units: str, axes: tuple[str, ...], contact: tuple[Box, ...] | None) -> TriangleMesh:
+    return load_mesh(path, units, axes, contact)
 
 
 @lru_cache(maxsize=4)
-def _field(path: str, digest: str, units: str, axes: tuple[str, ...], spacing_mm: float) -> DistanceField:
-    return build_field(_mesh(path, digest, units, axes), spacing_mm)
+def _field(source: _Source, spacing_mm: float) -> DistanceField:
+    return build_field(_mesh(*source), spacing_mm)

@@ -23,6 +23,7 @@ COLUMNS = {
     "cop_ap_mm": "cop_ap_mm",
     "cop_ml_mm": "cop_ml_mm",
 }
+_CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
 _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
 _LARGEST_COP_MM = 200.0
 
@@ -125,8 +126,14 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
     itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
 
-    Raises ValueError naming the curves that lack, or as `LoadCycle` does.
+    Raises ValueError naming the curves that lack or have no place here, or as `LoadCycle` does.
     """
+    foreign = [key for key in curves if key not in _CURVES]
+    if foreign:
+        raise ValueError(
+            f"a load cycle has no place for {', '.join(foreign)}, expected {', '.join(_CURVES)}; "
+            "poses need tx, ty, tz, rx, ry, rz and no loads"
+        )
     missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
     missing += [
         f"{key} (or {torque})"

@@ -9,9 +9,11 @@ import pytest
 
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.geometry.mesh_bodies import body_mesh
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
-from tests.meshes import cap_mesh, torus_mesh, unit, write_obj
+from casadi_contact.scenes import load_scene
+from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
 
 TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -104,6 +106,40 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
 def test_meshes_that_cannot_work_are_refused(mesh, units, said):
     with pytest.raises(ValueError, match=said):
         checked_mesh("t", *mesh, units)
+
+
+def with_fin(at):
+    """A sheet y = 0 with a triangle that stands on one of its edges near (x, z)."""
+    vertices, faces = sheet_mesh(40.0, 1.0)
+    at = np.array([at[0], 0.0, at[1]])
+    first, second = faces[np.linalg.norm(vertices[faces].mean(axis=1) - at, axis=1).argmin()][:2]
+    top = vertices[first] + np.array([0.0, 1.0, 0.0])
+    return np.vstack([vertices, top]), np.vstack([faces, [first, second, len(vertices)]])
+
+
+def test_non_manifold_edges_are_refused_near_contact_and_counted_elsewhere():
+    contact = [((-10.0, -np.inf, -10.0), (-2.0, np.inf, 10.0)), ((2.0, -np.inf, -10.0), (10.0, np.inf, 10.0))]
+    for at in ((5.0, 0.0), (-5.0, 3.0), (11.5, 0.0)):
+        with pytest.raises(ValueError, match="sheet is not manifold near contact: 1 edges join more than two"):
+            checked_mesh("sheet", *with_fin(at), contact=contact)
+    for at in ((17.0, 0.0), (5.0, -16.0)):
+        mesh = checked_mesh("sheet", *with_fin(at), contact=contact)
+        assert len(mesh.nonmanifold_edges) == 1
+        assert "1 non-manifold edges away from contact" in str(build_field(mesh).fit)
+        with pytest.raises(ValueError, match="sheet is not manifold: "):
+            checked_mesh("sheet", *with_fin(at))
+
+
+def test_a_scene_bears_them_on_its_fixed_body_away_from_the_patches_only(tmp_path):
+    vertices, faces = with_fin((17.0, 0.0))
+    write_obj(tmp_path / "fixed.obj", vertices, faces)
+    write_obj(tmp_path / "moving.obj", *cap_mesh(20.0, 2.0, 0.6))
+    bounds = "[geometry.patches.contact]\nx = [-10.0, 10.0]\n"
+    (tmp_path / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", extra=bounds))
+    assert len(body_mesh(load_scene(tmp_path / "scene.toml"), "fixed").nonmanifold_edges) == 1
+    (tmp_path / "turned.toml").write_text(mesh_scene_text("fixed.obj", "fixed.obj", extra=bounds))
+    with pytest.raises(ValueError, match="is not manifold: "):
+        body_mesh(load_scene(tmp_path / "turned.toml"), "moving")
 
 
 def test_files_that_are_no_mesh_are_refused(tmp_path):

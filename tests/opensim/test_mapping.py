@@ -9,6 +9,7 @@ import pytest
 from casadi_contact.opensim import ColumnMap, Table, loads_table, mapped_curves, poses_table, read_table, write_table
 from casadi_contact.scenes.cycles import read_cycle, write_cycle
 from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.scenes.pose_file import read_poses
 from tests.shared_data import shared_file
 
 TABLE = Table("walk", {"time": [0.0, 1.0], "knee": [0.0, 90.0], "ty": [0.02, 0.03], "F": [1.0, 2.0]}, in_degrees=True)
@@ -87,6 +88,57 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
     assert less.returncode == 1
     assert "needs the curves Fy_lat, cop_ap (or Tz), cop_ml (or Tx)" in less.stderr
     assert len(less.stderr.strip().splitlines()) == 1
+
+
+POSE_MAPS = (
+    "knee_ant_r=tx:m",
+    "knee_sup_r=ty:m",
+    "knee_lat_r=tz",
+    "knee_flex_r=rx:rad",
+    "knee_add_r=ry",
+    "knee_rot_r=rz",
+)
+
+
+def mapped(names):
+    return [word for name in names for word in ("--map", name)]
+
+
+def test_the_command_writes_the_poses_that_a_file_holds(tmp_path):
+    poses = np.random.default_rng(4).normal(size=(3, 6))
+    source = poses_table(np.arange(3.0), poses, "poses")
+    labels = [name.split("=")[0] for name in POSE_MAPS]
+    columns = dict(zip(["time", *labels], source.columns.values(), strict=True))
+    write_table(Table("walk", columns), tmp_path / "walk.sto")
+    done = cycle_command(tmp_path / "walk.sto", *mapped(POSE_MAPS), "--out", tmp_path / "poses.csv")
+    assert done.returncode == 0, done.stderr
+    assert "3 poses in" in done.stdout
+    np.testing.assert_allclose(read_poses(tmp_path / "poses.csv"), poses, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("F=Fy_med", "ty=ty"), "a load cycle has no place for ty, expected time, rz, ry, Fy_med"),
+        (("knee=rz", "ty=ty"), "without loads these are poses, which need the curves tx, tz, rx, ry; there are time"),
+    ],
+)
+def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused_in_one_line(tmp_path, names, said):
+    write_table(TABLE, tmp_path / "walk.mot")
+    done = cycle_command(tmp_path / "walk.mot", *mapped(names), "--out", tmp_path / "out.csv")
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_measured_poses_become_a_pose_file(tmp_path):
+    file = shared_file("data/dm_tka/fluoroscopic_gait.sto")
+    done = cycle_command(file, *mapped(POSE_MAPS), "--out", tmp_path / "poses.csv")
+    assert done.returncode == 0, done.stderr
+    poses = read_poses(tmp_path / "poses.csv")
+    assert poses.shape == (101, 6)
+    np.testing.assert_allclose(poses[0], [-7.4, 41.7, -1.0, 0.0063, 0.0037, -0.0943], atol=1e-12)
 
 
 def test_a_written_cycle_is_read_back_bit_by_bit(tmp_path):

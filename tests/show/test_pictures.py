@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
-from casadi_contact.show import draw_contact, neutral_pose, read_poses, surface_fits
+from casadi_contact.show import draw_contact, draw_fit, surface_fits
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -34,10 +34,6 @@ def test_section_distances_are_those_of_the_moving_body(model):
     assert model.distances(condyle, POSE, "med")[0] > 30.0
 
 
-def test_the_neutral_pose_overlaps_by_a_tenth(model):
-    assert model.gaps(neutral_pose(model)[None]).min() == pytest.approx(-0.1, abs=1e-6)
-
-
 def test_one_pose_and_many_are_drawn(model, tmp_path):
     draw_contact(model, POSE[None], tmp_path / "one.png")
     draw_contact(model, np.tile(POSE, (20, 1)), tmp_path / "strip.png")
@@ -46,24 +42,33 @@ def test_one_pose_and_many_are_drawn(model, tmp_path):
     assert surface_fits(model) == []
 
 
-def test_poses_are_read_by_name_and_bad_files_refused(tmp_path):
-    path = tmp_path / "poses.csv"
-    path.write_text("time,rz,tx,ty,tz,rx,ry\n0,6,1,2,3,4,5\n")
-    assert read_poses(path).tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
-    path.write_text("tx,ty\n1,2\n")
-    with pytest.raises(ValueError, match="lacks tz, rx, ry, rz"):
-        read_poses(path)
-    path.write_text("tx,ty,tz,rx,ry,rz\n1,2\n1,2,3,4,5,6\n")
-    with pytest.raises(ValueError, match="is not a table of poses"):
-        read_poses(path)
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        read_poses(tmp_path / "none.csv")
+def mesh_scene(folder):
+    pytest.importorskip("igl", reason="meshes need the extra: pip install casadi_contact[mesh]")
+    from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+
+    write_obj(folder / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
+    write_obj(folder / "sheet.obj", *sheet_mesh(20.0, 1.0))
+    (folder / "scene.toml").write_text(mesh_scene_text("cap.obj", "sheet.obj"))
+    return folder / "scene.toml"
+
+
+def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, model):
+    result = CliRunner().invoke(app, ["show", str(mesh_scene(tmp_path)), "--out", str(tmp_path / "meshes.png")])
+    assert result.exit_code == 0, result.output
+    for name in ("meshes.png", "meshes_fit.png"):
+        assert (tmp_path / name).read_bytes()[:4] == PNG
+    assert "mm RMS" in result.output
+    assert "meshes_fit.png" in result.output
+    with pytest.raises(ValueError, match="has the shape knee, expected mesh"):
+        draw_fit(model, tmp_path / "knee_fit.png")
+    assert not (tmp_path / "knee_fit.png").exists()
 
 
 def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
     out = tmp_path / "ball.png"
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--out", str(out)])
     assert result.exit_code == 0, result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.png"]
     assert out.read_bytes()[:4] == PNG
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
     assert "expected six numbers" in str(result.exception)

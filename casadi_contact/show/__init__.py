@@ -1,0 +1,22 @@
+"""Pictures: contact as it is in a pose or a motion, and how well smooth surfaces fit their meshes.
+
+A wrong sign or frame shows here first.
+"""
+
+from casadi_contact.scenes.pose_file import read_poses
+from casadi_contact.show.contact_picture import MOST_FRAMES, draw_contact
+from casadi_contact.show.fit_picture import draw_fit, surface_fits
+from casadi_contact.show.neutral_pose import neutral_pose
+from casadi_contact.show.view import PictureAxis, View, view_of
+
+__all__ = [
+    "MOST_FRAMES",
+    "PictureAxis",
+    "View",
+    "draw_contact",
+    "draw_fit",
+    "neutral_pose",
+    "read_poses",
+    "surface_fits",
+    "view_of",
+]

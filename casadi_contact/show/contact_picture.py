@@ -1,0 +1,98 @@
+"""Pictures of contact: the pressure on the fixed surface as it is pressed, and the moving surface in section."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_unit
+from casadi_contact.show.figure import discs, name_axes, new_figure, save
+from casadi_contact.show.section import draw_section
+from casadi_contact.show.view import View, view_of
+
+MOST_FRAMES = 8
+_DISC = 1.4  # diameter of an element's disc over its side: neighbours leave no gap
+
+
+def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> None:
+    """Write a picture of one pose, or a strip of up to MOST_FRAMES of several poses (n, 6), evenly spaced."""
+    poses = as_poses(poses)
+    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_FRAMES)).round().astype(int))
+    save(_one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen), path)
+
+
+def _one(model: ElasticFoundation, pose: Array) -> Any:
+    """Pressure, a section across all patches, and one along each."""
+    maps, view = model.pressure_maps(pose), view_of(model)
+    panels = 2 + len(maps)
+    columns = panels if panels < 4 else (panels + 1) // 2
+    rows = -(-panels // columns)
+    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    drawn = _pressed(axes[0], maps, view, _largest([maps]))
+    figure.colorbar(drawn, ax=axes[0], label="pressure [MPa]", shrink=0.8)
+    axes[0].set_title(f"fixed surface, seen along {view.name}", fontsize=9)
+    draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
+    for axis, pressed in zip(axes[2:], maps, strict=False):
+        draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
+    for axis in axes[panels:]:
+        axis.set_axis_off()
+    loads = zip(model.load_names, model(pose[None])[0], strict=True)
+    said = ", ".join(f"{name} {round(value) + 0:d} {load_unit(name)}" for name, value in loads)
+    at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
+    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)
+    return figure
+
+
+def _strip(model: ElasticFoundation, poses: Array, numbers: np.ndarray) -> Any:
+    frames, view = [model.pressure_maps(pose) for pose in poses], view_of(model)
+    figure = new_figure(2.2 * len(frames) + 1.0, 2.6)
+    axes = figure.subplots(1, len(frames), sharex=True, sharey=True)
+    for axis, maps, number in zip(axes, frames, numbers, strict=True):
+        drawn = _pressed(axis, maps, view, _largest(frames))
+        axis.set_title(f"frame {number}", fontsize=9)
+        axis.label_outer()
+    figure.colorbar(drawn, ax=axes, label="pressure [MPa]", shrink=0.8)
+    figure.suptitle(f"{model.scene.name}: fixed surface, seen along {view.name}", fontsize=9)
+    return figure
+
+
+def _largest(frames: Sequence[Sequence[PressureMap]]) -> float:
+    return max((float(m.pressures_mpa.max(initial=0.0)) for maps in frames for m in maps), default=0.0) or 1.0
+
+
+def _pressed(axis: Any, maps: Sequence[PressureMap], view: View, largest: float) -> Any:
+    """Every element in its colour (grey: no contact); + at each patch's centre of pressure."""
+    for pressed in maps:
+        width = _DISC * np.sqrt(pressed.areas_mm2)
+        discs(axis, pressed.centres_mm, width, view, facecolors="0.88")
+        loaded = pressed.pressures_mpa > 0.0
+        drawn = discs(
+            axis,
+            pressed.centres_mm[loaded],
+            width[loaded],
+            view,
+            array=pressed.pressures_mpa[loaded],
+            clim=(0.0, largest),
+        )
+    for pressed in maps:
+        if (centre := pressed.centre_mm) is not None:
+            axis.plot(view.right.of(centre), view.up.of(centre), "+", color="red", markersize=10)
+        if len(maps) > 1:
+            _name(axis, pressed, view)
+    name_axes(axis, view)
+    return drawn
+
+
+def _name(axis: Any, pressed: PressureMap, view: View) -> None:
+    """The patch's name above it."""
+    up = view.up.of(pressed.centres_mm)
+    top = up.min() if view.up.reversed else up.max()
+    place = (view.right.of(pressed.centres_mm).mean(), top)
+    axis.annotate(pressed.patch, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
+    axis.margins(y=0.15)

@@ -1,0 +1,52 @@
+"""What the pictures share: a page, discs in true size, files written whole. matplotlib is loaded only here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.files import replacing
+from casadi_contact.show.view import View
+
+_DOTS_PER_INCH = 130
+
+
+def new_figure(width: float, height: float) -> Any:
+    """An empty page [inch] that needs no display."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    spaces = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08, wspace=0.04, hspace=0.04, compress=True)
+    return Figure(figsize=(width, height), layout=spaces)
+
+
+def save(figure: Any, path: str | Path) -> None:
+    """Write the page in the format of the path's ending (PNG if it has none)."""
+    path = Path(path)
+    with replacing(path) as beside:
+        figure.savefig(beside, format=path.suffix[1:] or "png", dpi=_DOTS_PER_INCH, bbox_inches="tight")
+
+
+def discs(axis: Any, points_mm: Array, diameters_mm: Array | float, view: View, **colours: Any) -> Any:
+    """Points (n, 3) as the view sees them, each a disc of its diameter on the scale of the axes."""
+    from matplotlib.collections import EllipseCollection
+
+    offsets = np.stack([view.right.of(points_mm), view.up.of(points_mm)], axis=1)
+    sizes = np.broadcast_to(diameters_mm, len(offsets))
+    drawn = EllipseCollection(
+        sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=offsets, transOffset=axis.transData, **colours
+    )
+    axis.add_collection(drawn)
+    axis.update_datalim(offsets)
+    return drawn
+
+
+def name_axes(axis: Any, view: View) -> None:
+    """Equal scales, labels with units, and the directions in which the coordinates grow."""
+    axis.set(aspect="equal", xlabel=view.right.label, ylabel=view.up.label)
+    axis.autoscale_view()
+    axis.xaxis.set_inverted(view.right.reversed)
+    axis.yaxis.set_inverted(view.up.reversed)

@@ -1,0 +1,58 @@
+"""How well the smooth surfaces of a mesh scene fit its meshes, as text and as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.geometry import TriangleMesh, body_field, body_mesh
+from casadi_contact.show.figure import discs, name_axes, new_figure, save
+from casadi_contact.show.view import View, view_of
+
+_UM_PER_MM = 1000.0
+_COLOURED_SHARE = 0.98  # of the vertices lie within the colour bar; those on sharp rims lie beyond
+
+
+def surface_fits(model: ElasticFoundation) -> list[str]:
+    """A line for each body of a mesh scene; none for other scenes."""
+    if model.scene.shape != "mesh":
+        return []
+    return [f"{body}: {body_field(model.scene, body).fit}" for body in ("moving", "fixed")]
+
+
+def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
+    """Write a picture of both meshes' vertices in their bodies' frames, each seen from where the other body lies and
+    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it).
+
+    Raises ValueError for a scene that is not made of meshes.
+    """
+    scene, view = model.scene, view_of(model)
+    meshes = {body: body_mesh(scene, body) for body in ("moving", "fixed")}
+    fields = {body: body_field(scene, body) for body in meshes}
+    off_um = {body: _UM_PER_MM * fields[body](mesh.vertices_mm)[0] for body, mesh in meshes.items()}
+    largest = max(float(np.quantile(np.abs(off), _COLOURED_SHARE)) for off in off_um.values()) or 1.0
+    figure = new_figure(11.0, 4.8)
+    axes = figure.subplots(1, 2)
+    for axis, body, seen in zip(axes, meshes, (view.behind, view), strict=True):
+        drawn = _vertices(axis, meshes[body], off_um[body], seen, largest)
+        fit = fields[body].fit
+        rms, most = _UM_PER_MM * fit.rms_mm, _UM_PER_MM * fit.largest_mm
+        axis.set_title(f"{body} body, seen along {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
+    figure.colorbar(drawn, ax=axes, label="signed distance [µm], outside > 0", shrink=0.8, extend="both")
+    figure.suptitle(f"{scene.name}: how far the meshes' vertices lie from the smooth surfaces", fontsize=10)
+    save(figure, path)
+
+
+def _vertices(axis: Any, mesh: TriangleMesh, off_um: Array, view: View, largest: float) -> Any:
+    """The vertices in their colours, far ones first: what lies behind is hidden by what lies before it."""
+    order = np.argsort(mesh.vertices_mm @ view.toward.pointing)
+    reach = 1.5 * np.sqrt(np.median(np.linalg.norm(mesh.area_vectors_mm2, axis=1)))
+    drawn = discs(
+        axis, mesh.vertices_mm[order], reach, view, array=off_um[order], cmap="RdBu_r", clim=(-largest, largest)
+    )
+    name_axes(axis, view)
+    return drawn

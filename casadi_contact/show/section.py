@@ -1,0 +1,83 @@
+"""A plane through the bodies: the moving body's surface, and the fixed body's elements near the plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.conventions import Array
+from casadi_contact.show.view import PictureAxis
+
+_POINTS = 300  # of the plane, each way
+_MARGIN_MM = 6.0  # beyond the elements
+_LEAST_HEIGHT = 0.45  # of the picture over its width
+_GAP = 4.0  # element sides without an element: the line is broken there
+
+
+def draw_section(
+    axis: Any,
+    model: ElasticFoundation,
+    pose: Array,
+    maps: Sequence[PressureMap],
+    *,
+    along: PictureAxis,
+    across: PictureAxis,
+    toward: PictureAxis,
+) -> None:
+    """Draw the plane normal to `across` through the centre of pressure of these patches (their middle out of contact),
+    with `along` to the right and `toward`, to where the moving body lies, upwards.
+    """
+    at = float(across.of(_centre(maps)))
+    profiles = [_profile(pressed, at, along, across) for pressed in maps]
+    low, high = _window(np.concatenate(profiles), along, toward)
+    right, up = np.meshgrid(*(np.linspace(a, b, _POINTS) for a, b in zip(low, high, strict=True)))
+    points = right[..., None] * along.direction + up[..., None] * toward.direction + at * across.direction
+    flat = points.reshape(-1, 3)
+    distance = np.min([model.distances(flat, pose, pressed.patch) for pressed in maps], axis=0).reshape(right.shape)
+    axis.contourf(right, up, distance, levels=[-1e3, 0.0], colors=["tab:blue"], alpha=0.25)
+    axis.contour(right, up, distance, levels=[0.0], colors=["tab:blue"], linewidths=1.2)
+    for pressed, profile in zip(maps, profiles, strict=True):
+        _line(axis, along.of(profile), toward.of(profile), _GAP * np.sqrt(np.median(pressed.areas_mm2)))
+        if (centre := pressed.centre_mm) is not None:
+            axis.plot(along.of(centre), toward.of(centre), "+", color="red", markersize=10)
+    axis.set(aspect="equal", xlabel=along.label, ylabel=toward.label)
+    axis.xaxis.set_inverted(along.reversed)
+    axis.yaxis.set_inverted(toward.reversed)
+    patches = ", ".join(pressed.patch for pressed in maps)
+    axis.set_title(f"{patches}: section at {across.name} = {round(at, 1) + 0.0:g} mm", fontsize=9)
+
+
+def _centre(maps: Sequence[PressureMap]) -> Array:
+    """Centre of pressure (3,) of all these patches together, the median of their elements out of contact."""
+    centres = np.concatenate([pressed.centres_mm for pressed in maps])
+    force = np.concatenate([pressed.pressures_mpa * pressed.areas_mm2 for pressed in maps])
+    return force @ centres / force.sum() if force.any() else np.median(centres, axis=0)
+
+
+def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: PictureAxis) -> Array:
+    """The elements (m, 3) within about half an element of the plane, in the order of `along`."""
+    away = np.abs(across.of(pressed.centres_mm) - at)
+    column = pressed.centres_mm[away <= away.min() + 0.5 * np.sqrt(np.median(pressed.areas_mm2))]
+    return column[np.argsort(along.of(column))]
+
+
+def _window(profile: Array, along: PictureAxis, toward: PictureAxis) -> tuple[Array, Array]:
+    """Lowest and highest coordinates (2,) along `along` and `toward`, with room for the moving body."""
+    coordinates = np.stack([along.of(profile), toward.of(profile)], axis=1)
+    low, high = coordinates.min(axis=0) - _MARGIN_MM, coordinates.max(axis=0) + _MARGIN_MM
+    height = max(high[1] - low[1], _LEAST_HEIGHT * (high[0] - low[0]))
+    if toward.reversed:
+        low[1] = high[1] - height
+    else:
+        high[1] = low[1] + height
+    return low, high
+
+
+def _line(axis: Any, right: Array, up: Array, widest: float) -> None:
+    """The points joined by a line, broken where neighbours lie farther apart than `widest`."""
+    breaks = np.flatnonzero(np.hypot(np.diff(right), np.diff(up)) > widest) + 1
+    axis.plot(np.insert(right, breaks, np.nan), np.insert(up, breaks, np.nan), color="tab:orange", linewidth=1.5)

@@ -1,0 +1,47 @@
+"""Sections hold the direction of pressing, upwards, and lie where contact is."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import casadi_contact as cc
+from casadi_contact.show import neutral_pose, view_of
+from casadi_contact.show.section import draw_section
+
+
+@pytest.mark.parametrize(
+    ("scene", "labels", "reversed_axes"),
+    [
+        ("knee", ("x [mm]", "y [mm]"), (False, False)),
+        ("patellofemoral", ("y [mm]", "x [mm]"), (False, True)),
+        ("glenohumeral", ("y [mm]", "z [mm]"), (False, True)),
+    ],
+)
+def test_the_moving_body_lies_above_the_fixed_one_and_both_meet_at_the_centre_of_pressure(scene, labels, reversed_axes):
+    scene = cc.load_scene(scene)
+    model = cc.ElasticFoundation(scene, scene.grids["coarse"])
+    pose, view = neutral_pose(model), view_of(model)
+    pressed = model.pressure_maps(pose)[0]
+    axis = Figure().subplots()
+    draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
+    assert (axis.get_xlabel(), axis.get_ylabel()) == labels
+    assert (axis.xaxis.get_inverted(), axis.yaxis.get_inverted()) == reversed_axes
+    fixed, centre = (line.get_xydata() for line in axis.get_lines())
+    assert np.nanmin(np.hypot(*(fixed - centre).T)) < 1.0
+    outline = np.concatenate([path.vertices for path in axis.collections[1].get_paths()])
+    assert np.hypot(*(outline - centre).T).min() < 1.0
+    upwards = -1.0 if reversed_axes[1] else 1.0
+    assert upwards * (outline[:, 1].mean() - centre[0, 1]) > 1.0  # bends away from contact
+
+
+def test_a_section_of_both_patches_draws_each_one_in_the_plane_of_their_common_centre():
+    scene = cc.load_scene("knee")
+    model = cc.ElasticFoundation(scene, scene.grids["coarse"])
+    pose, view = neutral_pose(model), view_of(model)
+    maps = model.pressure_maps(pose)
+    axis = Figure().subplots()
+    draw_section(axis, model, pose, maps, along=view.right, across=view.up, toward=view.toward)
+    lines = [line.get_xdata() for line in axis.get_lines() if line.get_color() != "red"]
+    assert [(x.min() > 0.0, x.max() < 0.0) for x in lines] == [(True, False), (False, True)]
+    middle = np.mean([pressed.centre_mm[0] for pressed in maps])  # pressed alike
+    assert axis.get_title() == f"med, lat: section at x = {middle:.1f} mm"
