@@ -11,5 +11,5 @@ def run_command(app: typer.Typer, name: str) -> None:
     """Run a problem's command: a user's mistake is one line on stderr and exit status 1, never a traceback."""
     try:
         app()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         sys.exit(f"{name}: {error}")

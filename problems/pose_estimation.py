@@ -212,18 +212,26 @@ def run(
     out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .png and summary.json")] = Path("results"),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
     starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
+    start: Annotated[
+        Path | None,
+        typer.Option(help="begin at these poses (CSV, .sto), spread over the cycle, with its ry and rz"),
+    ] = None,
     warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
     compiled: Annotated[bool, typer.Option("--compiled", help="use a compiled C kernel of the surrogate")] = False,
 ) -> None:
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF."""
     from problems.pose_estimation_report import report  # draws with matplotlib: not needed to solve
-    from problems.pose_estimation_starts import random_starts
+    from problems.pose_estimation_starts import random_starts, start_from_file
 
+    if start is not None and warm is not None:
+        raise ValueError("got both --start and --warm, expected one of them")
     writable_folder(out)  # before minutes of random starts
     measured = reference_cycle() if cycle is None else read_cycle(cycle)
     problem = build(load_surrogate(surrogate), measured, smoothness, compiled=compiled)
-    start = None if warm is None else solve(build(load_surrogate(warm), measured)).poses
-    result = solve(problem, start)
+    poses = None if start is None else start_from_file(start, len(measured))
+    if warm is not None:
+        poses = solve(build(load_surrogate(warm), measured)).poses
+    result = solve(problem, poses)
     report(problem, result, out, random_starts(surrogate, measured, result.poses, starts) if starts else None)
     if not result.converged.all():
         frames = ", ".join(map(str, np.flatnonzero(~result.converged)))

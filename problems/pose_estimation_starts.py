@@ -1,15 +1,17 @@
-"""How often pose estimation reaches the same solution from random starts."""
+"""Where pose estimation may start: poses from a file, and how often random starts reach the same solution."""
 
 from __future__ import annotations
 
 from concurrent.futures import as_completed
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from rich.progress import track
 
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.scenes.cycles import LoadCycle
+from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate import load_surrogate
 from casadi_contact.workers import worker_pool
 from problems.pose_estimation import build, solve
@@ -36,6 +38,13 @@ class StartReport:
             f"({100.0 * self.frames_reached.mean():.1f} % of all frames), "
             f"median {np.median(self.iterations):.0f} IPOPT iterations"
         )
+
+
+def start_from_file(path: Path, count: int) -> Array:
+    """The poses of a file (`read_poses`) spread over `count` frames, first on first and last on last: (count, 6)."""
+    poses = read_poses(path)
+    at = np.linspace(0.0, len(poses) - 1.0, count)
+    return np.stack([np.interp(at, np.arange(len(poses)), column) for column in poses.T], axis=1)
 
 
 def one_start(surrogate: str, cycle: LoadCycle, reference: Array, seed: tuple[int, int]) -> tuple[float, int]:

@@ -55,6 +55,13 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
         ('units = "mm"', 'units = "mm"\nspacing = 0.0', "geometry.spacing = 0.0"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nx = [2.0, 1.0]", "two rising numbers"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nanchor = [2.0]", "3 numbers"),
+        ("[geometry.patches.contact]", "[geometry.patches.contact]\nsplit_z = [1]", "needs the patch's z"),
+        ("[geometry.patches.contact]", "[geometry.patches.contact]\nz = [0, 2]\nsplit_z = 1", "list of rising"),
+        (
+            "[geometry.patches.contact]",
+            "[geometry.patches.contact]\nz = [0, 2]\nsplit_z = [3]",
+            "between 0 and 2",
+        ),
         ("[geometry.patches.contact]", "", "geometry lacks patches"),
     ],
 )

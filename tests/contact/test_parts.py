@@ -1,0 +1,91 @@
+"""Patches in parts: a cut moves no force, and what is learned by parts gives the patch's own loads."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.surrogate import PatchSurrogate
+from casadi_contact.training import TrainingSettings, fit_all
+from tests.contact.test_mesh_foundation import EDGE_MM, RADIUS_MM, scene_of
+from tests.meshes import cap_mesh, sheet_mesh
+
+TWO_PATCHES = """[geometry.patches.med]
+z = [0.0, 7.0]
+{med}
+[geometry.patches.lat]
+z = [-7.0, 0.0]
+{lat}
+"""
+
+
+def ball_on_plate(folder, med="", lat="", **settings):
+    folder.mkdir()
+    moving, plate = cap_mesh(RADIUS_MM, EDGE_MM, 0.45), sheet_mesh(14.0, 1.0)
+    extra = TWO_PATCHES.format(med=med, lat=lat)
+    return scene_of(folder, moving, plate, extra=extra, grid=(60, 30), **settings)
+
+
+def poses_about(count, seed=0):
+    """The ball's centre over the plate, from 0.2 mm overlap to 0.1 mm gap."""
+    rng = np.random.default_rng(seed)
+    poses = np.zeros((count, 6))
+    poses[:, 0], poses[:, 2] = rng.uniform(-2.0, 2.0, (2, count))
+    poses[:, 1] = RADIUS_MM + rng.uniform(-0.2, 0.1, count)
+    return poses
+
+
+@pytest.mark.parametrize("elements", ["grid", "triangles"])
+def test_a_cut_moves_no_force_and_no_gap(tmp_path, elements):
+    whole = cc.ElasticFoundation(ball_on_plate(tmp_path / "whole", elements=elements))
+    scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.0, 2.5]", lat="split_z = [-1.0]", elements=elements)
+    cut, poses = cc.ElasticFoundation(scene), poses_about(40)
+    assert cut.patch_names == whole.patch_names == ("med", "lat")
+    assert [part.name for part in scene.parts] == ["med_1", "med_2", "med_3", "lat_1", "lat_2"]
+    parts = cut.part_wrenches(poses)
+    assert (parts[:, :, 1] < 0.0).any(axis=0).all(), "each part is loaded somewhere"
+    np.testing.assert_allclose(parts[:, :3].sum(axis=1), whole.wrenches(poses)[:, 0], rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(parts[:, 3:].sum(axis=1), whole.wrenches(poses)[:, 1], rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(cut.wrenches(poses), whole.wrenches(poses), rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(cut.gaps(poses), whole.gaps(poses), rtol=1e-10, atol=1e-8)
+    for name in ("jacobian", "root_loads"):
+        for of_cut, of_whole in zip(getattr(cut, name)(poses), getattr(whole, name)(poses), strict=True):
+            np.testing.assert_allclose(of_cut, of_whole, rtol=1e-9, atol=1e-7)
+    poses[:, 0] += 5.0
+    assert whole.at_edge(poses).any()
+    np.testing.assert_array_equal(cut.at_edge(poses), whole.at_edge(poses))
+    both = np.array([0.3, RADIUS_MM - 0.2, 0.4, 0.0, 0.0, 0.0])
+    for a, b in zip(cut.pressure_maps(both), whole.pressure_maps(both), strict=True):
+        assert a.areas_mm2 @ a.pressures_mpa == pytest.approx(b.areas_mm2 @ b.pressures_mpa)
+        np.testing.assert_allclose(a.centre_mm, b.centre_mm, atol=1e-9)
+
+
+def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
+    scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.5]")
+    model, poses = cc.ElasticFoundation(scene), poses_about(1500, seed=1)
+    role = np.full(len(poses), TRAIN, dtype=np.uint8)
+    role[::10], role[5::10] = VALIDATION, TEST
+    domain = np.ones(len(poses), dtype=np.uint8)
+    samples = Samples(scene, poses, model.part_wrenches(poses), model.part_gaps(poses), domain, role)
+    np.testing.assert_allclose(samples.loads(), model(poses), rtol=1e-10, atol=1e-8)
+    regressions = PatchSurrogate.regressions(samples)
+    assert {"root_med_1", "root_med_2", "root_lat", "ratio_med_2_Tz"} <= {r.name for r in regressions}
+    fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((8, 8),), max_iterations=60))
+    surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
+    test = samples.select(role=TEST)
+    error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
+    assert error[1] < 0.02 * np.abs(test.loads()[:, 1]).max(), error
+    np.testing.assert_allclose(surrogate.wrenches(test.poses).sum(axis=1)[:, 1], surrogate(test.poses)[:, 1])
+    normal = -surrogate.wrenches(test.poses)[:, :, 1]
+    roots = surrogate.root_loads(test.poses)[0]
+    np.testing.assert_allclose(normal, scene.reference_load * np.maximum(roots, 0.0) ** 2, rtol=1e-9, atol=1e-9)
+    surrogate.save(tmp_path / "parts.h5")
+    again = cc.load_surrogate(tmp_path / "parts.h5")
+    np.testing.assert_array_equal(again(test.poses), surrogate(test.poses))
+    np.testing.assert_allclose(np.asarray(again.root_function()(test.poses[3])).ravel(), roots[3], rtol=1e-12)
+
+
+def test_a_part_without_elements_is_refused(tmp_path):
+    scene = ball_on_plate(tmp_path / "cut", med="split_z = [6.95]")
+    with pytest.raises(ValueError, match="part med_2 of patch med holds no element"):
+        cc.ElasticFoundation(scene, (10, 5))
