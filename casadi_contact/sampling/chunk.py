@@ -114,7 +114,7 @@ def draw_chunk(
         poses = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps).reshape(-1, 6)
         role = np.repeat(role, steps)
     scene = settle_model.scene
-    wrenches, gaps = _by_parts(teacher, poses)
+    wrenches, gaps = _by_parts(teacher, poses, len(scene.parts))
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
     lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
@@ -135,9 +135,17 @@ def draw_chunk(
     )
 
 
-def _by_parts(teacher: WrenchModel, poses: Array) -> tuple[Array, Array]:
-    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; of patches where the model knows only these."""
+def _by_parts(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array]:
+    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; those of patches from a model without parts.
+
+    Raises ValueError for such a model where the scene cuts patches into parts.
+    """
     wrenches = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
+    if wrenches.shape[1] != parts:
+        raise ValueError(
+            f"the contact model tells {wrenches.shape[1]} patches apart, the scene {parts} parts: "
+            "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
+        )
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
     return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses)
 
