@@ -14,7 +14,7 @@ import casadi_contact as cc
 from casadi_contact.scenes.cycles import read_cycle
 from casadi_contact.scenes.motion import reference_cycle
 from problems import pose_estimation
-from problems.pose_estimation_starts import one_start
+from problems.pose_estimation_starts import one_start, start_from_file
 from tests.compiler import needs_compiler
 from tests.shared_data import shared_file
 
@@ -138,7 +138,7 @@ def command(*arguments, cwd):
     )
 
 
-def test_the_command_writes_table_csv_summary_and_picture(tmp_path):
+def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solved):
     done = command("--out", tmp_path / "results", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "101 of 101 frames converged" in done.stdout
@@ -149,6 +149,9 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path):
     assert summary["converged"] == 101
     assert summary["machine"]["casadi"]
     assert (tmp_path / "results" / "pose_estimation.png").read_bytes().startswith(b"\x89PNG")
+    start = start_from_file(tmp_path / "results" / "poses.sto", 101)
+    again = pose_estimation.solve(solved[0], start)
+    assert again.iterations <= 12, "it begins at the solution"
 
 
 @pytest.mark.parametrize(
@@ -156,6 +159,8 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path):
     [
         (("--surrogate", "hip"), "unknown surrogate 'hip'"),
         (("--cycle", "none.csv"), "cycle file none.csv does not exist"),
+        (("--start", "none.csv"), "pose file none.csv does not exist"),
+        (("--start", "none.csv", "--warm", "knee"), "got both --start and --warm"),
         (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
     ],
 )

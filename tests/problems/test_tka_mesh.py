@@ -1,10 +1,17 @@
-"""Real knee components, from their mesh files: measured poses settle under wanted loads."""
+"""Real knee components, from their mesh files: measured poses settle under wanted loads; one line for a mistake."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import casadi_contact as cc
+from casadi_contact.scenes.cycles import write_cycle
+from casadi_contact.scenes.motion import reference_cycle
+from problems.pose_estimation_starts import start_from_file
 from tests import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.shared_data import shared_file
 
@@ -31,3 +38,37 @@ def test_measured_poses_of_real_components_settle_under_wanted_loads(tmp_path):
     np.testing.assert_allclose(named["Fy_med"], -700.0, atol=0.1)
     flat = -cc.RayCastFoundation(model.scene).wrenches(poses)[:, :, 1].sum(axis=1)
     assert 0.85 < (flat / 1200.0).min() < (flat / 1200.0).max() < 1.0  # facets lose force
+
+
+def test_poses_of_a_file_are_spread_over_the_frames(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("tx,ty,tz,rx,ry,rz\n0,40,0,0,0,0\n2,41,0,0,0.1,-1\n")
+    poses = start_from_file(path, 5)
+    np.testing.assert_allclose(poses[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0])
+    np.testing.assert_allclose(poses[[0, 2, 4], 5], [0.0, -0.5, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "cycle", "said"),
+    [
+        ("none.toml", "walk.csv", "scene file none.toml does not exist"),
+        ("scene.toml", "none.csv", "cycle file none.csv does not exist"),
+        ("scene.toml", "walk.csv", "femur.stl does not exist: a scene's mesh paths are absolute or relative"),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
+    write_cycle(reference_cycle(frames=5), tmp_path / "walk.csv")
+    text = SCENE.read_text("utf-8").replace("../../shared/data/dm_tka/femoral_component.stl", "femur.stl")
+    (tmp_path / "scene.toml").write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-m", "problems.tka_mesh", cycle, "--scene", scene],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(SCENE.parents[1])},
+    )
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "results").exists()
