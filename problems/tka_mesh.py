@@ -48,7 +48,7 @@ def run(
     cli.build(str(scene), preset=preset, out=folder)
     surrogate, solved = load_surrogate(folder / "patch.h5"), True
     for path, cycle, first in zip(cycles, measured, poses, strict=True):
-        problem = build(surrogate, cycle)
+        problem = build(surrogate, cycle, compiled=True)
         result = solve(problem, first)
         report(problem, result, folder / "poses" / path.stem)
         solved &= bool(result.converged.all())
