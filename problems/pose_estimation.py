@@ -40,7 +40,6 @@ FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1
-RETRIES = 2
 _LEVER_MM = 10.0
 _SCALES = 1.0 / np.array([0.5, 0.01, 0.3, 0.01 / 25.0])  # 1 / moves [mm, rad] of tx, ty, tz, rx, like in effect
 _IN_MM = np.array([1.0, 1.0, 1.0, 25.0])  # turns rad into comparable mm
@@ -141,11 +140,16 @@ def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, co
 
 
 def solve(
-    problem: PoseEstimation, start: Array | None = None, max_iterations: int = 300, print_level: int = 0
+    problem: PoseEstimation,
+    start: Array | None = None,
+    max_iterations: int = 300,
+    print_level: int = 0,
+    *,
+    retries: int = 2,
 ) -> PoseResult:
     """Bring the start into the learned range, settle its ty and rx under the wanted forces, then solve with IPOPT.
 
-    Frames left unsolved are tried again, up to `RETRIES` times, from between their solved neighbours.
+    Frames left unsolved are tried again, so many times at most, from between their solved neighbours.
 
     start: poses (n, 6), `PoseEstimation.start_poses` if left out. Never raises for frames that do not converge:
     each is reported with its errors and the reason.
@@ -163,7 +167,7 @@ def solve(
     poses, _ = settle(surrogate, poses, ("ty", "rx"), forces, tolerance=0.1, max_iterations=30)
     solver = _solver(problem, max_iterations, print_level)
     result = _solved(problem, solver, poses, began)
-    for _ in range(RETRIES):
+    for _ in range(retries):
         if result.converged.all() or not result.converged.any():
             break
         again = _solved(problem, solver, _between_neighbours(result), began, result.iterations)
