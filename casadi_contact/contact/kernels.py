@@ -12,10 +12,11 @@ import numpy as np
 
 from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
-from casadi_contact.geometry.surfaces import signed_distance
+from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
 
 _RAY_ITERATIONS = 30
-_RAY_TOLERANCE_MM = 1e-6  # of the last step: Newton's method squares it, so that the next would be far below 1e-9
+_RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9
+_NEAREST_SURFACE = 0.9  # of -g(c): g rises by 1 over 1 mm, the field of a mesh by a little more at sharp edges
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
@@ -23,6 +24,7 @@ _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter
 def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
     d = start
+    least = _NEAREST_SURFACE * start  # without this bound Newton's method diverges where g jumps
     gx = gy = gz = 0.0
     for _ in range(_RAY_ITERATIONS):
         qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
@@ -31,10 +33,8 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
         gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
         gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
         slope = min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
-        step = g / slope
-        # No point of the surface is nearer than -g(c); without this bound Newton's method diverges where g jumps.
-        d = max(d + step, start)
-        if abs(step) < _RAY_TOLERANCE_MM:
+        before, d = d, max(d + g / slope, least)
+        if abs(d - before) < _RAY_TOLERANCE_MM:
             break
     return d, gx, gy, gz
 
@@ -57,7 +57,7 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
             if point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
                 continue
             qx, qy, qz = to_moving(R, t, cx, cy, cz)
-            g = signed_distance(family, parameters, qx, qy, qz)[0]
+            g = signed_distance_value(family, parameters, qx, qy, qz)
             if g >= 0.0:
                 continue
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
@@ -104,7 +104,7 @@ def _patch_gap(family, parameters, elements, R, t, slope):
             break
         for e in range(blocks[b], blocks[b + 1]):
             qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
-            g = signed_distance(family, parameters, qx, qy, qz)[0]
+            g = signed_distance_value(family, parameters, qx, qy, qz)
             if g < best:
                 best = g
                 nearest = e
@@ -165,7 +165,7 @@ def touches_many(family, parameters, centres, rotations, translations):
     for k in numba.prange(count):
         for e in range(len(centres)):
             qx, qy, qz = to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
-            if signed_distance(family, parameters, qx, qy, qz)[0] < 0.0:
+            if signed_distance_value(family, parameters, qx, qy, qz) < 0.0:
                 touched[k] = True
                 break
     return touched
@@ -179,7 +179,7 @@ def element_depths(family, parameters, elements, R, t):
     for e in range(len(centres)):
         cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
         qx, qy, qz = to_moving(R, t, cx, cy, cz)
-        g = signed_distance(family, parameters, qx, qy, qz)[0]
+        g = signed_distance_value(family, parameters, qx, qy, qz)
         if g < 0.0:
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
             depths[e] = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)[0]
@@ -192,5 +192,5 @@ def point_distances(family, parameters, points, R, t):
     distances = np.empty(len(points))
     for k in range(len(points)):
         qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
-        distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
+        distances[k] = signed_distance_value(family, parameters, qx, qy, qz)
     return distances

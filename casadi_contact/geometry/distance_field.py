@@ -158,6 +158,31 @@ def field_distance(parameters, x, y, z):
 
 
 @numba.njit(cache=True)
+def field_value(parameters, x, y, z):
+    """g alone, as of `field_distance`, in two thirds of its time."""
+    ny, nz = int(parameters[5]), int(parameters[6])
+    scale = 1.0 / parameters[3]
+    px, py, pz = (x - parameters[0]) * scale, (y - parameters[1]) * scale, (z - parameters[2]) * scale
+    u, i, tu = _inside(px, parameters[4])
+    v, j, tv = _inside(py, parameters[5])
+    w, k, tw = _inside(pz, parameters[6])
+    wu, wv, ww = _weights(tu)[0], _weights(tv)[0], _weights(tw)[0]
+    g = 0.0
+    for a in range(4):
+        plane = 0.0
+        for b in range(4):
+            at = _HEAD + ((i + a) * ny + j + b) * nz + k
+            plane += wv[b] * (
+                parameters[at] * ww[0]
+                + parameters[at + 1] * ww[1]
+                + parameters[at + 2] * ww[2]
+                + parameters[at + 3] * ww[3]
+            )
+        g += wu[a] * plane
+    return g + np.sqrt((px - u) ** 2 + (py - v) ** 2 + (pz - w) ** 2) * parameters[3]
+
+
+@numba.njit(cache=True)
 def field_curvature(parameters, x, y, z):
     """Bound M [1/mm] on how hollow the field is within CURVATURE_REACH_MM of a point; infinite outside the grid."""
     at = 0

@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.distance_field import field_distance
+from casadi_contact.geometry.distance_field import field_distance, field_value
 from casadi_contact.geometry.mesh_bodies import body_field
 from casadi_contact.scenes import Scene
 
@@ -105,3 +105,11 @@ def signed_distance(family, parameters, x, y, z):
     if family == MESH_FIELD:
         return field_distance(parameters, x, y, z)
     return -y, 0.0, -1.0, 0.0
+
+
+@numba.njit(cache=True, inline="always")
+def signed_distance_value(family, parameters, x, y, z):
+    """g(q) alone."""
+    if family == MESH_FIELD:
+        return field_value(parameters, x, y, z)
+    return signed_distance(family, parameters, x, y, z)[0]
