@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,6 +36,7 @@ from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from problems.command import run_command
+from problems.pose_estimation_march import SOLVED_N, march
 
 FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -44,6 +46,7 @@ _LEVER_MM = 10.0
 _SCALES = 1.0 / np.array([0.5, 0.01, 0.3, 0.01 / 25.0])  # 1 / moves [mm, rad] of tx, ty, tz, rx, like in effect
 _IN_MM = np.array([1.0, 1.0, 1.0, 25.0])  # turns rad into comparable mm
 _OBJECTIVE_SCALE = 1e-3  # with IPOPT's tolerance: gradients below 1e-5 N², residuals below about 1e-7 N
+_FRAME_ITERATIONS = 100  # of a frame alone
 _FREE_COLUMNS = [POSE_NAMES.index(name) for name in FREE]
 
 
@@ -54,10 +57,18 @@ class PoseEstimation:
     surrogate: Surrogate
     cycle: LoadCycle
     smoothness: float
+    compiled: bool
     nlp: dict[str, Any]
     lower: Array
     upper: Array
     residuals: ca.Function
+
+    @cached_property
+    def frame_nlp(self) -> dict[str, Any]:
+        """The problem of one frame alone, with what is wanted of it (`_wanted`) as parameters (6)."""
+        q, wanted = ca.MX.sym("q", 4), ca.MX.sym("wanted", 6)
+        residuals = _residuals(self.surrogate, q, wanted, compiled=self.compiled)
+        return {"x": q, "p": wanted, "f": 0.5 * ca.sumsqr(residuals)}
 
     def start_poses(self, offsets: Array | None = None) -> Array:
         """Start poses (n, 6): the middle of the learned range at ry and rz of the cycle, plus offsets (n, 4) of the
@@ -102,16 +113,24 @@ def _pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
 
 
-def _residuals(loads: ca.MX, roots: ca.MX, cycle: LoadCycle, n0: float, least: float) -> ca.MX:
-    """Residuals (4, n) [N] of all frames from loads (4, n) as in `LOADS` and root loads (2, n)."""
-    wanted_roots = np.sqrt(np.stack([-cycle.fy_med, -cycle.fy_lat]) / n0)
-    weights = 2.0 * n0 * np.maximum(wanted_roots, np.sqrt(least / n0))
+def _wanted(cycle: LoadCycle) -> Array:
+    """Forces [N], centre of pressure [mm], ry and rz [rad] of all frames (6, n)."""
+    return np.stack([cycle.fy_med, cycle.fy_lat, cycle.cop_ap_mm, cycle.cop_ml_mm, cycle.ry, cycle.rz])
+
+
+def _residuals(surrogate: Surrogate, q: ca.MX, wanted: ca.MX | ca.DM, *, compiled: bool) -> ca.MX:
+    """Residuals (4, n) [N] of frames with the scaled free parameters q (4, n) and what is wanted of them (6, n)."""
+    n0, least, count = surrogate.scene.reference_load, surrogate.scene.boundary_load, q.shape[1]
+    poses = ca.vertcat(ca.mtimes(ca.diag(ca.DM(1.0 / _SCALES)), q), wanted[4:, :])
+    loads, roots = surrogate.load_and_root_function(LOADS, compiled=compiled, batch=count)(poses)
+    wanted_roots = ca.sqrt(-wanted[:2, :] / n0)
+    weights = 2.0 * n0 * ca.fmax(wanted_roots, np.sqrt(least / n0))
     fy_med, fy_lat, tx, tz = ca.vertsplit(loads)
     fy = fy_med + fy_lat
     return ca.vertcat(
-        ca.DM(weights) * (roots - ca.DM(wanted_roots)),
-        (tz - ca.DM(cycle.cop_ap_mm).T * fy) / _LEVER_MM,
-        (tx + ca.DM(cycle.cop_ml_mm).T * fy) / _LEVER_MM,
+        weights * (roots - wanted_roots),
+        (tz - wanted[2, :] * fy) / _LEVER_MM,
+        (tx + wanted[3, :] * fy) / _LEVER_MM,
     )
 
 
@@ -125,9 +144,7 @@ def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, co
         raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
     count = len(cycle)
     q = ca.MX.sym("q", 4, count)
-    poses = ca.vertcat(ca.mtimes(ca.diag(ca.DM(1.0 / _SCALES)), q), ca.DM(np.stack([cycle.ry, cycle.rz])))
-    loads, roots = surrogate.load_and_root_function(LOADS, compiled=compiled, batch=count)(poses)
-    residuals = _residuals(loads, roots, cycle, surrogate.scene.reference_load, surrogate.scene.boundary_load)
+    residuals = _residuals(surrogate, q, ca.DM(_wanted(cycle)), compiled=compiled)
     objective = 0.5 * ca.sumsqr(residuals)
     if smoothness > 0.0 and count > 1:
         steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM(_IN_MM / _SCALES), 1, count - 1)
@@ -136,7 +153,7 @@ def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, co
     low, high = _pose_bounds(surrogate)
     lower, upper = np.tile(low * _SCALES, count), np.tile(high * _SCALES, count)
     all_residuals = ca.Function("all_residuals", [q], [residuals])
-    return PoseEstimation(surrogate, cycle, smoothness, nlp, lower, upper, all_residuals)
+    return PoseEstimation(surrogate, cycle, smoothness, compiled, nlp, lower, upper, all_residuals)
 
 
 def solve(
@@ -145,14 +162,13 @@ def solve(
     max_iterations: int = 300,
     print_level: int = 0,
     *,
-    retries: int = 2,
+    alone: bool = True,
 ) -> PoseResult:
     """Bring the start into the learned range, settle its ty and rx under the wanted forces, then solve with IPOPT.
 
-    Frames left unsolved are tried again, so many times at most, from between their solved neighbours.
-
-    start: poses (n, 6), `PoseEstimation.start_poses` if left out. Never raises for frames that do not converge:
-    each is reported with its errors and the reason.
+    start: poses (n, 6), `PoseEstimation.start_poses` if left out. alone: frames left unsolved are solved alone from
+    their solved neighbours (without smoothness, which couples frames; `pose_estimation_march`). Never raises for
+    frames that do not converge: each is reported with its errors and the reason.
     """
     cycle, surrogate = problem.cycle, problem.surrogate
     began = time.perf_counter()
@@ -165,20 +181,6 @@ def solve(
     poses[:, POSE_NAMES.index("ry")], poses[:, POSE_NAMES.index("rz")] = cycle.ry, cycle.rz
     forces = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat}
     poses, _ = settle(surrogate, poses, ("ty", "rx"), forces, tolerance=0.1, max_iterations=30)
-    solver = _solver(problem, max_iterations, print_level)
-    result = _solved(problem, solver, poses, began)
-    for _ in range(retries):
-        if result.converged.all() or not result.converged.any():
-            break
-        again = _solved(problem, solver, _between_neighbours(result), began, result.iterations)
-        if again.converged.sum() <= result.converged.sum():
-            result = replace(result, iterations=again.iterations, seconds=again.seconds)
-            break
-        result = again
-    return result
-
-
-def _solver(problem: PoseEstimation, max_iterations: int, print_level: int) -> ca.Function:
     options: dict[str, Any] = {
         "ipopt": {
             "print_level": print_level,
@@ -192,28 +194,21 @@ def _solver(problem: PoseEstimation, max_iterations: int, print_level: int) -> c
         },
         "print_time": False,
     }
-    return ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
-
-
-def _solved(
-    problem: PoseEstimation, solver: ca.Function, start: Array, began: float, iterations: int = 0
-) -> PoseResult:
-    """IPOPT's answer from start poses (n, 6); began and iterations: when solving began, and iterations before."""
-    x0 = np.clip((start[:, _FREE_COLUMNS] * _SCALES).ravel(), problem.lower, problem.upper)
+    solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
+    x0 = np.clip((poses[:, _FREE_COLUMNS] * _SCALES).ravel(), problem.lower, problem.upper)
     answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper)
-    stats = solver.stats()
-    poses = start.copy()
-    poses[:, _FREE_COLUMNS] = np.asarray(answer["x"]).reshape(-1, 4) / _SCALES
-    iterations += int(stats["iter_count"])
-    return _judged(problem, poses, str(stats["return_status"]), iterations, time.perf_counter() - began)
-
-
-def _between_neighbours(result: PoseResult) -> Array:
-    """The poses (n, 6), those of unsolved frames interpolated between the nearest solved ones."""
-    poses, frames = result.poses.copy(), np.arange(len(result.poses))
-    for column in _FREE_COLUMNS:
-        poses[:, column] = np.interp(frames, frames[result.converged], poses[result.converged, column])
-    return poses
+    status, iterations = str(solver.stats()["return_status"]), int(solver.stats()["iter_count"])
+    x = np.asarray(answer["x"]).reshape(-1, 4)
+    poses[:, _FREE_COLUMNS] = x / _SCALES
+    result = _judged(problem, poses, status, iterations, time.perf_counter() - began)
+    solved = np.linalg.norm(problem.residuals(x.T).full(), axis=0) < SOLVED_N
+    if not alone or problem.smoothness > 0.0 or result.converged.all() or not solved.any():
+        return result
+    options["ipopt"]["max_iter"] = _FRAME_ITERATIONS
+    one = ca.nlpsol("one_frame", "ipopt", problem.frame_nlp, options)
+    iterations += march(one, x, _wanted(cycle).T, solved, problem.lower[:4], problem.upper[:4])
+    poses[:, _FREE_COLUMNS] = x / _SCALES
+    return _judged(problem, poses, status, iterations, time.perf_counter() - began)
 
 
 def _judged(problem: PoseEstimation, poses: Array, status: str, iterations: int, seconds: float) -> PoseResult:

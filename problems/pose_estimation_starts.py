@@ -61,7 +61,7 @@ def one_start(surrogate: str, cycle: LoadCycle, reference: Array, seed: tuple[in
     start[:, POSE_NAMES.index("tz")] += rng.uniform(-4.0, 4.0, count)
     start[:, POSE_NAMES.index("ty")] += 0.5 * (med_mm + lat_mm)
     start[:, POSE_NAMES.index("rx")] -= (med_mm - lat_mm) / apart_mm
-    result = solve(problem, start, retries=0)
+    result = solve(problem, start, alone=False)
     same = np.abs((result.poses - reference) * _COMPARABLE_MM).max(axis=1) < SAME_MM
     return float((result.converged & same).mean()), result.iterations
 

@@ -1,0 +1,36 @@
+"""Frames that pose estimation leaves unsolved, each solved alone from the pose of a solved neighbour.
+
+All frames in one problem share step lengths and regularisation: a few hard ones use up the iterations of all.
+Neighbouring frames have neighbouring poses, so a frame beside a solved one starts near its own solution.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import Array
+
+SOLVED_N = 0.01  # norm of the residuals of a solved frame
+
+
+def march(solver: ca.Function, x: Array, wanted: Array, solved: np.ndarray, lower: Array, upper: Array) -> int:
+    """Solve frames (rows of x (n, 4)) from their solved neighbours, marching outwards; returns IPOPT iterations.
+
+    solver: nlpsol of one frame with the parameters wanted (n, 6) and the objective ½|r|², r in N. x and solved (n,)
+    are changed in place where a frame is solved.
+    """
+    iterations = 0
+    waiting = deque((k, k + step) for k in np.flatnonzero(solved) for step in (-1, 1))
+    while waiting:
+        near, frame = waiting.popleft()
+        if not 0 <= frame < len(x) or solved[frame]:
+            continue
+        answer = solver(x0=np.clip(x[near], lower, upper), p=wanted[frame], lbx=lower, ubx=upper)
+        iterations += int(solver.stats()["iter_count"])
+        if solver.stats()["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N:
+            x[frame], solved[frame] = np.asarray(answer["x"]).ravel(), True
+            waiting.extend([(frame, frame - 1), (frame, frame + 1)])
+    return iterations
