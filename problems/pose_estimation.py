@@ -36,7 +36,7 @@ from casadi_contact.scenes.motion import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.surrogate import Surrogate, load_surrogate
 from problems.command import run_command
-from problems.pose_estimation_march import SOLVED_N, march
+from problems.pose_estimation_march import march
 
 FREE = ("tx", "ty", "tz", "rx")
 LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -201,12 +201,11 @@ def solve(
     x = np.asarray(answer["x"]).reshape(-1, 4)
     poses[:, _FREE_COLUMNS] = x / _SCALES
     result = _judged(problem, poses, status, iterations, time.perf_counter() - began)
-    solved = np.linalg.norm(problem.residuals(x.T).full(), axis=0) < SOLVED_N
-    if not alone or problem.smoothness > 0.0 or result.converged.all() or not solved.any():
+    if not alone or problem.smoothness > 0.0 or result.converged.all() or not result.converged.any():
         return result
     options["ipopt"]["max_iter"] = _FRAME_ITERATIONS
     one = ca.nlpsol("one_frame", "ipopt", problem.frame_nlp, options)
-    iterations += march(one, x, _wanted(cycle).T, solved, problem.lower[:4], problem.upper[:4])
+    iterations += march(one, x, _wanted(cycle).T, result.converged, problem.lower[:4], problem.upper[:4])
     poses[:, _FREE_COLUMNS] = x / _SCALES
     return _judged(problem, poses, status, iterations, time.perf_counter() - began)
 

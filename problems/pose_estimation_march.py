@@ -16,19 +16,20 @@ from casadi_contact.conventions import Array
 SOLVED_N = 0.01  # norm of the residuals of a solved frame
 
 
-def march(solver: ca.Function, x: Array, wanted: Array, solved: np.ndarray, lower: Array, upper: Array) -> int:
-    """Solve frames (rows of x (n, 4)) from their solved neighbours, marching outwards; returns IPOPT iterations.
+def march(solver: ca.Function, x: Array, wanted: Array, close: np.ndarray, lower: Array, upper: Array) -> int:
+    """Solve frames (rows of x (n, 4)) alone, outwards from those close to a solution; returns IPOPT iterations.
 
-    solver: nlpsol of one frame with the parameters wanted (n, 6) and the objective ½|r|², r in N. x and solved (n,)
-    are changed in place where a frame is solved.
+    solver: nlpsol of one frame with the parameters wanted (n, 6) and the objective ½|r|², r in N. close (n,): frames
+    that start from where they are, any other from a solved neighbour. x is changed in place where a frame is solved.
     """
     iterations = 0
-    waiting = deque((k, k + step) for k in np.flatnonzero(solved) for step in (-1, 1))
+    solved = np.zeros(len(x), dtype=bool)
+    waiting = deque((k, k) for k in np.flatnonzero(close))
     while waiting:
-        near, frame = waiting.popleft()
+        start, frame = waiting.popleft()
         if not 0 <= frame < len(x) or solved[frame]:
             continue
-        answer = solver(x0=np.clip(x[near], lower, upper), p=wanted[frame], lbx=lower, ubx=upper)
+        answer = solver(x0=np.clip(x[start], lower, upper), p=wanted[frame], lbx=lower, ubx=upper)
         iterations += int(solver.stats()["iter_count"])
         if solver.stats()["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N:
             x[frame], solved[frame] = np.asarray(answer["x"]).ravel(), True
