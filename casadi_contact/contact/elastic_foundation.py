@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
@@ -15,9 +17,11 @@ from casadi_contact.conventions import (
     load_selection,
     rotation,
 )
-from casadi_contact.geometry import build_elements, build_surfaces
+from casadi_contact.geometry import ElementGrid, MovingSurface, build_elements, build_part_elements, build_surfaces
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
+
+_Elements = tuple[Array, Array, Array, np.ndarray, Array, Array]  # as the kernels read an `ElementGrid`
 
 
 class ElasticFoundation:
@@ -43,13 +47,10 @@ class ElasticFoundation:
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
         self._selection = load_selection(self.load_names, self.patch_names)
-        facing = build_surfaces(scene)
-        self._surfaces = [facing[part.patch] for part in scene.parts]
+        self._surfaces = build_surfaces(scene)
         grids = build_elements(scene, self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._elements = [
-            (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm) for e in grids
-        ]
+        self._elements = [_for_kernels(e) for e in grids]
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -61,7 +62,12 @@ class ElasticFoundation:
 
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
-        return self._evaluate_parts(as_poses(poses), derivatives=False)[0]
+        poses = as_poses(poses)
+        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
+        results = [
+            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, False) for s, e in self._parts
+        ]
+        return np.stack([wrenches for wrenches, _ in results], axis=1)
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
@@ -75,12 +81,16 @@ class ElasticFoundation:
 
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return np.minimum.reduceat(self.part_gaps(poses), self.scene.first_parts, axis=1)
+        poses = as_poses(poses)
+        return self._gaps(poses, rotation(poses[:, 3:]))[0]
 
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
         poses = as_poses(poses)
-        return self._part_gaps(poses, rotation(poses[:, 3:]))[0]
+        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
+        return np.stack(
+            [gap_many(s.family, s.parameters, e, rotations, translations)[0] for s, e in self._parts], axis=1
+        )
 
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
@@ -90,7 +100,7 @@ class ElasticFoundation:
             touches_many(s.family, s.parameters, edge, rotations, translations)
             for s, edge in zip(self._surfaces, self._edges, strict=True)
         ]
-        return np.logical_or.reduceat(np.stack(touched, axis=1), self.scene.first_parts, axis=1)
+        return np.stack(touched, axis=1)
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
@@ -105,7 +115,7 @@ class ElasticFoundation:
         free = normal <= 0.0
         rows = free.any(axis=1)
         if rows.any():
-            gaps, gap_slopes = self._nearest_gaps(poses[rows])
+            gaps, gap_slopes = self._gaps(poses[rows], rotation(poses[rows, 3:]))
             s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
             ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
         return s, ds
@@ -115,32 +125,29 @@ class ElasticFoundation:
         (position,) = as_poses([pose])
         R, t = rotation(position[3:]), position[:3].copy()
         maps = []
-        for p, patch in enumerate(self.patch_names):
-            of_parts = []
-            for part, surface, elements in zip(self.scene.parts, self._surfaces, self._elements, strict=True):
-                if part.patch == p:
-                    depths = element_depths(surface.family, surface.parameters, elements, R, t)
-                    of_parts.append((elements[0], elements[2], pressures(*self._law, depths)))
-            maps.append(PressureMap(patch, *(np.concatenate(column) for column in zip(*of_parts, strict=True))))
+        for patch, surface, elements in zip(self.patch_names, self._surfaces, self._elements, strict=True):
+            depths = element_depths(surface.family, surface.parameters, elements, R, t)
+            maps.append(PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths)))
         return maps
 
     def distances(self, points_mm: Array, pose: Array, patch: str) -> Array:
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
         (position,) = as_poses([pose])
-        surface = self._surfaces[self.scene.first_parts[self.patch_names.index(patch)]]
+        surface = self._surfaces[self.patch_names.index(patch)]
         points = np.ascontiguousarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
+    @cached_property
+    def _parts(self) -> list[tuple[MovingSurface, _Elements]]:
+        """The surface that faces each part, and the part's elements."""
+        parts = self.scene.parts
+        if len(parts) == len(self.patch_names):
+            return list(zip(self._surfaces, self._elements, strict=True))
+        grids = build_part_elements(self.scene, self.grid)
+        return [(self._surfaces[part.patch], _for_kernels(e)) for part, e in zip(parts, grids, strict=True)]
+
     def _evaluate(self, poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and, if asked, d wrench / d pose (n, patches, 6, 6)."""
-        of_parts = self._evaluate_parts(poses, derivatives=derivatives)
-        if len(self.scene.parts) == len(self.patch_names):
-            return of_parts
-        wrenches, slopes = (np.add.reduceat(a, self.scene.first_parts, axis=1) if a.size else a for a in of_parts)
-        return wrenches, slopes
-
-    def _evaluate_parts(self, poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
-        """Wrenches (n, parts, 6) and, if asked, d wrench / d pose (n, parts, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         results = [
             wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives)
@@ -151,16 +158,7 @@ class ElasticFoundation:
             return wrenches, np.empty(0)
         return wrenches, self._by_pose(np.stack([k for _, k in results], axis=1), poses)
 
-    def _nearest_gaps(self, poses: Array) -> tuple[Array, Array]:
-        """Gaps (n, patches) and slopes (n, patches, 6): those of each patch's nearest part."""
-        gaps, slopes = self._part_gaps(poses, rotation(poses[:, 3:]))
-        ends = [*self.scene.first_parts[1:], len(self.scene.parts)]
-        nearest = np.stack(
-            [a + gaps[:, a:b].argmin(axis=1) for a, b in zip(self.scene.first_parts, ends, strict=True)], axis=1
-        )
-        return np.take_along_axis(gaps, nearest, 1), np.take_along_axis(slopes, nearest[..., None], 1)
-
-    def _part_gaps(self, poses: Array, rotations: Array) -> tuple[Array, Array]:
+    def _gaps(self, poses: Array, rotations: Array) -> tuple[Array, Array]:
         translations = np.ascontiguousarray(poses[:, :3])
         results = [
             gap_many(s.family, s.parameters, e, rotations, translations)
@@ -175,3 +173,7 @@ class ElasticFoundation:
         by_twist = by_twist.copy()
         by_twist[..., 3:] = np.einsum("nprw,nwj->nprj", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
         return by_twist
+
+
+def _for_kernels(e: ElementGrid) -> _Elements:
+    return e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm

@@ -1,7 +1,7 @@
 """Geometry: the moving body's surface as a smooth signed distance, the fixed body's surface as elements."""
 
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.elements import ElementGrid, build_elements
+from casadi_contact.geometry.elements import ElementGrid, build_elements, build_part_elements
 from casadi_contact.geometry.mesh import TriangleMesh, load_mesh
 from casadi_contact.geometry.mesh_bodies import body_field, body_mesh
 from casadi_contact.geometry.surfaces import MovingSurface, build_surfaces
@@ -15,6 +15,7 @@ __all__ = [
     "body_mesh",
     "build_elements",
     "build_field",
+    "build_part_elements",
     "build_surfaces",
     "load_mesh",
 ]

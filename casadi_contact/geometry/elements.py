@@ -20,7 +20,6 @@ from casadi_contact.geometry.mesh_bodies import body_field, patch_box, patch_mes
 from casadi_contact.geometry.mesh_elements import grid_on_mesh, open_triangles, triangles_on_mesh
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.joint_shapes import JOINT_PARAMETERS
-from casadi_contact.scenes.parts import Part
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
 _ALL = (-np.inf, np.inf)
@@ -28,7 +27,7 @@ _ALL = (-np.inf, np.inf)
 
 @dataclass(frozen=True)
 class ElementGrid:
-    """Elements of one part of a patch in block order, fixed frame.
+    """Elements of one patch, or of one part of it, in block order, fixed frame.
 
     centres_mm, normals (m, 3); areas_mm2 (m,); edge_centres_mm (k, 3) of the outermost elements;
     blocks (b + 1,) first element of each block;
@@ -110,37 +109,47 @@ def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks
     return ElementGrid(centres, normals, areas, edge, starts, 0.5 * (low + high), 0.5 * (high - low))
 
 
-def _mesh_elements(scene: Scene, patch: str, parts: Sequence[Part], grid: tuple[int, int]) -> list[ElementGrid]:
-    """Elements of each part of a patch: one grid, or the patch's triangles, shared out by the elements' centres."""
+def _mesh_elements(
+    scene: Scene, patch: str, grid: tuple[int, int], z_ranges_mm: Sequence[tuple[float, float]]
+) -> list[ElementGrid]:
+    """Elements of a patch, one grid or its triangles, shared out among ranges of z by their centres."""
     field = body_field(scene, "fixed")
     if scene.geometry["elements"] == "grid":
         reaching = patch_mesh(scene, patch, reaching=True)
         cells = grid_on_mesh(reaching, field, grid, patch_box(scene, patch))
-        found = [_grid_elements(*cells, part.z_mm) for part in parts]
-    else:
-        mesh = patch_mesh(scene, patch)
-        centres, normals, areas = triangles_on_mesh(mesh, field)
-        edge = open_triangles(mesh)
-        found = []
-        for part in parts:
-            inside = _between(centres[:, 2], part.z_mm)
-            blocks = _halved(centres, np.flatnonzero(inside))
-            found.append(_in_blocks(centres, normals, areas, centres[edge & inside], blocks))
-    for part, elements in zip(parts, found, strict=True):
+        return [_grid_elements(*cells, z_mm) for z_mm in z_ranges_mm]
+    mesh = patch_mesh(scene, patch)
+    centres, normals, areas = triangles_on_mesh(mesh, field)
+    edge, found = open_triangles(mesh), []
+    for z_mm in z_ranges_mm:
+        inside = _between(centres[:, 2], z_mm)
+        found.append(
+            _in_blocks(centres, normals, areas, centres[edge & inside], _halved(centres, np.flatnonzero(inside)))
+        )
+    return found
+
+
+def build_part_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
+    """The elements of each part of a mesh scene's patches, in part order: those of its patch, shared out by their z.
+
+    Raises ValueError for a part without elements.
+    """
+    found = []
+    for p, patch in enumerate(scene.patch_names):
+        found += _mesh_elements(scene, patch, grid, [part.z_mm for part in scene.parts if part.patch == p])
+    for part, elements in zip(scene.parts, found, strict=True):
         if not len(elements.areas_mm2):
-            raise ValueError(f"scene {scene.name}: part {part.name} of patch {patch} holds no element: check split_z")
+            raise ValueError(f"scene {scene.name}: the part {part.name} holds no element: check split_z")
     return found
 
 
 def build_elements(scene: Scene, grid: tuple[int, int]) -> list[ElementGrid]:
-    """The element grid (nx along x, nz along z over each patch) of each part of the scene's patches, in part order.
+    """The element grid (nx along x, nz along z) of each patch of the scene, in patch order.
 
     A mesh scene whose elements are its triangles has these instead, whatever the grid.
     """
     if scene.shape == "mesh":
-        by_patch = [[part for part in scene.parts if part.patch == p] for p in range(len(scene.patch_names))]
-        of_patches = zip(scene.patch_names, by_patch, strict=True)
-        return [elements for patch, parts in of_patches for elements in _mesh_elements(scene, patch, parts, grid)]
+        return [_mesh_elements(scene, patch, grid, [_ALL])[0] for patch in scene.patch_names]
     if scene.shape in JOINT_PARAMETERS:
         return [_grid_elements(*patch) for patch in joint_elements(scene.shape, scene.geometry, grid)]
     grids = []

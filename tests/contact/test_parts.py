@@ -48,18 +48,11 @@ def test_a_cut_moves_no_force_and_no_gap(tmp_path, elements):
     assert (parts[:, :, 1] < 0.0).any(axis=0).all(), "each part is loaded somewhere"
     np.testing.assert_allclose(parts[:, :3].sum(axis=1), whole.wrenches(poses)[:, 0], rtol=1e-10, atol=1e-8)
     np.testing.assert_allclose(parts[:, 3:].sum(axis=1), whole.wrenches(poses)[:, 1], rtol=1e-10, atol=1e-8)
-    np.testing.assert_allclose(cut.wrenches(poses), whole.wrenches(poses), rtol=1e-10, atol=1e-8)
-    np.testing.assert_allclose(cut.gaps(poses), whole.gaps(poses), rtol=1e-10, atol=1e-8)
-    for name in ("jacobian", "root_loads"):
-        for of_cut, of_whole in zip(getattr(cut, name)(poses), getattr(whole, name)(poses), strict=True):
-            np.testing.assert_allclose(of_cut, of_whole, rtol=1e-9, atol=1e-7)
-    poses[:, 0] += 5.0
-    assert whole.at_edge(poses).any()
-    np.testing.assert_array_equal(cut.at_edge(poses), whole.at_edge(poses))
-    both = np.array([0.3, RADIUS_MM - 0.2, 0.4, 0.0, 0.0, 0.0])
-    for a, b in zip(cut.pressure_maps(both), whole.pressure_maps(both), strict=True):
-        assert a.areas_mm2 @ a.pressures_mpa == pytest.approx(b.areas_mm2 @ b.pressures_mpa)
-        np.testing.assert_allclose(a.centre_mm, b.centre_mm, atol=1e-9)
+    gaps, of_parts = whole.gaps(poses), cut.part_gaps(poses)
+    np.testing.assert_allclose(of_parts[:, :3].min(axis=1), gaps[:, 0], rtol=1e-10)
+    np.testing.assert_allclose(of_parts[:, 3:].min(axis=1), gaps[:, 1], rtol=1e-10)
+    for got, want in zip(cut.jacobian(poses), whole.jacobian(poses), strict=True):
+        np.testing.assert_array_equal(got, want)
 
 
 def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
@@ -100,5 +93,5 @@ def test_a_model_that_knows_no_parts_is_refused_where_a_scene_has_them(tmp_path)
 
 def test_a_part_without_elements_is_refused(tmp_path):
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [6.95]")
-    with pytest.raises(ValueError, match="part med_2 of patch med holds no element"):
-        cc.ElasticFoundation(scene, (10, 5))
+    with pytest.raises(ValueError, match="the part med_2 holds no element: check split_z"):
+        cc.ElasticFoundation(scene, (10, 5)).part_wrenches(poses_about(1))
