@@ -12,6 +12,7 @@ with starred values wanted, s = √(N/N0) the signed root load, Fy the surrogate
 compared as root loads because those are nearly linear in the pose and keep their slope out of contact (near the
 solution the residual is the force error); the centre of pressure is written without dividing by the load. Variables
 are scaled by the moves that change the residuals alike, so that IPOPT's regularisation bears on all of them alike.
+Frames that this leaves unsolved are solved alone, from their solved neighbours (`pose_estimation_march`).
 
 Run ``python -m problems.pose_estimation --help``.
 """

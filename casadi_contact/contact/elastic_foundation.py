@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +23,16 @@ from casadi_contact.geometry import ElementGrid, MovingSurface, build_elements, 
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
-_Elements = tuple[Array, Array, Array, np.ndarray, Array, Array]  # as the kernels read an `ElementGrid`
+
+class _Bed(NamedTuple):
+    """Elements, as the kernels read an `ElementGrid`, and the moving surface that faces them."""
+
+    surface: MovingSurface
+    elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
+
+    @classmethod
+    def of(cls, surface: MovingSurface, e: ElementGrid) -> _Bed:
+        return cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
 
 
 class ElasticFoundation:
@@ -47,10 +58,9 @@ class ElasticFoundation:
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
         self._selection = load_selection(self.load_names, self.patch_names)
-        self._surfaces = build_surfaces(scene)
         grids = build_elements(scene, self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._elements = [_for_kernels(e) for e in grids]
+        self._patches = [_Bed.of(s, e) for s, e in zip(build_surfaces(scene), grids, strict=True)]
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -58,16 +68,11 @@ class ElasticFoundation:
 
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return self._evaluate(as_poses(poses), derivatives=False)[0]
+        return self._evaluate(self._patches, as_poses(poses), derivatives=False)[0]
 
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
-        poses = as_poses(poses)
-        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [
-            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, False) for s, e in self._parts
-        ]
-        return np.stack([wrenches for wrenches, _ in results], axis=1)
+        return self._evaluate(self._parts, as_poses(poses), derivatives=False)[0]
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
@@ -75,22 +80,17 @@ class ElasticFoundation:
 
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes = self._evaluate(as_poses(poses), derivatives=True)
+        wrenches, slopes = self._evaluate(self._patches, as_poses(poses), derivatives=True)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
 
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        poses = as_poses(poses)
-        return self._gaps(poses, rotation(poses[:, 3:]))[0]
+        return self._gaps(self._patches, as_poses(poses))[0]
 
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
-        poses = as_poses(poses)
-        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        return np.stack(
-            [gap_many(s.family, s.parameters, e, rotations, translations)[0] for s, e in self._parts], axis=1
-        )
+        return self._gaps(self._parts, as_poses(poses))[0]
 
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
@@ -98,7 +98,7 @@ class ElasticFoundation:
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         touched = [
             touches_many(s.family, s.parameters, edge, rotations, translations)
-            for s, edge in zip(self._surfaces, self._edges, strict=True)
+            for (s, _), edge in zip(self._patches, self._edges, strict=True)
         ]
         return np.stack(touched, axis=1)
 
@@ -108,14 +108,14 @@ class ElasticFoundation:
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
         poses = as_poses(poses)
-        wrenches, slopes = self._evaluate(poses, derivatives=True)
+        wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
         loads = self.scene.normal_loads
         normal = normal_forces(loads, wrenches)
         s, ds = root_of_normal(normal, normal_slopes(loads, wrenches, slopes), self.scene.reference_load)
         free = normal <= 0.0
         rows = free.any(axis=1)
         if rows.any():
-            gaps, gap_slopes = self._gaps(poses[rows], rotation(poses[rows, 3:]))
+            gaps, gap_slopes = self._gaps(self._patches, poses[rows])
             s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
             ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
         return s, ds
@@ -125,7 +125,7 @@ class ElasticFoundation:
         (position,) = as_poses([pose])
         R, t = rotation(position[3:]), position[:3].copy()
         maps = []
-        for patch, surface, elements in zip(self.patch_names, self._surfaces, self._elements, strict=True):
+        for patch, (surface, elements) in zip(self.patch_names, self._patches, strict=True):
             depths = element_depths(surface.family, surface.parameters, elements, R, t)
             maps.append(PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths)))
         return maps
@@ -133,47 +133,40 @@ class ElasticFoundation:
     def distances(self, points_mm: Array, pose: Array, patch: str) -> Array:
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
         (position,) = as_poses([pose])
-        surface = self._surfaces[self.patch_names.index(patch)]
+        surface = self._patches[self.patch_names.index(patch)].surface
         points = np.ascontiguousarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
     @cached_property
-    def _parts(self) -> list[tuple[MovingSurface, _Elements]]:
-        """The surface that faces each part, and the part's elements."""
+    def _parts(self) -> list[_Bed]:
+        """The patches' beds cut into those of their parts: for samples alone, since more beds take longer."""
         parts = self.scene.parts
         if len(parts) == len(self.patch_names):
-            return list(zip(self._surfaces, self._elements, strict=True))
+            return self._patches
         grids = build_part_elements(self.scene, self.grid)
-        return [(self._surfaces[part.patch], _for_kernels(e)) for part, e in zip(parts, grids, strict=True)]
+        return [_Bed.of(self._patches[part.patch].surface, e) for part, e in zip(parts, grids, strict=True)]
 
-    def _evaluate(self, poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
-        """Wrenches (n, patches, 6) and, if asked, d wrench / d pose (n, patches, 6, 6)."""
+    def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
+        """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         results = [
-            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives)
-            for s, e in zip(self._surfaces, self._elements, strict=True)
+            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives) for s, e in beds
         ]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
         return wrenches, self._by_pose(np.stack([k for _, k in results], axis=1), poses)
 
-    def _gaps(self, poses: Array, rotations: Array) -> tuple[Array, Array]:
-        translations = np.ascontiguousarray(poses[:, :3])
-        results = [
-            gap_many(s.family, s.parameters, e, rotations, translations)
-            for s, e in zip(self._surfaces, self._elements, strict=True)
-        ]
+    def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
+        """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
+        rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
+        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e in beds]
         slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
         return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
 
     @staticmethod
     def _by_pose(by_twist: Array, poses: Array) -> Array:
-        """Derivatives (n, patches, rows, 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
+        """Derivatives (n, beds, rows, 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
         by_twist = by_twist.copy()
         by_twist[..., 3:] = np.einsum("nprw,nwj->nprj", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
         return by_twist
-
-
-def _for_kernels(e: ElementGrid) -> _Elements:
-    return e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm

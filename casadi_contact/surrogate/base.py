@@ -20,6 +20,7 @@ from casadi_contact.surrogate.trust import Trust
 from casadi_contact.transcription import export_c, function_with_derivatives
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
+from casadi_contact.transcription.part_roots import part_roots
 
 
 class Surrogate(ABC):
@@ -106,12 +107,8 @@ class Surrogate(ABC):
     def _root_networks(self) -> list[str]: ...
 
     def _root_count(self) -> int:
-        """Root loads that `_expressions` and `_kernel` give."""
+        """Number of root loads that `_expressions` and `_kernel` give: one for each patch, or for each part."""
         return len(self.patch_names)
-
-    def _of_patches(self, roots: ca.MX) -> ca.MX:
-        """Root loads of the patches (P x n) from those that `_expressions` and `_kernel` give."""
-        return roots
 
     @classmethod
     def assemble(
@@ -225,7 +222,7 @@ class Surrogate(ABC):
         of_parts = self._transcribed(f"{name}_of_parts", loads, wanted, compiled, batch)
         pose = ca.MX.sym("pose", 6, batch or 1)
         outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
-        outputs["roots"] = self._of_patches(outputs["roots"])
+        outputs["roots"] = part_roots(outputs["roots"], self.scene.first_parts)
         return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
 
     def _transcribed(

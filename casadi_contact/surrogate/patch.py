@@ -30,7 +30,6 @@ from casadi_contact.surrogate.patch_regressions import patch_regressions
 from casadi_contact.surrogate.patch_roots import roots_of_patches
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel, patch_kernel
-from casadi_contact.transcription.part_roots import part_roots
 from casadi_contact.transcription.patch_graph import PatchNetworks, patch_expressions
 
 
@@ -143,9 +142,6 @@ class PatchSurrogate(Surrogate):
 
     def _root_count(self) -> int:
         return len(self.scene.parts)
-
-    def _of_patches(self, roots: ca.MX) -> ca.MX:
-        return part_roots(roots, self.scene.first_parts)
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         parts, selection = self._parts(loads)
