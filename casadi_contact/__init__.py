@@ -4,11 +4,11 @@ The method is that of Eskinazi and Fregly, "Surrogate modeling of deformable joi
 networks" (2015); see README.md.
 """
 
+from casadi_contact.benchmark import choose
 from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
-from casadi_contact.front import choose
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, sensitive_directions, settle
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import refine, verify
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The command line, thin over `pipeline` and `front`: ``casadi-contact build | sample | train | evaluate | ...``."""
+"""The command line, thin over `pipeline` and `benchmark`: ``casadi-contact build | sample | train | ...``."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact import front, pipeline
+from casadi_contact import benchmark, pipeline
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.front.choice_table import choice_table
-from casadi_contact.opensim import TIME, ColumnMap, mapped_curves, read_table
+from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
+from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_table
+from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
+from casadi_contact.report.choice_table import choice_table
 from casadi_contact.scenes import load_scene
-from casadi_contact.scenes.cycles import cycle_from_curves, write_cycle
-from casadi_contact.scenes.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.structures import load_surrogate
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 console = Console()
@@ -143,7 +143,7 @@ def chart(
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = _project(scene, preset, out)
     with _bars() as update:
-        paths = front.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
+        paths = pipeline.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
     for path in paths:
         console.print(f"written {path}", highlight=False)
 
@@ -151,7 +151,7 @@ def chart(
 @app.command()
 def speed(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit."""
-    path = front.speed(_project(scene, preset, out))
+    path = benchmark.speed(_project(scene, preset, out))
     for table in kernel_speed_tables(read_kernel_speed(path)):
         console.print(table)
     console.print(f"times in {path}", highlight=False)
@@ -169,7 +169,7 @@ def choose(
     """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk."""
     names = None if loads is None else [name.strip() for name in loads.split(",")]
     with _bars() as update:
-        choice = front.choose(
+        choice = benchmark.choose(
             scene,
             force_tolerance_n=force_tol,
             torque_tolerance_nmm=torque_tol,

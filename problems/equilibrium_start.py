@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array, pose_index
 from casadi_contact.statics import settle
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.learned_range import pose_bounds
 
 _LEAST_FORCE_N = 20.0  # of each side, so that a start is always in contact

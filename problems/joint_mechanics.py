@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.foundation_callback import FoundationCallback, total_selection
 
 SURROGATE_OPTIONS: dict[str, Any] = {"compiled": True}  # keywords of Surrogate.function for every problem here

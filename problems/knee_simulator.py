@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.files import writable_folder
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, load_surrogate
 from problems import static_equilibrium
 from problems.command import run_command
 from problems.joint_mechanics import generalised_forces, wrench_function

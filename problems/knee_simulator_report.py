@@ -14,9 +14,9 @@ from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES, Array, load_unit
-from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.machine import machine_record
+from casadi_contact.structures import Surrogate
 from problems.knee_simulator import KneeSimulator, Simulation, build, solve, start_state
 from problems.simulator_balance import EnergyBalance, unbalanced
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 
 
 def pose_bounds(surrogate: Surrogate) -> tuple[Array, Array]:

@@ -31,9 +31,9 @@ import typer
 
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
-from casadi_contact.opensim import ColumnMap
-from casadi_contact.scenes.cycles import read_cycle
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.motion.opensim import ColumnMap
+from casadi_contact.structures import load_surrogate
 from problems.command import run_command
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_on_femur, in_newtons
 from problems.muscle_example import example_walk

@@ -15,10 +15,10 @@ from rich.table import Table
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.conventions import load_unit as contact_unit
-from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.opensim import loads_table, poses_table, write_table
-from casadi_contact.scenes.cycles import LoadCycle
+from casadi_contact.machine import machine_record
+from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from problems.knee_coordinates import CONTACT_LOADS, load_unit
 from problems.muscle_contact import MuscleContactResult
 from problems.muscle_problem import MuscleContact

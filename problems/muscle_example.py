@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.walking import reference_cycle
 from problems.knee_coordinates import COORDINATES
 from problems.muscle import MuscleParameters
 from problems.muscle_walk import MuscleWalk

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
 from problems.muscle import ForceCapacity, force_capacity
 from problems.muscle_walk import MuscleWalk

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
-from casadi_contact.opensim import ColumnMap, Table, mapped_curves, read_table
+from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_table
 from problems.knee_coordinates import COORDINATES, load_unit
 from problems.muscle import MuscleParameters
 
-# How the rotations stand in the measured cycles' files (`casadi_contact.scenes.cycles`).
+# How the rotations stand in the measured cycles' files (`casadi_contact.motion.load_cycle`).
 ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
 PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad")
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.statics import settle
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.muscle_walk import MuscleWalk
 
 NEUTRAL_LOAD_N = 500.0

@@ -34,7 +34,7 @@ from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array, is_force, pose_index
 from casadi_contact.files import writable_folder
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, load_surrogate
 from problems import static_equilibrium
 from problems.command import run_command
 from problems.foundation_callback import total_selection

@@ -32,10 +32,10 @@ import typer
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.files import writable_folder
-from casadi_contact.scenes.cycles import LoadCycle, read_cycle
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
+from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, load_surrogate
 from problems.command import run_command
 from problems.pose_estimation_march import march
 

@@ -14,9 +14,9 @@ from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
-from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.opensim import poses_table, write_table
+from casadi_contact.machine import machine_record
+from casadi_contact.motion.opensim import poses_table, write_table
 from problems.pose_estimation import LOADS, PoseEstimation, PoseResult, cop
 from problems.pose_estimation_starts import StartReport
 

@@ -10,9 +10,9 @@ import numpy as np
 from rich.progress import track
 
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.scenes.cycles import LoadCycle
-from casadi_contact.scenes.pose_file import read_poses
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.motion.pose_file import read_poses
+from casadi_contact.structures import load_surrogate
 from casadi_contact.workers import worker_pool
 from problems.pose_estimation import build, solve
 

@@ -23,10 +23,10 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.scenes.cycles import LoadCycle
-from casadi_contact.scenes.motion import reference_cycle
-from casadi_contact.surrogate import PatchSurrogate, Surrogate, calibrated, load_surrogate
-from casadi_contact.surrogate.info import samples_record
+from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.structures import PatchSurrogate, Surrogate, calibrated, load_surrogate
+from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.verification import Refinement, Solve, refine
 from casadi_contact.workers import worker_pool

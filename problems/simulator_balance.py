@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.foundation_callback import total_selection
 from problems.knee_simulator import POWERS, KneeSimulator, Simulation
 

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.conventions import Array
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.structures import load_surrogate
 from problems import knee_simulator
 from problems.command import run_command
 from problems.joint_mechanics import STEPS

@@ -40,7 +40,7 @@ from scipy.optimize import root
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.files import writable_folder
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, load_surrogate
 from problems.command import run_command
 from problems.equilibrium_start import pressed_together
 from problems.foundation_callback import total_selection

@@ -14,8 +14,8 @@ from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES, Array, load_unit
-from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing, writable_folder
+from casadi_contact.machine import machine_record
 from problems.foundation_callback import total_selection
 from problems.joint_mechanics import IN_MM
 from problems.static_equilibrium import EquilibriumResult, StaticEquilibrium, on_model, solve

@@ -16,10 +16,10 @@ import typer
 from rich.console import Console
 
 from casadi_contact import cli
+from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.presets import PRESETS
 from casadi_contact.scenes import load_scene
-from casadi_contact.scenes.cycles import read_cycle
-from casadi_contact.surrogate import load_surrogate
+from casadi_contact.structures import load_surrogate
 from problems.command import run_command
 from problems.pose_estimation import build, solve
 from problems.pose_estimation_report import report

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array, pose_index
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems import knee_simulator
 from problems.simulator_rig import Rig
 

@@ -13,9 +13,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
+from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, read_evaluation
-from casadi_contact.scenes.motion import reference_cycle
 from problems import pose_estimation
 
 SMALL = Preset(
@@ -110,7 +111,7 @@ def test_samples_of_another_scene_are_refused(project, tmp_path):
     with pytest.raises(ValueError, match="holds samples of another scene"):
         pipeline.train(other)
     with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
-        pipeline.trained(pipeline.Project.open("knee", "quick", tmp_path / "empty"))
+        project_surrogates(pipeline.Project.open("knee", "quick", tmp_path / "empty"))
 
 
 def cli(*arguments):

@@ -1,4 +1,4 @@
-"""Imports flow one way, from the foundations up (README); only `training` needs torch, and `peers` to compare."""
+"""Imports flow one way, from the foundations up; only `training` needs torch, and `benchmark.peers` to compare."""
 
 import ast
 import subprocess
@@ -7,9 +7,9 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "conventions", "opensim", "scenes", "geometry", "contact", "statics"),
-    *("dataset", "sampling", "network", "training", "transcription", "surrogate"),
-    *("evaluation", "peers", "verification", "report", "show", "presets", "pipeline", "front", "cli"),
+    *("files", "workers", "machine", "conventions", "scenes", "motion", "geometry", "contact", "statics"),
+    *("dataset", "sampling", "network", "training", "transcription", "structures"),
+    *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline", "cli"),
 ]
 
 
@@ -57,7 +57,7 @@ def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
 def test_only_training_imports_torch_and_peers_inside_functions():
     for path in PACKAGE.rglob("*.py"):
         text = path.read_text("utf-8")
-        if room_of(path) == "peers":
+        if "peers" in path.parts:
             top = [ast.unparse(node).split() for node in ast.parse(text).body]
             assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
         elif room_of(path) != "training":
@@ -66,7 +66,7 @@ def test_only_training_imports_torch_and_peers_inside_functions():
 
 def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():
     code = (
-        "import sys, casadi_contact, casadi_contact.peers, problems.pose_estimation\n"
+        "import sys, casadi_contact, casadi_contact.benchmark.peers, problems.pose_estimation\n"
         "print([m for m in ('torch', 'matplotlib', 'sklearn') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)

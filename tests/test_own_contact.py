@@ -13,7 +13,7 @@ from casadi_contact import pipeline
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
-from tests import own_contact
+from tests.support import own_contact
 
 SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 10.0), "ratio": Effort(((6, 6),), 3.0)}})
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.motion.columns import read_columns
 from casadi_contact.scenes import Scene
-from casadi_contact.scenes.columns import read_columns
 
 _LEAST_ROWS = 10
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from casadi_contact.evaluation.front_file import Front
+from casadi_contact.benchmark.front_file import Front
 from casadi_contact.report.figure import save
 from casadi_contact.report.scatter import draw_gradient_hessian_time, draw_speed_accuracy
 from casadi_contact.report.series import draw_error_by_domain, draw_error_by_samples, draw_error_by_training_time

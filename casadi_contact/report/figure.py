@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.evaluation.front_file import Front, Point
+from casadi_contact.benchmark.front_file import Front, Point
 from casadi_contact.files import replacing
 
 KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from casadi_contact.evaluation.front_file import Front, Point, pareto
-from casadi_contact.evaluation.timing import Timing
+from casadi_contact.benchmark.front_file import Front, Point, pareto
+from casadi_contact.benchmark.timing import Timing
 from casadi_contact.report.figure import KINDS, families, family_name, legend_beside, log_scale, two_panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, Front, Point
 from casadi_contact.dataset import DOMAINS
-from casadi_contact.evaluation.front_file import SAMPLES, SECONDS, Front, Point
 from casadi_contact.report.figure import KINDS, families, legend_beside, log_scale, two_panels
 from casadi_contact.report.style import family_styles
 

@@ -3,7 +3,7 @@
 A wrong sign or frame shows here first.
 """
 
-from casadi_contact.scenes.pose_file import read_poses
+from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.show.contact_picture import MOST_FRAMES, draw_contact
 from casadi_contact.show.fit_picture import draw_fit, surface_fits
 from casadi_contact.show.neutral_pose import neutral_pose

@@ -12,11 +12,11 @@ import numpy as np
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.evaluation import domain_errors
+from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.sampling import SamplePoint, SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, WrenchModel, draw_chunk
-from casadi_contact.surrogate import Surrogate, calibrated
-from casadi_contact.surrogate.info import samples_record
+from casadi_contact.structures import Surrogate, calibrated
+from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.verification.verify import Verification, verify
 

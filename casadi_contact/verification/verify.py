@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, as_poses, load_unit
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 
 LEAST_VALIDITY = 0.5
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from casadi_contact.network import Regression
-from casadi_contact.surrogate import PatchSurrogate, TwoStageSurrogate
+from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
 from casadi_contact.training import TrainingSettings, fit
 from problems.stability.methods import EF_ANALYTIC, METHODS, PATCH, SURROGATES, TWO_STAGE, Bench
 from problems.stability.table import Line

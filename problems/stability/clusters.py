@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.conventions import Array
-from casadi_contact.peers.training_set import TrainingSet
 from problems.stability.methods import EF_ANALYTIC, KRIGING, METHODS, Bench
 from problems.stability.table import Line
 from problems.stability.walking_samples import walking_samples

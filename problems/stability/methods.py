@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.benchmark.peers.kriging import Kriging, best_kernel
+from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import CallableModel, ElasticFoundation
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.peers.kriging import Kriging, best_kernel
-from casadi_contact.peers.training_set import TrainingSet
+from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.scenes import Scene
-from casadi_contact.scenes.motion import reference_cycle
-from casadi_contact.surrogate import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, load_surrogate
 from problems import pose_estimation
 from problems.stability.walking_samples import walking_samples
 

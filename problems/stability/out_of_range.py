@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems.learned_range import pose_bounds
 from problems.stability.methods import FOUNDATIONS, PATCH, SURROGATES, Bench
 from problems.stability.table import Line

@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.network import Network
-from casadi_contact.scenes.motion import reference_cycle
-from casadi_contact.surrogate import PatchSurrogate, Surrogate, TwoStageSurrogate
+from casadi_contact.structures import PatchSurrogate, Surrogate, TwoStageSurrogate
 from problems import pose_estimation
 from problems.stability.derivative_steps import relative_error
 from problems.stability.methods import METHODS, SURROGATES, Bench

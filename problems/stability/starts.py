@@ -9,10 +9,10 @@ from rich.progress import track
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.scenes.cycles import COLUMNS, LoadCycle
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
+from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
-from casadi_contact.surrogate import Surrogate
+from casadi_contact.structures import Surrogate
 from problems import pose_estimation
 from problems.joint_mechanics import IN_MM
 from problems.stability.methods import Bench

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from casadi_contact.evaluation import machine_record
 from casadi_contact.files import replacing
+from casadi_contact.machine import machine_record
 from problems.stability.methods import METHODS
 
 FAILURES = {

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.evaluation.kernel_speed import jacobian_of, lagrangian_hessian
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from casadi_contact.motion.walking import reference_cycle
 from problems.pose_estimation import build, solve
 
 FORMS = {"graph": False, "kernel": True}

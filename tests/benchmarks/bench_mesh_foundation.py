@@ -9,11 +9,11 @@ from statistics import median
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.evaluation import machine_record
-from casadi_contact.evaluation.timing import one_thread, time_batch
-from tests import meshes  # noqa: F401  (skips without the extra `mesh`)
+from casadi_contact.benchmark.timing import one_thread, time_batch
+from casadi_contact.machine import machine_record
 from tests.problems.test_tka_mesh import SCENE
-from tests.shared_data import shared_file
+from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
+from tests.support.shared_data import shared_file
 
 REPEATS = 9
 COUNT = 200

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 import casadi_contact.geometry.elements as elements
-from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, write_obj
+from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, write_obj
 
 OVERLAP_MM, STIFFNESS = 0.1, 267.5728  # K/h of the material [N/mm³]
 EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0

@@ -7,10 +7,10 @@ import casadi_contact as cc
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
-from casadi_contact.surrogate import PatchSurrogate
+from casadi_contact.structures import PatchSurrogate
 from casadi_contact.training import TrainingSettings, fit_all
 from tests.contact.test_mesh_foundation import EDGE_MM, RADIUS_MM, scene_of
-from tests.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, sheet_mesh
 
 TWO_PATCHES = """[geometry.patches.med]
 z = [0.0, 7.0]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.meshes import mesh_scene_text
-from tests.shared_data import shared_file
+from tests.support.meshes import mesh_scene_text
+from tests.support.shared_data import shared_file
 
 JAM_MATERIAL = {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": '"linear"'}
 

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, read_table
-from tests.own_contact import SCENE
+from tests.support.own_contact import SCENE
 from tests.test_own_contact import table_rows, write_csv, write_hdf5
 
 

@@ -13,7 +13,7 @@ from casadi_contact.geometry.mesh_bodies import body_mesh
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from casadi_contact.scenes import load_scene
-from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
+from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
 
 TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),

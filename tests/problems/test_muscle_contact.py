@@ -14,15 +14,15 @@ from scipy.optimize import lsq_linear
 
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
-from casadi_contact.opensim import read_table
-from casadi_contact.scenes.cycles import read_cycle
+from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.motion.opensim import read_table
 from problems import muscle_contact
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
 from problems.muscle_example import example_walk
 from problems.muscle_problem import BALANCED, RESERVE_SIZES
 from problems.muscle_walk import read_walk
 from problems.neutral_pose import neutral_poses
-from tests.shared_data import shared_file
+from tests.support.shared_data import shared_file
 
 ROOT = Path(__file__).parents[2]
 SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx")}

@@ -6,11 +6,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from casadi_contact.opensim import ColumnMap, Table, write_table
+from casadi_contact.motion.opensim import ColumnMap, Table, write_table
 from problems.knee_coordinates import load_unit
 from problems.muscle_example import example_walk
 from problems.muscle_walk import PARAMETER_COLUMNS, read_walk
-from tests.shared_data import shared_file
+from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=41)
 

@@ -11,7 +11,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.dataset import Samples, write_samples
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation, refine_beyond
 
 ROOT = Path(__file__).parents[2]

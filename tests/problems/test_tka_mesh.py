@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.cycles import write_cycle
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
 from problems.pose_estimation_starts import start_from_file
-from tests import meshes  # noqa: F401  (skips without the extra `mesh`)
-from tests.shared_data import shared_file
+from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
+from tests.support.shared_data import shared_file
 
 SCENE = Path(__file__).parents[2] / "problems" / "tka_mesh.toml"
 COLUMNS = ("knee_ant_r", "knee_sup_r", "knee_lat_r", "knee_flex_r", "knee_add_r", "knee_rot_r")  # tx ... rz, m and rad

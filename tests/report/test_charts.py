@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casadi_contact.evaluation.front_file import SIZE, Front, Point, read_front
+from casadi_contact.benchmark.front_file import SIZE, Front, Point, read_front
 from casadi_contact.report import draw_charts
 from casadi_contact.report.charts import CHARTS
 from casadi_contact.report.scatter import draw_speed_accuracy
 from casadi_contact.report.style import COLOURS, MARKERS, family_styles
 
-STORED = Path(__file__).parents[1] / "front" / "speed_accuracy.csv"
+STORED = Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv"
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from two_spheres import TwoSpheres, knee
 
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION
 from casadi_contact.sampling import PAPER_COUNTS, Envelopes, SamplePoint, SamplingSettings, plan_domains
@@ -8,6 +7,7 @@ from casadi_contact.sampling.liftoff import lift_all, lift_one
 from casadi_contact.scenes import load_scene
 from casadi_contact.scenes.normal_load import normal_loads
 from casadi_contact.statics import settle
+from tests.support.two_spheres import TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
 SENSITIVE = ("Fy_med", "Fy_lat")

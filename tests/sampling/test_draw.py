@@ -4,13 +4,13 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-import two_spheres
-from two_spheres import TwoSpheres, knee
 
 from casadi_contact.contact import CallableModel, ElasticFoundation
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, partial_folder, read_samples
 from casadi_contact.sampling import ReferenceMotion, SamplingSettings, draw_samples, reference_motion
 from casadi_contact.scenes import load_scene
+from tests.support import two_spheres
+from tests.support.two_spheres import TwoSpheres, knee
 
 SETTINGS = SamplingSettings(scale=0.003, frames=21, chunk_size=20, seed=5)
 

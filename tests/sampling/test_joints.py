@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.sampling import SamplingSettings, draw_samples, reference_motion
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.liftoff import lift_all, lift_one
 from casadi_contact.scenes import load_scene
-from casadi_contact.scenes.joint_cycle import scene_cycles
 from casadi_contact.statics import settle
 
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from two_spheres import Cycle, TwoSpheres, cycles, knee
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.sampling import SamplingSettings, reference_motion, reference_poses
+from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
 
 SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
 MODEL = TwoSpheres(knee())

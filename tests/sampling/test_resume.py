@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import two_spheres
-from test_draw import MOTION, SETTINGS, draw
-from two_spheres import knee
 
 from casadi_contact.dataset import partial_folder, read_samples
 from casadi_contact.sampling import ReferenceMotion, draw_samples
+from tests.sampling.test_draw import MOTION, SETTINGS, draw
+from tests.support import two_spheres
+from tests.support.two_spheres import knee
 
 SLOW_DRAW = """
 import sys, time
 from concurrent.futures import ThreadPoolExecutor
 sys.path.insert(0, sys.argv[2])
-from test_draw import draw
+from tests.sampling.test_draw import draw
 with ThreadPoolExecutor(1) as executor:
     draw(sys.argv[1], executor, progress=lambda done, total: time.sleep(0.2))
 """
@@ -49,7 +49,7 @@ def chunks(path):
 
 def test_a_killed_draw_goes_on_and_ends_with_the_same_bytes(tmp_path, whole):
     path = tmp_path / "samples.h5"
-    process = subprocess.Popen([sys.executable, "-c", SLOW_DRAW, str(path), str(Path(__file__).parent)])
+    process = subprocess.Popen([sys.executable, "-c", SLOW_DRAW, str(path), str(Path(__file__).parents[2])])
     while len(chunks(path)) < 4:
         assert process.poll() is None, "the draw ended before it could be killed"
         time.sleep(0.02)
@@ -110,7 +110,7 @@ def begun_with_other_things():
         "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
         "another scene": {"scene": knee().with_overrides(frontal_radius=23.0)},
         "another reference motion": {"motion": moved},
-        "models two_spheres.models": {"models": other_models},
+        "models tests.support.two_spheres.models": {"models": other_models},
     }
 
 

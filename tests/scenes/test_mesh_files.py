@@ -7,7 +7,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.geometry import body_mesh
 from casadi_contact.scenes import Scene
-from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
 
 
 @pytest.fixture

@@ -44,7 +44,7 @@ def test_one_pose_and_many_are_drawn(model, tmp_path):
 
 def mesh_scene(folder):
     pytest.importorskip("igl", reason="meshes need the extra: pip install casadi_contact[mesh]")
-    from tests.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+    from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
 
     write_obj(folder / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
     write_obj(folder / "sheet.obj", *sheet_mesh(20.0, 1.0))

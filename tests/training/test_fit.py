@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.network import Regression
 from casadi_contact.training import TrainingSettings, fit, search
 from casadi_contact.training.mlp import flatten
-from tests.training.regressions import smooth
+from tests.support.regressions import smooth
 
 FIXED = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=40)
 GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_time_s=300.0, max_iterations=160)

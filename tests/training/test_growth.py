@@ -5,7 +5,7 @@ import pytest
 
 from casadi_contact.training.growth import check_ladder, extrapolated_error, widen, will_reach
 from casadi_contact.training.mlp import initial_network
-from tests.training.regressions import smooth
+from tests.support.regressions import smooth
 
 
 def small(hidden=(4,), activation="algebraic"):

@@ -7,7 +7,7 @@ from casadi_contact.training import levenberg_marquardt
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
-from tests.training.regressions import smooth
+from tests.support.regressions import smooth
 
 
 def solver(data, hidden, seed=0, like=None, activation="algebraic"):

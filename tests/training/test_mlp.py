@@ -5,7 +5,7 @@ import pytest
 
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays, arrays_for
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
-from tests.training.regressions import smooth
+from tests.support.regressions import smooth
 
 torch = pytest.importorskip("torch", reason="training on a GPU and these oracles need the extra train")
 

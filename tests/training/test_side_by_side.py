@@ -9,7 +9,7 @@ import pytest
 
 from casadi_contact.training import TrainingSettings, fit, fit_all
 from casadi_contact.training.mlp import flatten
-from tests.training.regressions import smooth
+from tests.support.regressions import smooth
 
 SETTINGS = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=30)
 DATA = [smooth(seed=k, name=name) for k, name in enumerate(("root_med", "Fx/lat", "root_lat"))]

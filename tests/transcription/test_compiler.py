@@ -10,8 +10,8 @@ import pytest
 
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.transcription.kernel import compiler, warn_once
-from tests.compiler import needs_compiler
-from tests.random_surrogates import random_poses, random_surrogate
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import random_poses, random_surrogate
 
 SOURCE = "int answer(void) { return 42; }\n"
 
@@ -53,7 +53,7 @@ def test_a_damaged_library_is_made_again(cache, damage):
 def test_processes_that_compile_at_once_all_get_a_whole_library(cache, surrogate):
     code = (
         "import sys; sys.path.insert(0, '')\n"
-        "from tests.random_surrogates import random_surrogate, random_poses\n"
+        "from tests.support.random_surrogates import random_surrogate, random_poses\n"
         "from casadi_contact.scenes.scene import load_scene\n"
         "s = random_surrogate(load_scene('sphere_on_plane'), 'patch')\n"
         "f = s.function(compiled=True)\n"

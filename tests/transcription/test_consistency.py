@@ -6,9 +6,9 @@ import pytest
 
 from casadi_contact.network import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
-from tests.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
-torch_oracle = pytest.importorskip("tests.torch_oracle", reason="torch is not installed", exc_type=ImportError)
+torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx

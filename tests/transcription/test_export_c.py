@@ -8,8 +8,8 @@ import pytest
 
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
-from tests.compiler import needs_compiler
-from tests.random_surrogates import random_poses, random_surrogate
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.transcription.test_consistency import second_derivatives
 
 

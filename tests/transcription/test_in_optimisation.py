@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from casadi_contact.scenes.scene import load_scene
-from casadi_contact.surrogate import PatchSurrogate
+from casadi_contact.structures import PatchSurrogate
 from casadi_contact.transcription import load_function, save_function
-from tests.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate
+from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate
 
 
 @pytest.fixture(scope="module", params=["patch", "two_stage"])

@@ -6,12 +6,19 @@ import pytest
 
 from casadi_contact.network import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
-from casadi_contact.surrogate import load_surrogate
-from tests.compiler import needs_compiler
-from tests.random_surrogates import IN_PARTS, POSE_CENTRE, POSE_SPREAD, random_poses, random_surrogate, scene_called
+from casadi_contact.structures import load_surrogate
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import (
+    IN_PARTS,
+    POSE_CENTRE,
+    POSE_SPREAD,
+    random_poses,
+    random_surrogate,
+    scene_called,
+)
 from tests.transcription.test_consistency import close, second_derivatives
 
-torch_oracle = pytest.importorskip("tests.torch_oracle", reason="torch is not installed", exc_type=ImportError)
+torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 pytestmark = needs_compiler
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]

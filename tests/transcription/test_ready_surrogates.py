@@ -6,10 +6,10 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import DOMAINS
+from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.chunk import draw_chunk
-from casadi_contact.scenes.motion import reference_cycles
-from casadi_contact.surrogate.load import ready_surrogates
+from casadi_contact.structures.load import ready_surrogates
 from tests.transcription.test_consistency import close, second_derivatives, torch_oracle
 
 

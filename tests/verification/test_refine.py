@@ -5,8 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.surrogate import PatchSurrogate, calibrated
-from casadi_contact.surrogate.info import samples_record
+from casadi_contact.structures import PatchSurrogate, calibrated
+from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
 
 SCENE = cc.load_scene("sphere_on_plane")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.motion import reference_cycle
+from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
-from tests.random_surrogates import random_surrogate
+from tests.support.random_surrogates import random_surrogate
 
 
 @pytest.fixture(scope="module")

@@ -11,17 +11,13 @@ import casadi as ca
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
-from casadi_contact.transcription.kernel.patch_kernel import patch_kernel
 from casadi_contact.transcription.kernel.source import Kernel, c_text
-from casadi_contact.transcription.kernel.two_stage_kernel import two_stage_kernel
 
 __all__ = [
     "CompilerError",
     "Kernel",
     "compiled_function",
-    "patch_kernel",
     "sigmoid_source",
-    "two_stage_kernel",
     "warn_once",
 ]
 

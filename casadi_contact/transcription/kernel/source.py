@@ -10,9 +10,9 @@ from casadi_contact.transcription.kernel.network_functions import LANES, network
 from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
 
 
-def c_text(name: str) -> str:
-    """One of the C files in the folder c."""
-    return resources.files(__package__).joinpath("c", name).read_text("utf-8")
+def c_text(name: str, package: str = f"{__package__}.c") -> str:
+    """A C file that lies in a package: the core's own, or a structure's template."""
+    return resources.files(package).joinpath(name).read_text("utf-8")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,104 @@
+"""The measured models that can be made or read again by their names on the chart: timed, trained, loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.candidates import (
+    EF_FAMILY,
+    MX_SUFFIX,
+    foundation_candidates,
+    own_name,
+    surrogate_candidates,
+)
+from casadi_contact.benchmark.front_file import Point
+from casadi_contact.benchmark.sizes import Sized, on_disk, planned, sized_path, train_sizes
+from casadi_contact.benchmark.timing import compare, one_thread
+from casadi_contact.fitting import train
+from casadi_contact.project import Project, Update, read_motion
+from casadi_contact.structures import STRUCTURES, load_surrogate
+
+TIMED_AGAIN = "timed again for these loads"
+SHARE = "estimated by the share of networks"
+ALL_LOADS = "of all loads"
+
+
+def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[str]) -> dict[str, tuple[float, str]]:
+    """Microseconds per pose of each model for some loads only, and how they were found.
+
+    EF grids and surrogates on disk are timed again on a reference cycle, in one run on one thread, surrogates with
+    just the networks that the loads need. A surrogate not on disk is estimated by the share of its
+    networks; any other model keeps its measured time for all loads.
+    """
+    poses = read_motion(project)[0].poses[0]
+    names = {point.name for point in points}
+    stopwatches = {c.name: c.time_value for c in _candidates(project, names, loads) if c.time_value is not None}
+    with one_thread():
+        timings = compare({name: partial(stopwatch, poses) for name, stopwatch in stopwatches.items()})
+    times = {}
+    for point in points:
+        assert point.value is not None
+        if point.name in timings:
+            times[point.name] = (timings[point.name].median_us, TIMED_AGAIN)
+        elif point.name in _sized(project):
+            kind = STRUCTURES[_sized(project)[point.name].structure]
+            needed, all_ = (len(kind.networks_for(project.scene, n)) for n in (loads, project.scene.load_names))
+            times[point.name] = (needed / all_ * point.value.median_us, SHARE)
+        else:
+            times[point.name] = (point.value.median_us, ALL_LOADS)
+    return times
+
+
+def make_surrogate(project: Project, name: str, loads: Sequence[str] | None, update: Update | None) -> Path | None:
+    """The file of a surrogate, trained (for these loads) if it is not on disk; None for other models."""
+    found = surrogate_file(project, name, loads)
+    if found is not None:
+        return found
+    base = name.removesuffix(MX_SUFFIX)
+    if base in _sized(project):
+        return train_sizes(project, [_sized(project)[base]], update, loads=loads)[0]
+    if base in (own_name(project, structure) for structure in project.preset.efforts):
+        train(project, update)
+        return surrogate_file(project, name, loads)
+    return None
+
+
+def surrogate_file(project: Project, name: str, loads: Sequence[str] | None) -> Path | None:
+    """The file of a surrogate with all networks, or with those for these loads; None if neither can be read."""
+    base = name.removesuffix(MX_SUFFIX)
+    paths = [project.surrogate_path(s) for s in STRUCTURES if own_name(project, s) == base]
+    if base in _sized(project):
+        sized = _sized(project)[base]
+        paths += [sized_path(project, sized), *([sized_path(project, sized, loads)] if loads else [])]
+    return next((path for path in paths if on_disk(project, path) is not None), None)
+
+
+def python_line(scene: str, name: str, loads: Sequence[str], file: Path | None) -> str:
+    """How to make the model in Python (after ``import casadi_contact as cc``)."""
+    if file is not None:
+        compiled = "" if name.endswith(MX_SUFFIX) else ", compiled=True"
+        return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
+    if name.startswith(f"{EF_FAMILY} "):
+        return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
+    maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, seconds=..., names={list(loads)!r})"
+    return f"{maker}, the one named {name!r}"
+
+
+def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iterator[Candidate]:
+    """The named models that are at hand, surrogates reduced to the loads."""
+    for candidate in foundation_candidates(project.scene):
+        if candidate.name in names:
+            yield candidate
+    for name in names:
+        path = surrogate_file(project, name, loads)
+        if path is not None:
+            graph = name.endswith(MX_SUFFIX)
+            variants = surrogate_candidates(name.removesuffix(MX_SUFFIX), load_surrogate(path), loads, graph=graph)
+            yield from (candidate for candidate in variants if candidate.name == name)
+
+
+def _sized(project: Project) -> dict[str, Sized]:
+    return {sized.name: sized for sized in planned(project.preset.chart)}

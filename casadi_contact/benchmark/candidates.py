@@ -1,0 +1,112 @@
+"""What stands on the chart: elastic foundations, the preset's own surrogates, the ladder of sizes, and peers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import cache, partial
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.benchmark.candidate import Candidate, Stopwatch
+from casadi_contact.benchmark.evaluate import grid_text
+from casadi_contact.benchmark.front_file import SIZE
+from casadi_contact.benchmark.kernel_speed import lagrangian_hessian
+from casadi_contact.benchmark.sizes import planned, sized_path
+from casadi_contact.benchmark.timing import time_batch, time_mapped, time_single_calls
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.project import Project, project_surrogates, read_motion
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate, load_surrogate
+
+EF_FAMILY = "EF"
+MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
+_GLOBAL_PEERS = ("polynomial", "Kriging", "radial basis")
+GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
+
+
+def foundation_candidates(scene: Scene) -> Iterator[Candidate]:
+    """EF grids up to the teacher's, timed as one batch of poses, which is their cheapest form."""
+    teacher = scene.grids["teacher"]
+    grids = {
+        grid for grid in (*GRIDS, scene.grids["coarse"], scene.grids["fine"]) if math.prod(grid) < math.prod(teacher)
+    }
+    for grid in sorted({*grids, teacher}):
+        model = ElasticFoundation(scene, grid)
+        batch = partial(time_batch, model)
+        yield Candidate(
+            name=f"EF {grid_text(grid)}",
+            family=EF_FAMILY,
+            model=model,
+            time_value=batch,
+            time_jacobian=partial(time_batch, model.jacobian),
+            time_batch=batch,
+            remark="timed as one batch of poses",
+        )
+
+
+def surrogate_candidates(
+    name: str, surrogate: Surrogate, loads: Sequence[str] | None = None, *, graph: bool = False
+) -> Iterator[Candidate]:
+    """A surrogate as a compiled kernel and (graph) as a CasADi graph, called through their buffers: the way an
+    optimiser does. Without a compiler the kernel is a graph too, and its remark says so."""
+    record = surrogate.record
+    for compiled, suffix in ((True, ""), (False, MX_SUFFIX))[: 2 if graph else 1]:
+        function = surrogate.function(loads, compiled=compiled)
+        yield Candidate(
+            name=f"{name}{suffix}",
+            family=f"{surrogate.structure}{suffix}",
+            model=surrogate,
+            time_value=partial(time_single_calls, function),
+            time_jacobian=partial(time_single_calls, function.jacobian()),
+            time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
+            time_batch=_batch_stopwatch(surrogate, loads, compiled=compiled),
+            samples=sum(record.get("samples", {}).values()),
+            training_seconds=round(sum(record.get("seconds", {}).values()), 1),
+            parameters=sum(network.parameter_count for network in surrogate.networks.values()),
+            remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
+        )
+
+
+def _batch_stopwatch(surrogate: Surrogate, loads: Sequence[str] | None, *, compiled: bool) -> Stopwatch:
+    @cache
+    def of(count: int) -> ca.Function:
+        return surrogate.function(loads, compiled=compiled, batch=count)
+
+    return lambda poses: time_mapped(of(len(poses)), poses)
+
+
+def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]:
+    """Name on the chart, sweep, surrogate: the preset's own, then the sized ones that are on disk."""
+    for structure, surrogate in project_surrogates(project).items():
+        yield own_name(project, structure), SIZE, surrogate
+    for sized in planned(project.preset.chart):
+        yield sized.name, sized.sweep, load_surrogate(sized_path(project, sized))
+
+
+def own_name(project: Project, structure: str) -> str:
+    """Name on the chart of the surrogate that `casadi-contact train` makes: "patch standard"."""
+    return f"{structure} {project.preset_name}"
+
+
+def peer_candidates(project: Project) -> Iterator[Candidate]:
+    """The peers, fitted on the project's samples: all of them, and for those that hold few points D1 alone too.
+
+    Kriging has the preset's seconds, every other family a quarter of them.
+    """
+    from casadi_contact.benchmark.peers import FAMILIES, peer_candidates
+
+    samples, seconds = project.samples(), project.preset.chart.peer_seconds
+    two_stage, (motion, _) = project_surrogates(project).get("two_stage"), read_motion(project)
+    for family in FAMILIES:
+        limit = seconds if family == "Kriging" else seconds / 4.0
+        for domains in (None, ["D1"]) if family in _GLOBAL_PEERS else (None,):
+            yield from peer_candidates(
+                samples, seconds=limit, two_stage=two_stage, motion=motion, domains=domains, families=[family]
+            )
+
+
+def _time_hessian(hessian: ca.Function, poses: Array) -> float:
+    return time_single_calls(hessian, poses, np.ones(hessian.numel_in(1)))

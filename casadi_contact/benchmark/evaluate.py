@@ -1,0 +1,111 @@
+"""The paper's tables for a scene: domain errors, and speed and accuracy on unseen walking (Tables 2 to 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
+from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import DOMAINS, TEST, Samples
+from casadi_contact.dataset.errors import LoadModel, domain_errors, force_and_torque_rms, load_errors
+from casadi_contact.machine import machine_record
+from casadi_contact.sampling import ReferenceMotion
+from casadi_contact.scenes import Scene
+from casadi_contact.structures.base import Surrogate
+
+CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
+FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
+
+
+def grid_text(grid: tuple[int, int]) -> str:
+    """Elements per side as people write them: "80×40"."""
+    return f"{grid[0]}×{grid[1]}"
+
+
+def converged_elements(scene: Scene) -> tuple[int, int]:
+    """Elements per side of the EF that errors on walking are measured against."""
+    along, across = scene.grids["teacher"]
+    return CONVERGED_REFINEMENT * along, CONVERGED_REFINEMENT * across
+
+
+def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:
+    """Errors of EF grids and surrogates against the fine and the converged EF, and their time per pose, in one run.
+
+    All on one core: EF as one batch of poses (its cheapest form), surrogates by single buffered calls of their
+    compiled kernel.
+    """
+    scene = next(iter(surrogates.values())).scene
+    converged_grid = converged_elements(scene)
+    converged = ElasticFoundation(scene, converged_grid)(poses)
+    grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
+    foundations = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
+    fine = foundations[f"EF {grid_text(scene.grids['fine'])}"](poses)
+    measurements: dict[str, Callable[[], float]] = {
+        name: partial(time_batch, model, poses) for name, model in foundations.items()
+    }
+    measurements |= {
+        name: partial(time_single_calls, surrogate.function(compiled=True), poses)
+        for name, surrogate in surrogates.items()
+    }
+    with one_thread():
+        timings = compare(measurements)
+    rows: dict[str, Any] = {}
+    models: dict[str, LoadModel] = {**foundations, **surrogates}
+    for name, model in models.items():
+        names, loads = model.load_names, model(poses)
+        columns = [scene.load_names.index(load) for load in names]
+        errors = load_errors(names, loads, converged[:, columns])
+        rows[name] = {
+            "timing": asdict(timings[name]),
+            "converged": force_and_torque_rms(errors),
+            "fine": force_and_torque_rms(load_errors(names, loads, fine[:, columns])),
+            "loads": errors,
+        }
+    return {
+        "poses": len(poses),
+        "fine": grid_text(scene.grids["fine"]),
+        "converged": grid_text(converged_grid),
+        "models": rows,
+    }
+
+
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
+    """Everything `report.evaluation_tables` shows, as plain JSON data.
+
+    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
+    samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, or for a scene without
+    geometry, the domain errors of the surrogates alone.
+    """
+    if not surrogates:
+        raise ValueError("no surrogate to evaluate, expected at least one")
+    scene = samples.scene
+    for name, surrogate in surrogates.items():
+        if surrogate.scene.digest != scene.digest:
+            raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
+    models: dict[str, LoadModel] = {}
+    compared = motion is not None and scene.layer is not None
+    for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
+        models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
+    models |= surrogates
+    test = samples.select(role=TEST)
+    content = {
+        "format": "casadi_contact evaluation",
+        "format_version": 1,
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "machine": machine_record(),
+        "loads": list(scene.load_names),
+        "teacher": grid_text(scene.grids["teacher"]) if compared else None,
+        "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
+        "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
+        "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
+    }
+    if compared and motion is not None:
+        walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
+        content["walking"] = evaluate_walking(surrogates, walking)
+    return content

@@ -1,0 +1,174 @@
+"""Measure every candidate in one run on one thread: times on unseen walking poses, errors there and per domain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from casadi_contact.benchmark.candidate import Candidate, Stopwatch
+from casadi_contact.benchmark.candidates import (
+    charted_surrogates,
+    foundation_candidates,
+    own_name,
+    peer_candidates,
+    surrogate_candidates,
+)
+from casadi_contact.benchmark.evaluate import converged_elements, grid_text
+from casadi_contact.benchmark.front_file import FILE_NAME, SIZE, TIMES, Front, Point, write_front
+from casadi_contact.benchmark.sizes import train_sizes
+from casadi_contact.benchmark.timing import Timing, compare, one_thread
+from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import Samples
+from casadi_contact.dataset.errors import domain_errors, force_and_torque_rms, load_errors
+from casadi_contact.machine import machine_record
+from casadi_contact.project import Project, Update, project_surrogates, read_motion
+
+# A slow model is timed on fewer poses, so that one measurement takes about this long at most.
+_MEASUREMENT_S = 0.3
+_FIRST_LOOK = 8
+
+# What a peer may fail with; a model that fails stays in the table and says why.
+_FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
+
+Tell = Callable[[str], None]
+
+
+def measure_project(
+    project: Project,
+    *,
+    peers: bool = False,
+    update: Update | None = None,
+    tell: Tell | None = None,
+    executor: Executor | None = None,
+) -> Path:
+    """Train what is missing of the chart's sizes, measure everything, write ``speed_accuracy.csv``; return its path.
+
+    peers: fit and measure the peers too (extra packages). tell: called with what is measured next. Raises
+    FileNotFoundError without samples or without the preset's own surrogates.
+    """
+    samples = project.samples()
+    own = project_surrogates(project)  # before an hour of training, not after it: raises if there is none
+    train_sizes(project, update=update, executor=executor)
+    sweeps: dict[str, str] = {}
+    candidates = list(foundation_candidates(project.scene))
+    for name, sweep, surrogate in charted_surrogates(project):
+        graph = name in (own_name(project, structure) for structure in own)
+        for candidate in surrogate_candidates(name, surrogate, graph=graph):
+            candidates.append(candidate)
+            sweeps[candidate.name] = sweep
+    if peers:
+        candidates += peer_candidates(project)
+    walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), read_motion(project)[0])
+    path = project.folder / FILE_NAME
+    front = measure(candidates, samples, walking, sweeps, tell)
+    write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
+    return path
+
+
+def measure(
+    candidates: Iterable[Candidate],
+    samples: Samples,
+    walking: Array,
+    sweeps: dict[str, str] | None = None,
+    tell: Tell | None = None,
+) -> Front:
+    """Errors and times of all candidates, the times in turn within one run on one thread.
+
+    Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads.
+    """
+    scene, tell = samples.scene, tell or (lambda what: None)
+    candidates, sweeps = list(candidates), sweeps or {}
+    tell("converged EF")
+    converged_grid = converged_elements(scene)
+    converged = ElasticFoundation(scene, converged_grid)(walking)
+    points: dict[str, Point] = {}
+    measurements: dict[str, Callable[[], float]] = {}
+    with one_thread():
+        for candidate in candidates:
+            tell(candidate.name)
+            if candidate.name in points:
+                raise ValueError(f"two candidates are called {candidate.name!r}, expected names that differ")
+            try:
+                points[candidate.name] = _errors(candidate, samples, walking, converged, sweeps)
+                if not points[candidate.name].failure:
+                    measurements |= _measurements(candidate, walking)
+            except _FAILURES as error:
+                points[candidate.name] = _failed(candidate, sweeps, " ".join(str(error).split()))
+        tell("times")
+        timings = compare(measurements)
+    header = {
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "loads": " ".join(scene.load_names),
+        "walking_poses": str(len(walking)),
+        "reference": f"EF {grid_text(converged_grid)}",
+        "threads": "1",
+        **machine_record(),
+    }
+    return Front(header, tuple(_timed(point, timings) for point in points.values()))
+
+
+def _key(name: str, what: str) -> str:
+    return f"{name}\n{what}"
+
+
+def _timed(point: Point, timings: dict[str, Timing]) -> Point:
+    keys = {what: _key(point.name, what) for what in TIMES}
+    return replace(point, **{what: timings[key] for what, key in keys.items() if key in timings})  # type: ignore[arg-type]
+
+
+def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], float]]:
+    """Measurements by name and kind of time; single calls on as many poses as the time for one allows."""
+    found: dict[str, Callable[[], float]] = {}
+    for what in TIMES:
+        stopwatch: Stopwatch | None = getattr(candidate, f"time_{what}")
+        if stopwatch is None:
+            continue
+        stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
+        seconds = stopwatch(poses[:_FIRST_LOOK])
+        count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
+        found[_key(candidate.name, what)] = partial(stopwatch, poses[:count])
+    return found
+
+
+def _failed(candidate: Candidate, sweeps: dict[str, str], reason: str) -> Point:
+    return Point(
+        candidate.name,
+        candidate.family,
+        sweeps.get(candidate.name, SIZE),
+        samples=candidate.samples,
+        training_seconds=candidate.training_seconds,
+        parameters=candidate.parameters,
+        remark=candidate.remark,
+        failure=reason,
+    )
+
+
+def _errors(candidate: Candidate, samples: Samples, walking: Array, converged: Array, sweeps: dict[str, str]) -> Point:
+    model = candidate.model
+    if model is None or candidate.failure:
+        return _failed(candidate, sweeps, candidate.failure or "no model")
+    loads = samples.scene.load_names
+    columns = [loads.index(load) for load in model.load_names]
+    on_walking = load_errors(model.load_names, model(walking), converged[:, columns])
+    if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
+        return _failed(candidate, sweeps, "gives NaN or infinity on the walking poses")
+    per_domain = {domain: force_and_torque_rms(errors) for domain, errors in domain_errors(model, samples).items()}
+    return Point(
+        candidate.name,
+        candidate.family,
+        sweeps.get(candidate.name, SIZE),
+        load_rms={load: error["rms"] for load, error in on_walking.items()},
+        domain_force_rms_n={domain: rms["force"] for domain, rms in per_domain.items()},
+        domain_torque_rms_nmm={domain: rms["torque"] for domain, rms in per_domain.items()},
+        samples=candidate.samples,
+        training_seconds=candidate.training_seconds,
+        parameters=candidate.parameters,
+        remark=candidate.remark,
+    )

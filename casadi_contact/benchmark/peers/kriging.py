@@ -1,0 +1,252 @@
+"""Kriging: scikit-learn's Gaussian process with a Matérn kernel, on as many points as time and memory allow.
+
+    F(x) = mean + deviation·Σ_i α_i k(x, x_i),   k = c·(1 + r + r²/3)·exp(-r),   r² = 5·Σ_j (x_j - x_ij)²/l_j²
+
+One kernel serves all loads: one factorisation and one row of k for seven loads, so that more points fit into the
+same time. Length scales and nugget maximise the likelihood of a subset, from several starts; of an interpolating and a
+regressing kernel the better is kept, and the points are doubled.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import dpocon
+from scipy.optimize import OptimizeResult, minimize
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
+from casadi_contact.benchmark.peers.training_set import TrainingSet
+from casadi_contact.conventions import Array, as_poses
+
+FAMILY = "Kriging"
+BYTES_PER_PAIR = 48.0  # the kernel matrix, its factor and scikit-learn's temporaries
+SMALLEST_SUBSET, STARTS = 250, 2
+FEWEST_EVALUATIONS = 10
+LARGEST_NUGGETS = (1e-7, 1.0)  # to interpolate and to regress, in variances of the loads
+TRIAL_POINTS = 2000
+CHUNK_VALUES = 2**21
+
+
+def _sklearn() -> Any:
+    try:
+        from sklearn import gaussian_process
+    except ImportError:
+        raise ImportError("Kriging needs scikit-learn: pip install casadi_contact[peers]") from None
+    return gaussian_process
+
+
+class Kriging:
+    """A fitted Gaussian process (with kernel c·Matérn(5/2) + nugget), its sums written out for single poses.
+
+    ``condition`` is the estimated 1-norm condition number of the kernel matrix.
+    """
+
+    def __init__(self, data: TrainingSet, count: int, kernel: Any) -> None:
+        process = _sklearn().GaussianProcessRegressor(kernel, optimizer=None)
+        mean, deviation = data.load_scale
+        centre, spread = data.centre, data.spread
+        process.fit((data.poses[:count] - centre) / spread, (data.loads[:count] - mean) / deviation)
+        self.load_names, self._ceiling, self._mean = data.load_names, data.ceiling, mean
+        self.condition = _condition(process.L_)
+        scale, matern = process.kernel_.k1.k1, process.kernel_.k1.k2
+        self._shift, self._inverse = centre, np.sqrt(5.0) / (spread * matern.length_scale)
+        points = process.X_train_ * (np.sqrt(5.0) / matern.length_scale)
+        # r² = |z|² + |z_i|² - 2 z·z_i: one matrix product with (z, 1, |z|²).
+        squares = np.einsum("ij,ij->i", points, points)
+        self._points = np.asfortranarray(np.column_stack([-2.0 * points, squares, np.ones(count)]))
+        self._ones_and_points = np.column_stack([np.ones(count), points])
+        alpha = process.alpha_.reshape(count, -1)
+        self._alpha = np.ascontiguousarray((scale.constant_value * alpha * deviation).T)
+        self.parameter_count = points.size + alpha.size
+        self._z = np.ones(8)
+        self._k, self._r, self._e = np.empty((3, count))
+        self._loads = np.empty(len(mean))
+
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, L)."""
+        z = (as_poses(poses) - self._shift) * self._inverse
+        z = np.column_stack([z, np.ones(len(z)), np.einsum("ij,ij->i", z, z)])
+        loads = np.empty((len(z), len(self.load_names)))
+        step = max(1, CHUNK_VALUES // len(self._points))
+        for begin in range(0, len(z), step):
+            rows = slice(begin, begin + step)
+            k = z[rows] @ self._points.T
+            _matern(k, np.empty_like(k))
+            loads[rows] = k @ self._alpha.T
+        return np.minimum(loads + self._mean, self._ceiling)
+
+    def one(self, pose: Array) -> Array:
+        """Loads (L) of one pose, in an array that the next call overwrites."""
+        self._squared_distances(pose)
+        _matern(self._k, self._r)
+        np.dot(self._alpha, self._k, out=self._loads)
+        np.add(self._loads, self._mean, out=self._loads)
+        return np.minimum(self._loads, self._ceiling, out=self._loads)
+
+    def jacobian_one(self, pose: Array) -> Array:
+        """d loads / d pose (L, 6) of one pose: dk/dz = -c/3·(1 + r)·exp(-r)·(z - z_i)."""
+        self._squared_distances(pose)
+        r, e, k = self._r, self._e, self._k
+        np.sqrt(k, out=r)
+        np.negative(r, out=e)
+        np.exp(e, out=e)
+        r += 1.0
+        r *= e
+        k *= e
+        k *= 1.0 / 3.0
+        k += r
+        clamped = self._alpha @ k + self._mean > self._ceiling
+        sums = (self._alpha * r) @ self._ones_and_points / 3.0
+        jacobian = (sums[:, 1:] - sums[:, :1] * self._z[:6]) * self._inverse
+        jacobian[clamped] = 0.0
+        return jacobian
+
+    def _squared_distances(self, pose: Array) -> None:
+        z = self._z[:6]
+        np.subtract(pose, self._shift, out=z)
+        np.multiply(z, self._inverse, out=z)
+        self._z[7] = z @ z
+        np.dot(self._points, self._z, out=self._k)
+        np.maximum(self._k, 0.0, out=self._k)
+
+
+def _matern(k: Array, r: Array) -> None:
+    """Turn r² into (1 + r + r²/3)·exp(-r), in place; r is a place to work in."""
+    np.maximum(k, 0.0, out=k)
+    np.sqrt(k, out=r)
+    k *= 1.0 / 3.0
+    k += r
+    k += 1.0
+    np.negative(r, out=r)
+    np.exp(r, out=r)
+    k *= r
+
+
+def _condition(lower: Array) -> float:
+    """Estimated 1-norm condition number of K = L·Lᵀ; K has no negative entries, so ‖K‖₁ = max(K·1)."""
+    norm = float((lower @ (lower.T @ np.ones(len(lower)))).max())
+    reciprocal, _ = dpocon(lower.T, norm, uplo="U")
+    return 1.0 / reciprocal if reciprocal > 0.0 else float("inf")
+
+
+class TimedAscent:
+    """scikit-learn's own optimiser (L-BFGS-B on the likelihood), which stops at a limit of seconds per start.
+
+    evaluations counts likelihoods, so that the cost of a larger subset can be told beforehand.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.evaluations = seconds, 0
+
+    def __call__(self, objective: Callable[[Array], Any], start: Array, bounds: Array) -> tuple[Array, float]:
+        deadline = time.perf_counter() + self.seconds
+
+        def stop(intermediate_result: OptimizeResult) -> None:
+            if time.perf_counter() > deadline:
+                raise StopIteration
+
+        found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, callback=stop)
+        self.evaluations += found.nfev
+        return found.x, found.fun
+
+
+def tuned_kernel(data: TrainingSet, seconds: float, largest_nugget: float) -> tuple[Any, int]:
+    """The kernel of greatest likelihood on the largest subset that `seconds` allow, and the subset's size.
+
+    On the smallest subset the likelihood has several maxima: it is climbed from the STARTS most likely isotropic
+    kernels of a coarse grid, which finds better ones than random restarts. Each larger subset starts from the answer
+    before; each subset gets half of the time left.
+    """
+    gaussian_process = _sklearn()
+    mean, deviation = data.load_scale
+    x, y = (data.poses - data.centre) / data.spread, (data.loads - mean) / deviation
+    count, left, ascents = min(SMALLEST_SUBSET, len(data)), seconds, STARTS
+
+    def fitted(kernel: Any, ascent: TimedAscent | None) -> Any:
+        process = gaussian_process.GaussianProcessRegressor(kernel, optimizer=ascent)
+        with warnings.catch_warnings():
+            # A length scale or nugget at its bound is an answer here (a load may ignore a pose parameter).
+            warnings.simplefilter("ignore")
+            return process.fit(x[:count], y[:count])
+
+    def most_likely(processes: list[Any]) -> list[Any]:
+        ordered = sorted(processes, key=lambda p: -p.log_marginal_likelihood_value_)
+        return [process.kernel_ for process in ordered]
+
+    began = time.perf_counter()
+    starts = most_likely([fitted(kernel, None) for kernel in _isotropic_kernels(largest_nugget)])
+    left -= time.perf_counter() - began
+    while True:
+        began = time.perf_counter()
+        ascent = TimedAscent(0.5 * left / ascents)
+        starts = most_likely([fitted(kernel, ascent) for kernel in starts[:ascents]])
+        took = time.perf_counter() - began
+        left, ascents = left - took, 1
+        next_evaluation = 8.0 * took / max(ascent.evaluations, 1)  # a likelihood costs n³
+        if count == len(data) or next_evaluation * FEWEST_EVALUATIONS > 0.5 * left:
+            return starts[0], count
+        count = min(2 * count, len(data))
+
+
+def _isotropic_kernels(largest_nugget: float) -> list[Any]:
+    kernels = _sklearn().kernels
+    nugget = kernels.WhiteKernel(min(1e-2, largest_nugget), (1e-10, largest_nugget))
+    return [
+        kernels.ConstantKernel(constant, (1e-2, 1e6)) * kernels.Matern(np.full(6, length), (1e-1, 1e3), nu=2.5) + nugget
+        for constant in (1.0, 30.0, 1000.0)
+        for length in (0.3, 1.0, 3.0, 10.0, 30.0)
+    ]
+
+
+def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
+    """A kernel that interpolates and one that regresses, both tuned; the one that predicts TRIAL_POINTS others better.
+
+    The likelihood of few points in six dimensions often takes what it cannot resolve for noise, though the samples
+    have next to none.
+    """
+    count = min(TRIAL_POINTS, len(data) // 2)
+    others, deviation = slice(count, 2 * count), data.load_scale[1]
+    tuned = [tuned_kernel(data, seconds / len(LARGEST_NUGGETS), nugget) for nugget in LARGEST_NUGGETS]
+    errors = []
+    for kernel, _ in tuned:
+        try:
+            off = Kriging(data, count, kernel)(data.poses[others]) - data.loads[others]
+        except np.linalg.LinAlgError:  # too ill-conditioned to factorise
+            errors.append(np.inf)
+            continue
+        errors.append(float(np.mean((off / deviation) ** 2)))
+    return tuned[int(np.argmin(errors))]
+
+
+def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
+    """Gaussian processes on 1000, 2000, ... points: half of the seconds for the kernel, half for the points."""
+    began = time.perf_counter()
+    kernel, subset = best_kernel(data, seconds / 2.0)
+    tuning = time.perf_counter() - began
+
+    def fit(count: int) -> Candidate:
+        start = time.perf_counter()
+        model = Kriging(data, count, kernel)
+        return Candidate(
+            f"{FAMILY} {count}",
+            FAMILY,
+            model,
+            time_value=single_calls(model.one),
+            time_jacobian=single_calls(model.jacobian_one),
+            time_batch=one_call(model),
+            samples=count,
+            training_seconds=tuning + time.perf_counter() - start,
+            parameters=model.parameter_count,
+            remark=(
+                f"condition number {model.condition:.1e}, nugget {kernel.k2.noise_level:.1e}, kernel tuned on {subset} "
+                "points, pulling forces clamped to zero"
+            ),
+        )
+
+    yield from grown(fit, family=FAMILY, points=len(data), seconds=seconds - tuning, bytes_per_pair=BYTES_PER_PAIR)

@@ -1,0 +1,95 @@
+"""Radial basis functions: SciPy's RBFInterpolator, global on as many points as possible, and local on neighbours."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
+from casadi_contact.benchmark.peers.training_set import TrainingSet
+from casadi_contact.conventions import Array, as_poses
+
+FAMILY, LOCAL_FAMILY = "radial basis", "radial basis, local"
+KERNELS = ("thin_plate_spline", "cubic", "quintic")  # scale-invariant, so there is no shape parameter to tune
+NEIGHBOURS = (30, 100)
+BYTES_PER_PAIR = 24.0  # the matrix and its factorisation
+TRIAL_POINTS = 1000
+
+
+class RadialBasis:
+    """Loads by an interpolator on scaled poses; neighbours None: all `count` points take part in every call."""
+
+    def __init__(self, data: TrainingSet, count: int, kernel: str, neighbours: int | None = None) -> None:
+        self.load_names, self._ceiling = data.load_names, data.ceiling
+        self._shift, self._inverse = data.centre, 1.0 / data.spread
+        poses = (data.poses[:count] - self._shift) * self._inverse
+        self._interpolator = RBFInterpolator(poses, data.loads[:count], neighbors=neighbours, kernel=kernel)
+        self._z = np.empty((1, 6))
+
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, L)."""
+        return np.minimum(self._interpolator((as_poses(poses) - self._shift) * self._inverse), self._ceiling)
+
+    def one(self, pose: Array) -> Array:
+        """Loads (L) of one pose."""
+        np.subtract(pose, self._shift, out=self._z[0])
+        np.multiply(self._z, self._inverse, out=self._z)
+        loads: Array = self._interpolator(self._z)[0]
+        return np.minimum(loads, self._ceiling, out=loads)
+
+
+def best_kernel(data: TrainingSet) -> str:
+    """The kernel that, fitted on TRIAL_POINTS points (half of fewer), predicts as many others best."""
+    count = min(TRIAL_POINTS, len(data) // 2)
+    others, deviation = slice(count, 2 * count), data.load_scale[1]
+    errors = {}
+    for kernel in KERNELS:
+        try:
+            off = RadialBasis(data, count, kernel)(data.poses[others]) - data.loads[others]
+        except (np.linalg.LinAlgError, ValueError):  # singular, or too few points for the kernel's polynomial
+            continue
+        errors[kernel] = float(np.mean((off / deviation) ** 2))
+    if not errors:
+        raise ValueError(f"{len(data)} training samples are too few for radial basis functions, draw more")
+    return min(errors, key=lambda kernel: errors[kernel])
+
+
+def _candidate(data: TrainingSet, count: int, kernel: str, neighbours: int | None = None) -> Candidate:
+    began = time.perf_counter()
+    model = RadialBasis(data, count, kernel, neighbours)
+    took = time.perf_counter() - began
+    local = neighbours is not None
+    return Candidate(
+        f"{LOCAL_FAMILY} {neighbours}" if local else f"{FAMILY} {count}",
+        LOCAL_FAMILY if local else FAMILY,
+        model,
+        time_value=single_calls(model.one),
+        time_batch=one_call(model),
+        samples=count,
+        training_seconds=took,
+        parameters=count * (6 + len(data.load_names)),
+        remark=f"{kernel} kernel, SciPy has no derivatives, pulling forces clamped to zero"
+        + (f", solves {neighbours} neighbours anew in every call" if local else ""),
+    )
+
+
+def radial_basis(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
+    """Local interpolators on all points, then global ones on 1000, 2000, ... points."""
+    began = time.perf_counter()
+    kernel = best_kernel(data)
+    tuning = time.perf_counter() - began
+    for neighbours in NEIGHBOURS:
+        if neighbours < len(data):
+            yield _candidate(data, len(data), kernel, neighbours)
+    yield from grown(
+        lambda count: _candidate(data, count, kernel),
+        family=FAMILY,
+        points=len(data),
+        seconds=seconds - tuning,
+        bytes_per_pair=BYTES_PER_PAIR,
+    )

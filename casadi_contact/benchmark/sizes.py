@@ -1,0 +1,124 @@
+"""The surrogates on the speed-accuracy chart: a ladder of sizes, and one size with fewer samples or other times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE
+from casadi_contact.dataset import COLUMNS, TEST, Samples
+from casadi_contact.files import writable_folder
+from casadi_contact.fitting import fit_surrogate, size_text
+from casadi_contact.presets import RATIO_SHARE, ChartEffort, Effort
+from casadi_contact.project import Project, Update
+from casadi_contact.structures import Surrogate, load_surrogate
+from casadi_contact.workers import worker_pool
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A surrogate to train: structure, effort (see `presets.Front`), samples learned from (None: all), and the sweep
+    of the chart it belongs to."""
+
+    structure: str
+    effort: Effort
+    samples: int | None = None
+    sweep: str = SIZE
+
+    @property
+    def name(self) -> str:
+        """Name on the chart: "patch 12-12", "patch 12-12 (300 samples)", "patch 12-12 (5 s)"."""
+        extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.seconds:g} s)"}[self.sweep]
+        return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}"
+
+    @property
+    def stem(self) -> str:
+        """Name of its file and of its folder of checkpoints."""
+        return self.name.replace("(", "").replace(")", "").replace(" ", "_")
+
+    @property
+    def efforts(self) -> dict[str, Effort]:
+        """Effort by the start of a network's name: ratios get their share of the seconds."""
+        return {"": self.effort, "ratio": replace(self.effort, seconds=RATIO_SHARE * self.effort.seconds)}
+
+
+def planned(chart: ChartEffort) -> list[Sized]:
+    """Every surrogate that a preset's chart shows, sizes first."""
+    sizes = [Sized(structure, effort) for structure, efforts in chart.sizes.items() for effort in efforts]
+    swept = [sized for sized in sizes if sized.structure == "patch" and sized.effort.sizes == (chart.swept,)]
+    return [
+        *sizes,
+        *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in chart.sample_counts),
+        *(
+            replace(sized, effort=replace(sized.effort, seconds=seconds), sweep=SECONDS)
+            for sized in swept
+            for seconds in chart.training_seconds
+        ),
+    ]
+
+
+def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = None) -> Path:
+    """Where a sized surrogate lies in the project's folder; one with the networks of some loads says so."""
+    only = "" if loads is None else "_for_" + "_".join(loads)
+    return project.folder / "sizes" / f"{sized.stem}{only}.h5"
+
+
+def on_disk(project: Project, path: Path) -> Surrogate | None:
+    """The surrogate at a path, or None where there is none of this scene that can be read."""
+    try:
+        surrogate = load_surrogate(path)
+    except (FileNotFoundError, ValueError):  # damaged or of an older format: made again, from its checkpoints
+        return None
+    return surrogate if surrogate.scene.digest == project.scene.digest else None
+
+
+def fewer(samples: Samples, count: int | None, seed: int = 0) -> Samples:
+    """All test rows and a random `count` of the others (§3.5 fits a random subset), in their order."""
+    learned = np.flatnonzero(samples.role != TEST)
+    if count is None or count >= len(learned):
+        return samples
+    kept = np.flatnonzero(samples.role == TEST)
+    kept = np.sort(np.append(kept, np.random.default_rng(seed).choice(learned, count, replace=False)))
+    columns = {name: getattr(samples, name)[kept] for name in COLUMNS}
+    return Samples(samples.scene, **columns, provenance=samples.provenance)
+
+
+def train_sizes(
+    project: Project,
+    wanted: Sequence[Sized] | None = None,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    loads: Sequence[str] | None = None,
+) -> list[Path]:
+    """Train the sized surrogates (the preset's, if none are given) that are not on disk yet; return their paths.
+
+    Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
+    FileNotFoundError without samples, ValueError for samples of another scene.
+    """
+    wanted = planned(project.preset.chart) if wanted is None else list(wanted)
+    missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
+    if missing:
+        samples = project.samples()
+        folder = project.folder / "sizes"
+        writable_folder(folder)
+        command = f"casadi-contact chart {project.scene.name} --preset {project.preset_name}"
+        with worker_pool(executor) as workers:
+            for sized in missing:
+                surrogate = fit_surrogate(
+                    project,
+                    fewer(samples, sized.samples),
+                    sized.structure,
+                    sized.efforts,
+                    folder / "training" / sized.stem,
+                    command,
+                    sized.name,
+                    update,
+                    workers,
+                    loads,
+                )
+                surrogate.save(sized_path(project, sized, loads))
+    return [sized_path(project, sized, loads) for sized in wanted]

@@ -1,0 +1,121 @@
+"""Fit the networks of a surrogate side by side, and record how it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.dataset import Samples
+from casadi_contact.dataset.errors import domain_errors
+from casadi_contact.machine import machine_record
+from casadi_contact.network import Regression
+from casadi_contact.presets import Effort, effort_for
+from casadi_contact.project import Project, Update, has_motion, read_motion
+from casadi_contact.structures import STRUCTURES, Surrogate, calibrated
+from casadi_contact.structures.info import samples_record
+from casadi_contact.training import TrainingSettings, fit_all
+from casadi_contact.workers import worker_pool
+
+
+def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
+    """A random subset of a regression's rows (§3.5 fits a random subset of the samples)."""
+    if rows is None or len(regression.targets) <= rows:
+        return regression
+    kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
+    columns = {name: getattr(regression, name)[kept] for name in ("inputs", "targets", "weights", "validation")}
+    return replace(regression, **columns)
+
+
+def structures_for_scene(project: Project) -> list[str]:
+    """The preset's structures that can stand for the scene's loads."""
+    return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
+
+
+def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
+    """Train the preset's structures side by side on all cores, and write a surrogate file for each.
+
+    Goes on from checkpoints where an earlier run stopped.
+    """
+    samples = project.samples()
+    command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
+    paths = []
+    for structure in structures_for_scene(project):
+        efforts = project.preset.efforts[structure]
+        folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
+        with worker_pool(executor) as workers:
+            surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
+        calibrated(surrogate, samples).save(path)
+        paths.append(path)
+    return paths
+
+
+def fit_surrogate(
+    project: Project,
+    samples: Samples,
+    structure: str,
+    efforts: Mapping[str, Effort],
+    checkpoints: Path,
+    command: str,
+    title: str,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    loads: Sequence[str] | None = None,
+) -> Surrogate:
+    """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
+
+    efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a later call goes on from.
+    command: what a reader of the record runs to make it again. loads: fit only the networks that these need.
+    update is called as (title and network, seconds used, seconds allotted, remark).
+    """
+    kind = STRUCTURES[structure]
+    needed = None if loads is None else kind.networks_for(project.scene, loads)
+    regressions, settings = [], {}
+    for regression in kind.regressions(samples):
+        if needed is not None and regression.name not in needed:
+            continue
+        effort = effort_for(efforts, regression.name)
+        wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
+        regressions.append(_at_most(wanted, effort.max_rows, seed=0))
+        settings[regression.name] = TrainingSettings(
+            sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
+        )
+
+    def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
+        if update is not None:
+            update(f"{title} {name}", used, allotted, f"{size_text(hidden)} RMS {rms:.3g}")
+
+    fits = fit_all(regressions, settings, executor, checkpoints, progress)
+    for name, fit in fits.items():
+        if update is not None:
+            allotted = settings[name].max_time_s
+            update(
+                f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
+            )
+    networks = {name: fit.network for name, fit in fits.items()}
+    return kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
+
+
+def size_text(hidden: Sequence[int]) -> str:
+    """Neurons per hidden layer as people write them: "12-12"."""
+    return "-".join(map(str, hidden))
+
+
+def _record(
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
+) -> dict[str, Any]:
+    """What the surrogate's file says of how it was made (see `surrogate.info`)."""
+    return {
+        **samples_record(samples),
+        "training_errors": {name: fit.rms for name, fit in fits.items()},
+        "test_errors": domain_errors(surrogate, samples),
+        "command": command,
+        "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
+        "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
+        "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
+        "machine": machine_record(),
+    }

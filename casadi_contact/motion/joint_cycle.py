@@ -1,0 +1,120 @@
+"""Cycles of any joint: measured pose parameters and loads by name, from a CSV file or a scene's own harmonics.
+
+A scene's ``[motion]`` describes a reference motion:
+
+    cycles = 10, duration_s = 1.1, deviation = 0.05
+    [motion.harmonics]     c_0, then cosine and sine of 1, 2, ... periods per cycle
+    rz_rad = [-0.17, -0.35, 0.0]
+    Fy_N = [900.0, 400.0, 300.0]
+
+Each cycle's coefficients are drawn about these; their standard deviation is `deviation` times the curve's largest
+harmonic (of its constant, for a curve without harmonics).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
+from casadi_contact.motion.columns import read_columns
+from casadi_contact.scenes.scene import Scene
+
+_FRAMES = 101
+_SEED = 2015
+
+
+@dataclass(frozen=True)
+class JointCycle:
+    """Measured pose parameters [mm, rad] and loads [N, N·mm] by name over time_s [s], each (n,)."""
+
+    name: str
+    time_s: Array
+    pose: Mapping[str, Array]
+    loads: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        if len(self.time_s) < 2 or np.any(np.diff(self.time_s) <= 0.0):
+            raise ValueError(f"cycle {self.name}: expected at least 2 frames and a time that rises")
+        if not self.loads:
+            raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
+
+    def measured_pose(self) -> Mapping[str, Array]:
+        """The measured pose parameters."""
+        return self.pose
+
+    def targets(self) -> Mapping[str, Array]:
+        """The measured loads."""
+        return self.loads
+
+
+def column_names(load_names: Sequence[str]) -> dict[str, str]:
+    """Name of a pose parameter or load -> its column in a CSV file, with the unit: tx_mm, rz_rad, Fy_med_N, Tx_Nmm."""
+    poses = {name: f"{name}_{unit}" for name, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)}
+    return poses | {name: f"{name}_{load_unit(name).replace('·', '')}" for name in load_names}
+
+
+def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
+    """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured.
+
+    Raises FileNotFoundError, and ValueError naming file, line and column.
+    """
+    path = Path(path)
+    columns = column_names(scene.load_names)
+    curves = read_columns(path, required=("time_s",), optional=tuple(columns.values()), what="cycle file")
+    named = {name: curves[column] for name, column in columns.items() if column in curves}
+    pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
+    loads = {name: curve for name, curve in named.items() if name not in POSE_NAMES}
+    try:
+        return JointCycle(path.stem, curves["time_s"], pose, loads)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def scene_cycles(scene: Scene) -> list[JointCycle]:
+    """The reference motion that a scene describes, the same at every call.
+
+    Raises ValueError where the scene has none, naming a key at fault.
+    """
+    motion = dict(scene.motion)
+    if not motion:
+        raise ValueError(f"scene {scene.name} has no [motion], expected it there or cycle files (--cycles)")
+    unknown = set(motion) - {"cycles", "duration_s", "deviation", "harmonics"}
+    harmonics = motion.get("harmonics")
+    if unknown or not isinstance(harmonics, Mapping) or not harmonics:
+        raise ValueError(
+            f"scene {scene.name}: [motion] has {', '.join(motion)}, expected cycles, duration_s, deviation and "
+            "[motion.harmonics]"
+        )
+    columns = {column: name for name, column in column_names(scene.load_names).items()}
+    count, duration, deviation = motion.get("cycles", 10), motion.get("duration_s", 1.0), motion.get("deviation", 0.05)
+    if not isinstance(count, int) or count < 2 or not duration > 0.0 or deviation < 0.0:
+        raise ValueError(f"scene {scene.name}: [motion] needs cycles >= 2, duration_s > 0 and deviation >= 0")
+    rng = np.random.default_rng(_SEED)
+    time = np.linspace(0.0, float(duration), _FRAMES)
+    cycles = []
+    for k in range(count):
+        curves = {}
+        for column, coefficients in harmonics.items():
+            if column not in columns:
+                raise ValueError(
+                    f"scene {scene.name}: unknown curve motion.harmonics.{column}, expected {', '.join(columns)}"
+                )
+            mean = np.asarray(coefficients, dtype=float)
+            if mean.ndim != 1 or len(mean) % 2 == 0:
+                raise ValueError(f"scene {scene.name}: motion.harmonics.{column} needs 1, 3, 5, ... numbers")
+            spread = deviation * np.abs(mean[1:] if len(mean) > 1 else mean).max()
+            curves[columns[column]] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
+        pose = {name: curve for name, curve in curves.items() if name in POSE_NAMES}
+        loads = {name: curve for name, curve in curves.items() if name not in POSE_NAMES}
+        cycles.append(JointCycle(f"reference {k + 1}", time, pose, loads))
+    return cycles
+
+
+def _curve(coefficients: Array, share: Array) -> Array:
+    """c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over the share p of the cycle."""
+    angles = 2.0 * np.pi * np.outer(share, np.arange(1, len(coefficients) // 2 + 1))
+    return coefficients[0] + np.cos(angles) @ coefficients[1::2] + np.sin(angles) @ coefficients[2::2]

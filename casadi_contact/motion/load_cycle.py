@@ -1,0 +1,158 @@
+"""Measured cycles of a loaded joint: what a cycle holds, and how it is read from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.files import replacing
+from casadi_contact.motion.columns import read_columns
+
+# Column of the file for each curve of a cycle; other columns are ignored.
+COLUMNS = {
+    "time_s": "time_s",
+    "rz": "flexion_rz_rad",
+    "ry": "rotation_ry_rad",
+    "fy_med": "Fy_med_N",
+    "fy_lat": "Fy_lat_N",
+    "cop_ap_mm": "cop_ap_mm",
+    "cop_ml_mm": "cop_ml_mm",
+}
+_CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
+_LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
+_LARGEST_COP_MM = 200.0
+
+
+@dataclass(frozen=True)
+class LoadCycle:
+    """Loads and measured rotations over one cycle, each (n,): time_s [s]; rz (flexion is negative) and ry [rad];
+    fy_med, fy_lat [N], compression negative; centre of pressure cop_ap_mm = Tz/Fy, cop_ml_mm = -Tx/Fy."""
+
+    name: str
+    time_s: Array
+    rz: Array
+    ry: Array
+    fy_med: Array
+    fy_lat: Array
+    cop_ap_mm: Array
+    cop_ml_mm: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.time_s)
+        if count < 2:
+            raise ValueError(f"cycle {self.name} has {count} frames, expected at least 2")
+        for key in COLUMNS:
+            curve = np.asarray(getattr(self, key), dtype=float)
+            if curve.shape != (count,) or not np.isfinite(curve).all():
+                raise ValueError(f"cycle {self.name}: {key} is not {count} finite numbers")
+            object.__setattr__(self, key, curve)
+        if np.any(np.diff(self.time_s) <= 0.0):
+            frame = int(np.argmax(np.diff(self.time_s) <= 0.0)) + 1
+            raise ValueError(f"cycle {self.name}: time does not rise at frame {frame}, expected rows sorted by time")
+        for key in ("fy_med", "fy_lat"):
+            if getattr(self, key).max() > 0.0:
+                frame = int(np.argmax(getattr(self, key)))
+                raise ValueError(
+                    f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}, expected "
+                    "compression as negative numbers (contact cannot pull)"
+                )
+        for key in ("rz", "ry"):
+            largest = float(np.abs(getattr(self, key)).max())
+            if largest > _LARGEST_ANGLE_RAD:
+                raise ValueError(
+                    f"cycle {self.name}: {COLUMNS[key]} reaches {largest:g}, expected radians: is it in degrees?"
+                )
+        if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
+            raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+    def targets(self) -> dict[str, Array]:
+        """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""
+        fy = self.fy_med + self.fy_lat
+        return {
+            "Fy_med": self.fy_med,
+            "Fy_lat": self.fy_lat,
+            "Tx": -self.cop_ml_mm * fy,
+            "Tz": self.cop_ap_mm * fy,
+        }
+
+    def measured_pose(self) -> dict[str, Array]:
+        """Pose parameters that fluoroscopy gives well enough to lock them (§3.3)."""
+        return {"ry": self.ry, "rz": self.rz}
+
+    def resampled(self, frames: int) -> LoadCycle:
+        """The cycle at `frames` equal steps of its time, linearly interpolated."""
+        time = np.linspace(self.time_s[0], self.time_s[-1], frames)
+        curves = {key: np.interp(time, self.time_s, getattr(self, key)) for key in COLUMNS if key != "time_s"}
+        return replace(self, time_s=time, **curves)
+
+
+def read_cycle(path: str | Path) -> LoadCycle:
+    """Read a cycle from a CSV file with at least the columns of `COLUMNS`, in any order.
+
+    Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing columns, text
+    among the numbers, ragged rows, NaN, fewer than 2 frames, unsorted time, pulling forces or suspected wrong units.
+    """
+    path = Path(path)
+    columns = read_columns(path, required=tuple(COLUMNS.values()), what="cycle file")
+    curves = {key: columns[column] for key, column in COLUMNS.items()}
+    try:
+        return LoadCycle(path.stem, **curves)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write_cycle(cycle: LoadCycle, path: str | Path) -> None:
+    """Write a CSV file that `read_cycle` reads back bit by bit."""
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS.values())
+        writer.writerows(np.column_stack([getattr(cycle, key) for key in COLUMNS]).tolist())
+
+
+def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
+    """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
+    itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
+
+    Raises ValueError naming the curves that lack or have no place here, or as `LoadCycle` does.
+    """
+    foreign = [key for key in curves if key not in _CURVES]
+    if foreign:
+        raise ValueError(
+            f"a load cycle has no place for {', '.join(foreign)}, expected {', '.join(_CURVES)}; "
+            "poses need tx, ty, tz, rx, ry, rz and no loads"
+        )
+    missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
+    missing += [
+        f"{key} (or {torque})"
+        for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx"))
+        if not {key, torque} & set(curves)
+    ]
+    if missing:
+        raise ValueError(f"a load cycle needs the curves {', '.join(missing)}; there are {', '.join(curves)}")
+    fy = curves["Fy_med"] + curves["Fy_lat"]
+    if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):
+        frame = int(np.argmax(fy >= 0.0))
+        raise ValueError(f"frame {frame} has no compression, so that torques give no centre of pressure there")
+    return LoadCycle(
+        name,
+        time_s=curves["time"],
+        rz=curves["rz"],
+        ry=curves["ry"],
+        fy_med=curves["Fy_med"],
+        fy_lat=curves["Fy_lat"],
+        cop_ap_mm=curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy,
+        cop_ml_mm=curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy,
+    )

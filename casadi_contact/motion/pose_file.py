@@ -1,0 +1,73 @@
+"""Files of poses over time: a CSV of this library's (mm, rad), or an OpenSim table as this library writes it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.files import replacing
+from casadi_contact.motion.columns import read_columns
+from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_table
+
+OPENSIM_ENDINGS = (".mot", ".sto")
+_TIME = "time_s"
+_LARGEST_ANGLE_RAD = 2.0 * np.pi  # beyond a whole turn an angle is in other units
+
+
+def read_poses(path: str | Path) -> Array:
+    """Poses (n, 6) of a CSV file with the columns tx, ty, tz [mm], rx, ry, rz [rad], or of a .mot or .sto file with
+    columns of these names in m and rad (degrees where inDegrees=yes); other columns are ignored.
+
+    Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_table` refuse, missing
+    columns, and angles beyond a whole turn.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in OPENSIM_ENDINGS:
+        curves = read_columns(path, required=POSE_NAMES, what="pose file")
+    else:
+        curves = _opensim_curves(path)
+    try:
+        return poses_from_curves(curves)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _opensim_curves(path: Path) -> dict[str, Array]:
+    table = read_table(path)
+    missing = [name for name in POSE_NAMES if name not in table.columns]
+    if missing:
+        raise ValueError(
+            f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(table.columns)}: "
+            "name them with casadi-contact cycle --map"
+        )
+    return mapped_curves(table, [ColumnMap(name, name) for name in POSE_NAMES])
+
+
+def poses_from_curves(curves: Mapping[str, Array]) -> Array:
+    """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,).
+
+    Raises ValueError naming the curves that lack, for NaN, and for angles beyond a whole turn.
+    """
+    missing = [name for name in POSE_NAMES if name not in curves]
+    if missing:
+        raise ValueError(
+            f"without loads these are poses, which need the curves {', '.join(missing)}; there are {', '.join(curves)}"
+        )
+    poses = as_poses(np.stack([curves[name] for name in POSE_NAMES], axis=1))
+    largest = np.abs(poses).max(axis=0, initial=0.0)
+    for name, size in zip(POSE_NAMES[3:], largest[3:], strict=True):
+        if size > _LARGEST_ANGLE_RAD:
+            raise ValueError(f"{name} reaches {size:g}, expected radians: is it in degrees?")
+    return poses
+
+
+def write_poses(time_s: Array, poses: Array, path: str | Path) -> None:
+    """Write poses (n, 6) and their times (n,) as a CSV file that `read_poses` reads back bit by bit."""
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([_TIME, *POSE_NAMES])
+        writer.writerows(np.column_stack([time_s, as_poses(poses)]).tolist())

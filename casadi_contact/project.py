@@ -1,0 +1,118 @@
+"""A project: one scene, one preset, and the folder that holds every file made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.dataset import Samples, read_samples
+from casadi_contact.files import replacing, writable_folder
+from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
+from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
+from casadi_contact.motion.walking import reference_cycles
+from casadi_contact.presets import PRESETS, Preset
+from casadi_contact.sampling import ReferenceMotion, SamplePoint, found_sensitive_pose
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
+
+Update = Callable[[str, float, float, str], None]
+"""Called as (what is worked on, done, all there is to do, remark)."""
+
+
+@dataclass(frozen=True)
+class Project:
+    """A scene, a preset and the folder that holds everything made from them."""
+
+    scene: Scene
+    preset_name: str
+    folder: Path
+
+    @classmethod
+    def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
+        """Check the names and make the folder (results/SCENE-PRESET if left out).
+
+        The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
+
+        Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
+        """
+        loaded = load_scene(scene)
+        if preset not in PRESETS:
+            raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
+        folder = Path("results") / f"{loaded.name}-{preset}" if folder is None else Path(folder)
+        writable_folder(folder)
+        return cls(loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml"), preset, folder)
+
+    @property
+    def preset(self) -> Preset:
+        return PRESETS[self.preset_name]
+
+    @property
+    def samples_path(self) -> Path:
+        return self.folder / "samples.h5"
+
+    @property
+    def motion_path(self) -> Path:
+        return self.folder / "motion.npz"
+
+    def surrogate_path(self, structure: str) -> Path:
+        return self.folder / f"{structure}.h5"
+
+    def samples(self) -> Samples:
+        """The drawn samples; raises ValueError if they belong to another scene."""
+        samples = read_samples(self.samples_path)
+        if samples.scene.digest != self.scene.digest:
+            raise ValueError(
+                f"{self.samples_path} holds samples of another scene than {self.scene.name} as it is now: "
+                "choose another --out, or remove that folder"
+            )
+        return samples
+
+
+def _completed(scene: Scene, path: Path) -> Scene:
+    """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
+    if path.is_file():
+        before = load_scene(path)
+        if before.digest == scene.with_sensitive_pose(before.sensitive_pose).digest:
+            return before
+    model = ElasticFoundation(scene, scene.grids.get("settle"))
+    completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
+    with replacing(path) as beside:
+        beside.write_text(completed.to_toml(), "utf-8")
+    return completed
+
+
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
+    if scene.motion or not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+        return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
+    return [read_cycle(path) for path in cycle_files] or reference_cycles()
+
+
+def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
+    """The reference motion that the samples were drawn around, and the names of its cycles."""
+    try:
+        with np.load(project.motion_path, allow_pickle=False) as content:
+            point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
+            cycles = [str(name) for name in content["cycles"]]
+            return ReferenceMotion(point, content["curves"], content["poses"]), cycles
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
+    except (ValueError, KeyError, OSError) as error:
+        raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
+
+
+def has_motion(project: Project) -> bool:
+    """False where the samples come from a table."""
+    return project.motion_path.is_file() or "table" not in project.samples().provenance
+
+
+def project_surrogates(project: Project) -> dict[str, Surrogate]:
+    """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
+    paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
+    if not paths:
+        raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
+    return {structure: load_surrogate(path) for structure, path in paths.items()}

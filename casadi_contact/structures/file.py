@@ -1,0 +1,156 @@
+"""Surrogate files: HDF5 with the scene, a JSON record and the plain weights; no code inside, no pickle.
+
+/                attributes kind, format, structure, digest (SHA-256 of all that follows)
+/scene           scene as TOML text
+/record          JSON text: what trained it, errors per domain, versions, command
+/networks/NAME   attributes activation, output_scale; data sets input_shift, input_scale, weight_0, bias_0, ...
+/trust           from format 2, where the surrogate was calibrated: a data set for each field of `Trust`
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from casadi_contact.network import Network
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.trust import Trust
+
+KIND = "casadi_contact surrogate"
+FORMAT = 2  # 1 has no trust
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a surrogate file holds."""
+
+    structure: str
+    scene: Scene
+    networks: Mapping[str, Network]
+    record: Mapping[str, Any]
+    trust: Trust | None = None
+
+
+def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Network], trust: Trust | None) -> str:
+    digest = hashlib.sha256()
+    for text in (structure, scene, record):
+        digest.update(text.encode() + b"\0")
+    for name, network in sorted(networks.items()):
+        digest.update(f"{name} {network.activation} {float(network.output_scale)!r} {network.hidden}".encode())
+        for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    if trust is not None:
+        for field in fields(trust):
+            array = np.ascontiguousarray(getattr(trust, field.name), dtype="<f8")
+            digest.update(f"{field.name} {array.shape}".encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+def write_file(path: str | Path, content: Content) -> None:
+    """Write beside and rename. Raises ValueError for a record that is not JSON, OSError for an unwritable path."""
+    path = Path(path)
+    try:
+        record = json.dumps(content.record, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"surrogate record is not plain JSON ({error}), expected text, finite numbers and lists"
+        ) from None
+    scene = content.scene.to_toml()
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with h5py.File(beside, "w") as file:
+            file.attrs["kind"] = KIND
+            file.attrs["format"] = FORMAT
+            file.attrs["structure"] = content.structure
+            file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
+            file["scene"] = scene
+            file["record"] = record
+            networks = file.create_group("networks", track_order=True)
+            for name, network in content.networks.items():
+                group = networks.create_group(name)
+                group.attrs["activation"] = network.activation
+                group.attrs["output_scale"] = float(network.output_scale)
+                group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
+                group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
+                for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+                    group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
+                    group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
+            if content.trust is not None:
+                group = file.create_group("trust")
+                for field in fields(content.trust):
+                    group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
+        os.replace(beside, path)
+    except OSError as error:
+        raise OSError(f"cannot write surrogate file {path}: {error}") from None
+    finally:
+        with suppress(OSError):
+            beside.unlink()
+
+
+def read_file(path: str | Path) -> Content:
+    """Read a surrogate file.
+
+    Raises FileNotFoundError, or ValueError that says whether the file is foreign, newer or damaged.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"surrogate file {path} does not exist")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("kind") != KIND:
+                raise _RefusedError(f"{path} is not a surrogate file, expected one written by casadi_contact")
+            if not 1 <= file.attrs["format"] <= FORMAT:
+                raise _RefusedError(
+                    f"{path} has surrogate format {file.attrs['format']}, this version reads up to {FORMAT}: "
+                    "update casadi_contact, or build the surrogate again"
+                )
+            structure = str(file.attrs["structure"])
+            scene, record = file["scene"][()].decode(), file["record"][()].decode()
+            networks = {name: _read_network(group) for name, group in file["networks"].items()}
+            trust = _read_trust(file["trust"]) if "trust" in file else None
+            digest = file.attrs["digest"]
+    except _RefusedError as refusal:
+        raise ValueError(str(refusal)) from None
+    except OSError as error:
+        if isinstance(error, PermissionError):
+            raise
+        raise ValueError(f"{path} is damaged or not an HDF5 file, expected a surrogate file") from None
+    except Exception as error:  # h5py raises many kinds for damaged bytes
+        raise ValueError(f"{path} is damaged ({type(error).__name__} while reading), build or copy it again") from None
+    if _digest(structure, scene, record, networks, trust) != digest:
+        raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
+    try:
+        return Content(structure, Scene.from_toml(scene), networks, json.loads(record), trust)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+class _RefusedError(Exception):
+    """A readable file that this version must not use."""
+
+
+def _read_network(group: h5py.Group) -> Network:
+    layers = sum(key.startswith("weight_") for key in group)
+    return Network(
+        input_shift=group["input_shift"][()],
+        input_scale=group["input_scale"][()],
+        weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
+        biases=tuple(group[f"bias_{layer}"][()] for layer in range(layers)),
+        output_scale=float(group.attrs["output_scale"]),
+        activation=str(group.attrs["activation"]),
+    )
+
+
+def _read_trust(group: h5py.Group) -> Trust:
+    arrays = {field.name: group[field.name][()] for field in fields(Trust)}
+    values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+    return Trust(**values)

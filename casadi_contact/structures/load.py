@@ -1,0 +1,43 @@
+"""Find and load a surrogate by name or path."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.file import read_file
+from casadi_contact.structures.registry import STRUCTURES
+
+
+def ready_surrogates() -> list[str]:
+    """Names of the surrogates that come with the library."""
+    folder = resources.files("casadi_contact.structures") / "ready"
+    return (
+        sorted(entry.name[:-3] for entry in folder.iterdir() if entry.name.endswith(".h5")) if folder.is_dir() else []
+    )
+
+
+def load_surrogate(name_or_path: str | Path) -> Surrogate:
+    """Load a ready-made surrogate by name ("knee"), or a surrogate file by its path (ending in .h5).
+
+    Raises ValueError for an unknown name and for a foreign, newer or damaged file; FileNotFoundError for no file.
+    """
+    text = str(name_or_path)
+    if isinstance(name_or_path, Path) or text.endswith(".h5") or "/" in text:
+        return _load(Path(name_or_path))
+    if text not in ready_surrogates():
+        possible = ", ".join(ready_surrogates()) or "(none are installed)"
+        raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file")
+    with resources.as_file(resources.files("casadi_contact.structures") / "ready" / f"{text}.h5") as path:
+        return _load(path)
+
+
+def _load(path: Path) -> Surrogate:
+    content = read_file(path)
+    if content.structure not in STRUCTURES:
+        raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
+    try:
+        return STRUCTURES[content.structure](content.scene, content.networks, content.record, content.trust)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

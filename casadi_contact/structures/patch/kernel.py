@@ -1,0 +1,201 @@
+"""C functions of a patch surrogate (the formulas of `patch_graph`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from string import Template
+
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.structures.patch.graph import PatchNetworks
+from casadi_contact.transcription.kernel.networks import Bundle
+from casadi_contact.transcription.kernel.source import Kernel, c_text
+
+# Loads of one patch from its local pose and root load; nothing but the root outside contact.
+_PATCH = Template("""\
+INLINE void ${patch}_value(const Local *local, double s, double *loads) {
+  const double normal = $n0 * s * s;
+  double ratio[RATIOS];
+  if (!(s > 0.0)) return;
+  ratios_${patch}_value(local->x, ratio);
+$loads
+}
+
+INLINE void ${patch}_jacobian(const double *pose, const Frame *frame, double *loads, double *roots,
+                              double (*loads_jacobian)[6], double (*roots_jacobian)[6]) {
+  const Local local = local_of(pose, frame, $anchor, 1);
+  double s, ds[6], ratio[RATIOS], d_ratio[RATIOS][6], normal, slope;
+  root_${patch}_gradient(local.x, &s, ds);
+  gradient_in_pose(&local, ds);
+  if (ROOTS) {
+    roots[$row] = s;
+    memcpy(roots_jacobian[$row], ds, sizeof ds);
+  }
+  if (!(s > 0.0)) return;
+  normal = $n0 * s * s;
+  slope = 2.0 * $n0 * s;
+  ratios_${patch}_gradient(local.x, ratio, d_ratio[0]);
+  for (int m = 0; m < $ratios; m++) gradient_in_pose(&local, d_ratio[m]);
+$loads
+  for (int j = 0; j < 6; j++) {
+$rows
+  }
+}
+
+/* N times phi = sum_k c_k ratio_k + sign c of the sensitive component: one weighted sum for all loads. */
+INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const double *loads_weight, double root_weight,
+                             double *hessian) {
+  const Local local = local_of(pose, frame, $anchor, 1);
+  const double c[RATIOS] = {$ratio_weights}, one = 1.0;
+  double s, ds[6] = {0}, d2s[36] = {0}, ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
+  root_${patch}_hessian(local.x, &one, &s, ds, d2s);
+  if (s > 0.0) {
+    ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
+    for (int m = 0; m < $ratios; m++) phi += c[m] * ratio[m];
+  } else {
+    phi = 0.0;
+  }
+  patch_hessian_in_pose(frame, &local, $n0, s, ds, d2s, phi, d_phi, d2_phi, root_weight, hessian);
+}
+
+INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
+  double x[6 * LANES], s[LANES], all_ratios[RATIOS * LANES];
+  for (int l = 0; l < LANES; l++) {
+    const Local local = local_of(pose + 6 * l, frame + l, $anchor, 0);
+    for (int j = 0; j < 6; j++) x[j * LANES + l] = local.x[j];
+  }
+  root_${patch}_batch(x, s);
+  ratios_${patch}_batch(x, all_ratios);
+  if (ROOTS) memcpy(roots[$row], s, sizeof s);
+  for (int l = 0; l < LANES; l++) {
+    const double normal = s[l] > 0.0 ? $n0 * s[l] * s[l] : 0.0;
+$lane_loads
+  }
+}
+""")
+
+
+_KERNEL = Template("""\
+FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
+  const Frame frame = frame_of(pose);
+  const Local local[$patches] = {
+$locals
+  };
+  double s[$patches];
+$roots
+  memset(loads, 0, LOADS * sizeof(double));
+  if (ROOTS) memcpy(roots, s, sizeof s);
+$values
+}
+
+FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
+                              double (*roots_jacobian)[6]) {
+  const Frame frame = frame_of(pose);
+  memset(loads, 0, LOADS * sizeof(double));
+  memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+$jacobians
+}
+
+FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
+                             double *hessian) {
+  const Frame frame = frame_of(pose);
+  memset(hessian, 0, 36 * sizeof(double));
+$hessians
+}
+
+FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
+  Frame frame[LANES];
+  for (int l = 0; l < LANES; l++) frame[l] = frame_of(pose + 6 * l);
+  memset(loads, 0, LOADS * sizeof(double[LANES]));
+$batches
+}
+""")
+
+
+def _anchor(patch: PatchNetworks) -> str:
+    return ", ".join(repr(float(a)) for a in patch.anchor_mm)
+
+
+def _lines(lines: Sequence[str], indent: int) -> str:
+    return "\n".join(" " * indent + line for line in lines)
+
+
+def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: float) -> tuple[list[Bundle], str]:
+    """Networks and functions of one patch; selection (L, 6) picks its wrench components into loads."""
+    used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
+    ratios = [name for name in used if name != patch.sensitive]
+    sign = "-" if patch.sign < 0.0 else ""
+    bundles = [
+        Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}),
+        Bundle(f"ratios_{patch.name}", 6, {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios}),
+    ]
+    picked = [
+        (int(load), name, float(selection[load, WRENCH_NAMES.index(name)]))
+        for name in used
+        for load in selection[:, WRENCH_NAMES.index(name)].nonzero()[0]
+    ]
+
+    def sums(target: str, pressed: str, ratio: str) -> list[str]:
+        """target of each load += its share of a wrench component; {m} stands for the ratio."""
+        return [
+            f"{target.format(load=load)} += {share!r} * "
+            + (pressed if name == patch.sensitive else ratio.format(m=ratios.index(name)))
+            + ";"
+            for load, name, share in picked
+        ]
+
+    def weight(component: str | None) -> str:
+        return " + ".join(f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
+
+    code = _PATCH.substitute(
+        patch=patch.name,
+        row=row,
+        n0=repr(float(reference_load)),
+        anchor=_anchor(patch),
+        ratios=len(ratios),
+        loads=_lines(sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"), 2),
+        rows=_lines(
+            sums(
+                "loads_jacobian[{load}][j]",
+                f"({sign}slope * ds[j])",
+                "(slope * ratio[{m}] * ds[j] + normal * d_ratio[{m}][j])",
+            ),
+            4,
+        ),
+        lane_loads=_lines(sums("loads[{load}][l]", f"{sign}normal", "normal * all_ratios[{m} * LANES + l]"), 4),
+        ratio_weights=", ".join(weight(name) for name in ratios) or "0.0",
+        sign=sign,
+        sensitive_weight=weight(patch.sensitive) or "0.0",
+    )
+    return bundles, code
+
+
+def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float) -> Kernel:
+    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of every patch's root load."""
+    made = [_patch(patch, p, selection[:, p], reference_load) for p, patch in enumerate(patches)]
+    names = [patch.name for patch in patches]
+    whole = _KERNEL.substitute(
+        patches=len(names),
+        locals=_lines([f"local_of(pose, &frame, {_anchor(patch)}, 0)," for patch in patches], 6),
+        roots=_lines([f"root_{name}_value(local[{p}].x, s + {p});" for p, name in enumerate(names)], 2),
+        values=_lines([f"{name}_value(local + {p}, s[{p}], loads);" for p, name in enumerate(names)], 2),
+        jacobians=_lines(
+            [f"{name}_jacobian(pose, &frame, loads, roots, loads_jacobian, roots_jacobian);" for name in names], 2
+        ),
+        hessians=_lines(
+            [
+                f"{name}_hessian(pose, &frame, loads_weight, ROOTS ? roots_weight[{p}] : 0.0, hessian);"
+                for p, name in enumerate(names)
+            ],
+            2,
+        ),
+        batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in names], 2),
+    )
+    most = max(1, *(len(bundles[1].networks) for bundles, _ in made))
+    code = [
+        c_text("pose.h"),
+        c_text("patch.h", __package__),
+        f"#define RATIOS {most}\n",
+        *(code for _, code in made),
+        whole,
+    ]
+    return Kernel([bundle for bundles, _ in made for bundle in bundles], "\n".join(code))

@@ -1,0 +1,167 @@
+"""The patch surrogate, the default (README).
+
+Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p):
+
+    N_p = N0·max(s_p, 0)²,   wrench component along the sensitive load: ±N_p,   every other component k: N_p·ρ_pk
+
+so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
+load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
+
+A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
+the sum over its parts, its root load that of their normal loads together (`transcription.part_roots`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import WRENCH_NAMES, Array, as_poses
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Regression
+from casadi_contact.scenes.parts import Part
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
+from casadi_contact.structures.patch.kernel import patch_kernel
+from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.structures.patch.roots import roots_of_patches
+from casadi_contact.structures.patch.targets import patch_regressions
+from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.kernel import Kernel
+
+
+def root_name(patch: str) -> str:
+    """Name of a patch's root load network."""
+    return f"root_{patch}"
+
+
+def ratio_name(patch: str, component: str) -> str:
+    """Name of the network of one wrench component of a patch, divided by its normal load."""
+    return f"ratio_{patch}_{component}"
+
+
+def _touched(selection: Array) -> np.ndarray:
+    """Wrench components (parts, 6) that a selection (L, parts, 6) needs."""
+    return np.asarray((selection != 0.0).any(axis=0))
+
+
+class PatchSurrogate(Surrogate):
+    """Root load and ratio networks per patch; NumPy evaluation, and CasADi functions from `Surrogate`."""
+
+    structure = "patch"
+
+    @classmethod
+    def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        names = []
+        for part in scene.parts:
+            ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
+            names += [root_name(part.name), *ratios]
+        return dict.fromkeys(names, 6)
+
+    @staticmethod
+    def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
+        """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
+        return patch_regressions(samples, gap_weight=gap_weight)
+
+    @classmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        selection = scene.part_selection(loads)
+        names = []
+        for p, part in enumerate(scene.parts):
+            used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
+            if used:
+                ratios = (ratio_name(part.name, k) for k in used if k != part.normal.component)
+                names += [root_name(part.name), *ratios]
+        return names
+
+    def _root_networks(self) -> list[str]:
+        return [root_name(part.name) for part in self.scene.parts]
+
+    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6)."""
+        selection = self.scene.part_selection(self.check_loads(loads))
+        wrenches, _ = self._wrenches(as_poses(poses), _touched(selection), derivative=False)
+        return np.einsum("lpk,npk->nl", selection, wrenches)
+
+    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
+        selection = self.scene.part_selection(self.check_loads(loads))
+        wrenches, derivative = self._wrenches(as_poses(poses), _touched(selection), derivative=True)
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, derivative)
+
+    def wrenches(self, poses: ArrayLike) -> Array:
+        """Wrench of every patch, (n, P, 6); raises ValueError if a network is missing."""
+        self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
+        used = np.ones((len(self.scene.parts), 6), dtype=bool)
+        of_parts = self._wrenches(as_poses(poses), used, derivative=False)[0]
+        return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
+
+    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
+        self._check_roots()
+        poses = as_poses(poses)
+        pairs = [self._root(poses, part, derivative=True) for part in self.scene.parts]
+        s, ds = np.stack([s for s, _ in pairs], axis=1), np.stack([ds for _, ds in pairs], axis=1)
+        return roots_of_patches(s, ds, self.scene.first_parts)
+
+    def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
+        return self._network(root_name(part.name), poses, part, derivative=derivative)
+
+    def _network(self, name: str, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
+        """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for."""
+        network, anchor = self.networks[name], part.anchor_mm
+        local = local_poses(poses, anchor)
+        if not derivative:
+            return network.value(local), np.empty((0, 6))
+        value, gradient = network.value_and_gradient(local)
+        return value, np.einsum("ni,nij->nj", gradient, local_pose_jacobian(poses, anchor))
+
+    def _wrenches(self, poses: Array, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array]:
+        """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), zero where used (parts, 6) is False."""
+        n, parts = len(poses), len(self.scene.parts)
+        wrenches, jacobian = np.zeros((n, parts, 6)), np.zeros((n, parts, 6, 6) if derivative else (0, 0, 0, 0))
+        for p, part in enumerate(self.scene.parts):
+            if not used[p].any():
+                continue
+            s, ds = self._root(poses, part, derivative=derivative)
+            contact = np.maximum(s, 0.0)
+            normal = self.scene.reference_load * contact**2
+            d_normal = 2.0 * self.scene.reference_load * contact[:, None] * ds if derivative else ds
+            for k, component in enumerate(WRENCH_NAMES):
+                if not used[p, k]:
+                    continue
+                if component == part.normal.component:
+                    ratio, d_ratio = np.full(n, part.normal.sign), np.zeros_like(ds)
+                else:
+                    ratio, d_ratio = self._network(ratio_name(part.name, component), poses, part, derivative=derivative)
+                wrenches[:, p, k] = normal * ratio
+                if derivative:
+                    jacobian[:, p, k] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
+        return wrenches, jacobian
+
+    def _root_count(self) -> int:
+        return len(self.scene.parts)
+
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        parts, selection = self._parts(loads)
+        return patch_expressions(parts, selection, self.scene.reference_load, pose, order)
+
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        parts, selection = self._parts(loads)
+        if not roots:
+            used = np.flatnonzero(selection.any(axis=(0, 2)))
+            parts, selection = [parts[p] for p in used], selection[:, used]
+        return patch_kernel(parts, selection, self.scene.reference_load)
+
+    def _parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
+        """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
+        known = [p for p, part in enumerate(self.scene.parts) if root_name(part.name) in self.networks]
+        of_parts = []
+        for part in (self.scene.parts[p] for p in known):
+            names = {k: ratio_name(part.name, k) for k in WRENCH_NAMES}
+            ratios = {k: self.networks[name] for k, name in names.items() if name in self.networks}
+            root, normal = self.networks[root_name(part.name)], part.normal
+            of_parts.append(PatchNetworks(part.name, part.anchor_mm, normal.component, root, ratios, sign=normal.sign))
+        return of_parts, self.scene.part_selection(loads)[:, known]

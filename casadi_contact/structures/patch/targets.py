@@ -1,0 +1,118 @@
+"""Training targets of the patch surrogate (README).
+
+Which samples take part: training and validation rows (the test rows are held back, §3.3); all of them for a root
+load, those in contact (N > 0) for a ratio, which has no meaning where there is no load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Regression
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.patch.local_pose import local_poses
+from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
+
+
+def root_target(normal: Array, gap_mm: Array, scene: Scene) -> Array:
+    """√(N/N0) in contact, -gap_slope·gap outside; zero where the surfaces touch too lightly to give a load."""
+    outside = -scene.gap_slope * np.maximum(np.nan_to_num(gap_mm), 0.0)
+    return np.where(normal > 0.0, np.sqrt(np.maximum(normal, 0.0) / scene.reference_load), outside)
+
+
+def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
+    """Residual weight in newtons per unit of s.
+
+    In contact dN/ds = 2·N0·max(s, s_b), with s_b the root of the boundary load, so that a light touch still counts.
+    Outside 2·N0·s_b·max(gap_weight, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
+    contact, and small (2 %) where only the direction back into contact matters.
+    """
+    floor = np.sqrt(scene.boundary_load / scene.reference_load)
+    fade = floor / np.maximum(np.abs(target), floor)
+    relative = np.where(target > 0.0, np.maximum(target, floor) / floor, np.maximum(gap_weight, fade))
+    return 2.0 * scene.reference_load * floor * relative
+
+
+def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
+    """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
+
+    Root: target `root_target`, weight `root_weight`; ratio: target W_k/N, weight N, so that residuals are in N or
+    N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that pulls, for an
+    unknown gap out of contact, or without samples.
+    """
+    if not 0.0 < gap_weight <= 1.0:
+        raise ValueError(f"gap_weight is {gap_weight}, expected a number above 0 and up to 1")
+    scene = samples.scene
+    rows, validation = fitted_rows(samples)
+    poses = finite("poses", samples.poses)[rows]
+    all_wrenches = finite("wrenches", samples.wrenches)[rows]
+    gaps_mm = samples.gaps[rows]
+    selection = scene.part_selection(scene.load_names)
+    regressions = []
+    for p, part in enumerate(scene.parts):
+        patch, pressed = part.name, part.normal
+        used = [k for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != pressed.component]
+        if not selection[:, p].any():
+            continue
+        wrench = all_wrenches[:, p]
+        normal = pressed.of(wrench)
+        if normal.min() < -0.01 * scene.boundary_load:  # beyond rounding of a model that extrapolates
+            worst = int(np.argmin(normal))
+            raise ValueError(
+                f"samples: patch {patch!r} pulls with {-normal[worst]:.3g} N at row {np.flatnonzero(rows)[worst]}, "
+                f"expected {pressed.component} {'>' if pressed.sign > 0.0 else '<'}= 0"
+            )
+        lost = (normal <= 0.0) & ~np.isfinite(gaps_mm[:, p])
+        if lost.any():
+            raise ValueError(
+                f"samples: gap of patch {patch!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out of "
+                "contact; expected a contact model with gaps, or the two_stage structure"
+            )
+        local = local_poses(poses, part.anchor_mm)
+        target = root_target(normal, gaps_mm[:, p], scene)
+        contact = normal > 0.0
+        nonempty(f"patch {patch!r} in contact", contact)
+        lever = {k: np.sqrt(np.mean(wrench[contact, k] ** 2) / np.mean(normal[contact] ** 2)) for k in used}
+        root_tolerance, ratio_tolerances = _tolerances(scene, selection, p, lever)
+        regressions.append(
+            Regression(
+                f"root_{patch}", local, target, root_weight(target, scene, gap_weight), validation, root_tolerance
+            )
+        )
+        for k in used:
+            regressions.append(
+                Regression(
+                    f"ratio_{patch}_{WRENCH_NAMES[k]}",
+                    local[contact],
+                    wrench[contact, k] / normal[contact],
+                    normal[contact],
+                    validation[contact],
+                    ratio_tolerances[k],
+                )
+            )
+    return regressions
+
+
+def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, float]) -> tuple[float, dict[int, float]]:
+    """Tolerance of the root [N] and of each ratio [N or N·mm] of part p.
+
+    A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
+    may be τ/√(2m). Through the lever ρ (root mean square, weighted by N) that also limits δN; a load that is N
+    itself limits it directly.
+    """
+    root = float(np.inf)
+    ratios: dict[int, float] = {}
+    for row, name in enumerate(scene.load_names):
+        share = scene.tolerances[name] / np.sqrt(2.0 * selection[row].any(axis=1).sum())
+        for k in map(int, np.flatnonzero(selection[row, p])):
+            if k in lever:
+                ratios[k] = min(share, ratios.get(k, np.inf))
+                if lever[k] > 0.0:
+                    root = min(root, share / lever[k])
+            else:
+                root = min(root, scene.tolerances[name] / np.sqrt(selection[row].any(axis=1).sum()))
+    return float(root), {k: float(value) for k, value in ratios.items()}

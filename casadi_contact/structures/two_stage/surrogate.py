@@ -1,0 +1,156 @@
+"""The paper's surrogate, Eqs. (1)-(7): one network per load in two stages.
+
+    f_i = min(net_i(pose), 0)          sensitive loads, one per patch (knee: Fy_med, Fy_lat; Eqs. 1, 2)
+    F_j = net_j(pose, f_1, ..., f_P)   every other load (Eqs. 3-7)
+
+The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero (§3.5). Networks
+carry the names of their loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import Array, as_poses
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Regression
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.sample_rows import finite, fitted_rows
+from casadi_contact.structures.two_stage.graph import two_stage_expressions
+from casadi_contact.structures.two_stage.kernel import two_stage_kernel
+from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.kernel import Kernel
+
+# The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
+# which changes s by less than 3e-5 (relative) at the boundary load itself.
+ROOT_SMOOTHING = 0.01
+
+
+class TwoStageSurrogate(Surrogate):
+    """One network per load (`scene.load_names`); the sensitive ones feed the others."""
+
+    structure = "two_stage"
+
+    @classmethod
+    def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        if not cls.fits(scene):
+            raise ValueError(
+                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
+                "clamps: use the patch structure"
+            )
+        names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
+        return {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
+
+    @staticmethod
+    def fits(scene: Scene) -> bool:
+        """True where every patch is pressed along a negative force, which this structure's clamp is made for."""
+        return all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
+
+    @staticmethod
+    def regressions(samples: Samples) -> list[Regression]:
+        """One regression per load on training and validation rows: raw loads, weight 1, the scene's tolerance.
+
+        The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
+        """
+        scene = samples.scene
+        rows, validation = fitted_rows(samples)
+        poses = finite("poses", samples.poses)[rows]
+        names = list(dict.fromkeys((*scene.sensitive_loads, *scene.load_names)))
+        loads = finite("loads", samples.loads(names))[rows]
+        count = len(scene.sensitive_loads)
+        with_forces = np.hstack([poses, np.minimum(loads[:, :count], 0.0)])
+        return [
+            Regression(
+                name,
+                poses if column < count else with_forces,
+                loads[:, column],
+                np.ones(len(poses)),
+                validation,
+                float(scene.tolerances.get(name, scene.boundary_load)),
+            )
+            for column, name in enumerate(names)
+        ]
+
+    @property
+    def _smoothing_load(self) -> float:
+        return ROOT_SMOOTHING * self.scene.boundary_load
+
+    @classmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        first = list(scene.sensitive_loads)
+        known = cls.network_inputs(scene)
+        for load in loads:
+            if load not in known:
+                raise ValueError(
+                    f"unknown load {load!r} for a two_stage surrogate of scene {scene.name!r}, "
+                    f"expected one of {', '.join(known)}"
+                )
+        second = [load for load in loads if load not in first]
+        return [*(first if second else [name for name in first if name in loads]), *second]
+
+    def _root_networks(self) -> list[str]:
+        return list(self.scene.sensitive_loads)
+
+    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6)."""
+        names, poses = self.check_loads(loads), as_poses(poses)
+        first = [name for name in self.needed_networks(names) if name in self.scene.sensitive_loads]
+        forces = np.column_stack([np.minimum(self.networks[name].value(poses), 0.0) for name in first])
+        inputs = np.hstack([poses, forces])
+        columns = [
+            forces[:, first.index(name)] if name in first else self.networks[name].value(inputs) for name in names
+        ]
+        return np.stack(columns, axis=1)
+
+    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
+        """Loads (n, L) and d loads / d pose (n, L, 6) by the chain rule through the clamped forces."""
+        names, poses = self.check_loads(loads), as_poses(poses)
+        first = [name for name in self.needed_networks(names) if name in self.scene.sensitive_loads]
+        raw, d_raw = self._raw(poses, first)
+        forces, d_forces = np.minimum(raw, 0.0), np.where((raw < 0.0)[:, :, None], d_raw, 0.0)
+        inputs = np.hstack([poses, forces])
+        values, rows = [], []
+        for name in names:
+            if name in first:
+                values.append(forces[:, first.index(name)])
+                rows.append(d_forces[:, first.index(name)])
+            else:
+                value, gradient = self.networks[name].value_and_gradient(inputs)
+                values.append(value)
+                rows.append(gradient[:, :6] + np.einsum("nf,nfj->nj", gradient[:, 6:], d_forces))
+        return np.stack(values, axis=1), np.stack(rows, axis=1)
+
+    def _raw(self, poses: Array, first: Sequence[str]) -> tuple[Array, Array]:
+        """First-stage outputs before the clamp (n, F) and their gradients (n, F, 6)."""
+        pairs = [self.networks[name].value_and_gradient(poses) for name in first]
+        return np.stack([y for y, _ in pairs], axis=1), np.stack([g for _, g in pairs], axis=1)
+
+    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
+        """s = sign(N)·√(|N|/N0) of the raw first-stage output N = -net(pose), and ds/dpose: (n, P), (n, P, 6).
+
+        The best this structure can give, and not much: out of contact the networks have only learned "about zero",
+        so there the sign and the gradient of s carry no direction back into contact. The infinite slope at N = 0 is
+        rounded off: s = u/(u² + e²)^(1/4), u = N/N0, e·N0 = 1 % of the boundary load.
+        """
+        self._check_roots()
+        raw, d_raw = self._raw(as_poses(poses), self.scene.sensitive_loads)
+        u, e2 = -raw / self.scene.reference_load, (self._smoothing_load / self.scene.reference_load) ** 2
+        q = u * u + e2
+        slope = (0.5 * u * u + e2) / q**1.25
+        return u / q**0.25, (-slope / self.scene.reference_load)[:, :, None] * d_raw
+
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in self.networks}
+        return two_stage_expressions(
+            first, self.networks, loads, self.scene.reference_load, self._smoothing_load, pose, order
+        )
+
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        needed = {*self.needed_networks(loads), *(self._root_networks() if roots else ())}
+        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
+        return two_stage_kernel(first, self.networks, loads, self.scene.reference_load, self._smoothing_load)

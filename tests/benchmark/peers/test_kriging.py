@@ -1,0 +1,91 @@
+"""Kriging interpolates its points, its written-out sums are scikit-learn's, and what ends its growth is kept."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from casadi_contact.benchmark.peers import peer_candidates
+from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.kriging import Kriging, kriging
+from casadi_contact.benchmark.peers.training_set import TrainingSet
+from tests.support.smooth_samples import NAMES, SPREAD, differences, smooth_poses, smooth_samples, smooth_wrenches
+
+process = pytest.importorskip("sklearn.gaussian_process", reason="scikit-learn is not installed")
+kernels = process.kernels
+
+SMOOTH_KERNEL = kernels.ConstantKernel(10.0) * kernels.Matern(np.full(6, 3.0), nu=2.5) + kernels.WhiteKernel(1e-10)
+
+
+@pytest.fixture(scope="module")
+def data():
+    return TrainingSet.of(smooth_samples(600), NAMES)
+
+
+def test_it_interpolates_its_points(data):
+    model = Kriging(data, 300, SMOOTH_KERNEL)
+    np.testing.assert_allclose(model(data.poses[:300]), data.loads[:300], atol=1e-5 * data.load_scale[1].max())
+    assert 1e3 < model.condition < 1e12
+
+
+def test_condition_number_is_that_of_the_kernel_matrix(data):
+    model = Kriging(data, 200, SMOOTH_KERNEL)
+    matrix = SMOOTH_KERNEL((data.poses[:200] - data.centre) / data.spread) + 1e-10 * np.eye(200)
+    assert model.condition == pytest.approx(np.linalg.cond(matrix, 1), rel=0.5)
+
+
+def test_single_poses_batches_and_scikit_learn_agree(data):
+    model, poses = Kriging(data, 300, SMOOTH_KERNEL), smooth_poses(20, seed=4)
+    mean, deviation = data.load_scale
+    reference = process.GaussianProcessRegressor(SMOOTH_KERNEL, optimizer=None)
+    reference.fit((data.poses[:300] - data.centre) / data.spread, (data.loads[:300] - mean) / deviation)
+    want = reference.predict((poses - data.centre) / data.spread) * deviation + mean
+    np.testing.assert_allclose(model(poses), want, atol=1e-7 * deviation.max())
+    np.testing.assert_allclose([model.one(pose).copy() for pose in poses], want, atol=1e-7 * deviation.max())
+
+
+def test_jacobian_is_the_slope_of_the_value(data):
+    model = Kriging(data, 300, SMOOTH_KERNEL)
+    for pose in smooth_poses(4, seed=5):
+        by_steps = differences(lambda p: model.one(p).copy(), pose, 1e-3 * SPREAD)
+        np.testing.assert_allclose(model.jacobian_one(pose), by_steps, rtol=1e-3, atol=1e-4 * np.abs(by_steps).max())
+
+
+def test_a_tuned_process_predicts_held_out_points():
+    data = TrainingSet.of(smooth_samples(200), NAMES)
+    made = list(kriging(data, seconds=30.0))
+    best = [c for c in made if c.model is not None][-1]
+    poses = smooth_poses(100, seed=6)
+    off = best.model(poses) - smooth_wrenches(poses)[:, 0, [1, 0, 3]]
+    assert (np.sqrt((off**2).mean(axis=0)) < 0.05 * data.load_scale[1]).all()
+    assert best.samples == len(data)
+    assert best.training_seconds > 0.0
+    assert "condition number" in best.remark
+
+
+def test_what_memory_or_time_does_not_allow_stays_with_its_reason(data):
+    def fit(count):
+        return Kriging(data, count, SMOOTH_KERNEL)
+
+    small = list(grown(fit, family="K", points=480, seconds=60.0, bytes_per_pair=48.0, first=100, memory=5e6))
+    assert [isinstance(c, Kriging) for c in small] == [True, True, False]
+    assert "GiB" in small[-1].failure
+    late = list(grown(fit, family="K", points=480, seconds=1e-9, bytes_per_pair=48.0, first=100))
+    assert [isinstance(c, Kriging) for c in late] == [True, False]
+    assert "are left" in late[-1].failure
+
+
+def test_a_matrix_that_is_not_positive_stays_with_its_reason():
+    def fit(count):
+        raise np.linalg.LinAlgError("not positive definite")
+
+    (only,) = grown(fit, family="K", points=50, seconds=1.0, bytes_per_pair=48.0)
+    assert only.model is None
+    assert only.failure == "not positive definite"
+
+
+def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    (only,) = peer_candidates(smooth_samples(200), seconds=1.0, families=["Kriging"])
+    assert only.model is None
+    assert only.failure == "Kriging needs scikit-learn: pip install casadi_contact[peers]"

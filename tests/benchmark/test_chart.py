@@ -1,0 +1,165 @@
+"""A tiny real front: sizes trained and kept, everything measured, charts drawn, a size chosen for fewer loads."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact import benchmark, cli, pipeline
+from casadi_contact.benchmark import at_hand, unseen_walking
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.benchmark.sizes import fewer, planned, sized_path
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import is_force
+from casadi_contact.dataset import TEST
+from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
+
+TINY = Preset(
+    sampling_scale=0.005,
+    efforts={"patch": {"": Effort(((5, 5),), 0.5)}},
+    chart=ChartEffort(
+        sizes={
+            "patch": (Effort(((4, 4),), 0.3), Effort(((6, 6),), 1.0)),
+            "two_stage": (Effort(((4,),), 0.2, "tanh", max_rows=300),),
+        },
+        swept=(6, 6),
+        sample_counts=(100,),
+        training_seconds=(0.2,),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("front")
+    (folder / "knee.toml").write_text(cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml())
+    PRESETS["tiny"] = TINY
+    try:
+        made = pipeline.Project.open(folder / "knee.toml", "tiny", folder / "out")
+        with ThreadPoolExecutor(1) as here:
+            pipeline.sample(made, executor=here)
+            pipeline.train(made, executor=here)
+            pipeline.chart(made, executor=here)
+        yield made
+    finally:
+        del PRESETS["tiny"]
+
+
+@pytest.fixture(scope="module")
+def measured(project):
+    return read_front(project.folder / "speed_accuracy.csv")
+
+
+def test_everything_planned_is_measured(project, measured):
+    names = [point.name for point in measured.points]
+    assert names[-7:] == ["patch tiny", "patch tiny (CasADi MX)", *(sized.name for sized in planned(TINY.chart))]
+    assert {"EF 20×15", "EF 40×30", "EF 80×40"} <= set(names)
+    for point in measured.points:
+        assert not point.failure
+        assert 0.0 < point.value.low_us <= point.value.median_us <= point.value.high_us
+        assert (point.hessian is None) == (point.family == "EF")
+        assert set(point.load_rms) == set(measured.loads)
+        assert point.domain_force_rms_n["D1"] < 1000.0
+    assert (project.folder / "speed_accuracy.png").stat().st_size > 20_000
+
+
+@pytest.fixture(scope="module")
+def walking(project):
+    """The unseen walking poses and the converged EF's loads there, made anew."""
+    poses = unseen_walking(ElasticFoundation(project.scene, (40, 20)), pipeline.read_motion(project)[0])
+    return poses, ElasticFoundation(project.scene, (160, 80))(poses)
+
+
+def test_its_errors_are_those_against_a_converged_elastic_foundation(project, measured, walking):
+    poses, converged = walking
+    surrogate = cc.load_surrogate(sized_path(project, planned(TINY.chart)[1]))
+    rms = np.sqrt(np.mean((surrogate(poses) - converged) ** 2, axis=0))
+    point = next(p for p in measured.points if p.name == "patch 6-6")
+    np.testing.assert_allclose([point.load_rms[load] for load in surrogate.load_names], rms, rtol=1e-4)
+
+
+def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
+    first, second = (sized_path(project, sized) for sized in planned(TINY.chart)[:2])
+    kept, good = first.stat().st_mtime_ns, cc.load_surrogate(second)
+    second.write_bytes(b"damaged")
+    with ThreadPoolExecutor(1) as here:
+        benchmark.train_sizes(project, executor=here)
+    assert first.stat().st_mtime_ns == kept
+    again, poses = cc.load_surrogate(second), project.samples().poses[:20]
+    np.testing.assert_array_equal(again(poses), good(poses))  # from its checkpoints: nothing was trained again
+
+
+def test_a_sweep_over_samples_learns_from_fewer_but_is_tested_on_the_same(project):
+    samples = project.samples()
+    few = fewer(samples, 100)
+    np.testing.assert_array_equal(few.select(role=TEST).poses, samples.select(role=TEST).poses)
+    assert (few.role != TEST).sum() == 100
+    assert fewer(samples, 10**9) is samples
+
+
+def test_a_size_that_is_gone_is_trained_for_just_the_loads(project, measured):
+    point = next(p for p in measured.points if p.name == "patch 6-6")
+    sized = next(s for s in planned(TINY.chart) if s.name == "patch 6-6")
+    sized_path(project, sized).rename(project.folder / "kept.h5")
+    try:
+        file = at_hand.make_surrogate(project, point.name, ["Fy_med", "Fy_lat"], None)
+        surrogate = cc.load_surrogate(file)
+        assert set(surrogate.networks) == {"root_med", "root_lat"}
+        assert surrogate.load_names == ("Fy_med", "Fy_lat")
+        times = at_hand.times_for_loads(project, measured.points, ["Fy_med", "Fy_lat"])
+        assert times["patch 6-6"][1] == "timed again for these loads"
+    finally:
+        (project.folder / "kept.h5").rename(sized_path(project, sized))
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place, project, measured, walking):
+    poses, converged = walking
+    aim = sorted(measured.models, key=lambda point: point.force_rms_n)[place]
+    force_n, torque_nmm = 1.001 * aim.force_rms_n, 1.001 * aim.torque_rms_nmm
+    choice = cc.choose(
+        project.folder.parent / "knee.toml",
+        force_tolerance_n=force_n,
+        torque_tolerance_nmm=torque_nmm,
+        preset="tiny",
+        folder=project.folder,
+    )
+    assert choice.model.time_us <= aim.value.median_us
+    made = eval(choice.python, {"cc": cc})
+    got = made(poses) if choice.path is None else np.array(made.map(len(poses))(poses.T)).T
+    squares = np.mean((got - converged) ** 2, axis=0)
+    forces = np.array([is_force(load) for load in measured.loads])
+    assert np.sqrt(squares[forces].mean()) <= 1.001 * force_n
+    assert np.sqrt(squares[~forces].mean()) <= 1.001 * torque_nmm
+
+
+def test_a_candidate_that_fails_stays_in_the_table(project):
+    class Broken:
+        load_names = ("Fy_med",)
+
+        def __call__(self, poses):
+            raise RuntimeError("out of\nluck")
+
+    candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
+    poses = pipeline.read_motion(project)[0].poses[0][:10]
+    points = benchmark.measure(candidates, project.samples(), poses).points
+    assert [point.failure for point in points] == ["did not fit", "out of luck"]
+
+
+def test_command_line_names_the_choice(project):
+    runner = CliRunner()
+    scene = str(project.folder.parent / "knee.toml")
+    common = ["choose", scene, "--preset", "tiny", "--out", str(project.folder)]
+    said = runner.invoke(cli.app, [*common, "--force-tol", "1000", "--torque-tol", "50000"], env={"COLUMNS": "200"})
+    assert said.exit_code == 0, said.output
+    assert "chosen" in said.output
+    assert "in Python: cc." in said.output
+    only = runner.invoke(cli.app, [*common, "--force-tol", "1000", "--loads", "Fy_med,Fy_lat"], env={"COLUMNS": "200"})
+    assert only.exit_code == 0, only.output
+    assert "timed again for these loads" in only.output
+    wrong = runner.invoke(cli.app, [*common, "--force-tol", "1e-9", "--torque-tol", "1"])
+    assert isinstance(wrong.exception, ValueError)
+    assert "the nearest" in str(wrong.exception)

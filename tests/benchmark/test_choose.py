@@ -1,0 +1,116 @@
+"""The choice meets its tolerance, and nothing cheaper on the front does."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import cli
+from casadi_contact.benchmark.choose import Tolerance, cheapest, meeting
+from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.conventions import is_force
+
+STORED = Path(__file__).with_name("speed_accuracy.csv")
+TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder that holds the stored measurements, and nothing else."""
+    shutil.copy(STORED, tmp_path / "speed_accuracy.csv")
+    return tmp_path
+
+
+def rms(point, loads, force):
+    squares = [point.load_rms[load] ** 2 for load in loads if is_force(load) == force]
+    return np.sqrt(np.mean(squares)) if squares else 0.0
+
+
+@pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"], ["Tz"]])
+@pytest.mark.parametrize(("force_n", "torque_nmm"), TOLERANCES)
+def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque_nmm, loads):
+    front = read_front(STORED)
+    names = loads or front.loads
+    offers = meeting(front, Tolerance(force_n, torque_nmm), names)
+    choice, better = cheapest(offers, Tolerance(force_n, torque_nmm))
+    points = {point.name: point for point in front.points}
+    chosen = points[choice.name]
+    assert rms(chosen, names, True) <= force_n
+    assert rms(chosen, names, False) <= torque_nmm
+    for point in front.models:
+        if point.value.median_us < chosen.value.median_us:
+            assert rms(point, names, True) > force_n or rms(point, names, False) > torque_nmm
+    if better is not None:
+        worst = [
+            max(rms(points[offer.name], names, True) / force_n, rms(points[offer.name], names, False) / torque_nmm)
+            for offer in (choice, better)
+        ]
+        assert worst[1] < worst[0] <= 1.0
+        assert better.time_us >= choice.time_us
+
+
+def test_wider_tolerances_never_cost_more():
+    front = read_front(STORED)
+    times = []
+    for pair in TOLERANCES:
+        tolerance = Tolerance(*pair)
+        times.append(cheapest(meeting(front, tolerance, front.loads), tolerance)[0].time_us)
+    assert times == sorted(times)
+
+
+def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make(folder):
+    front = read_front(STORED)
+    ef = min((p for p in front.points if p.family == "EF"), key=lambda p: p.value.median_us)
+    lines = [line for line in STORED.read_text("utf-8").splitlines() if line[0] == "#" or line[:5] == "name,"]
+    rows = [line for line in STORED.read_text("utf-8").splitlines() if line.startswith("EF ")]
+    (folder / "speed_accuracy.csv").write_text("\n".join(lines + rows) + "\n", "utf-8")
+    choice = cc.choose("knee", force_tolerance_n=100.0, torque_tolerance_nmm=3000.0, folder=folder)
+    assert choice.model.name == ef.name
+    assert choice.path is None
+    model = eval(choice.python, {"cc": cc})
+    assert model(np.array([[0.5, 27.4, 0.1, 0.0, -0.05, -0.3]])).shape == (1, 7)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"force_tolerance_n": 1e-6, "torque_tolerance_nmm": 1.0}, "no measured model meets 1e-06 N.*the nearest"),
+        ({"force_tolerance_n": 1.0}, "no torque tolerance given"),
+        ({"force_tolerance_n": -1.0, "torque_tolerance_nmm": 1.0}, "force tolerance is -1.0, expected N above 0"),
+        ({"force_tolerance_n": float("nan"), "torque_tolerance_nmm": 1.0}, "force tolerance is nan"),
+        ({"force_tolerance_n": 1.0, "loads": ["Fq"]}, "unknown load 'Fq', expected some of Fy_med"),
+        ({"force_tolerance_n": 1.0, "loads": []}, "no loads asked for"),
+    ],
+)
+def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
+    with pytest.raises(ValueError, match=said) as caught:
+        cc.choose("knee", folder=folder, **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee --preset quick first"):
+        cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
+    (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
+    with pytest.raises(ValueError, match="measured on another scene than knee"):
+        cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["choose", "knee", "--force-tol", "1"], "run casadi-contact chart knee --preset quick first"),
+        (["chart", "knee"], "samples.h5 does not exist"),
+        (["chart", "elbow"], "unknown scene 'elbow'"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_said_without_a_traceback(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code not in (0, None)
+    message = f"{ended.value.code} {capsys.readouterr().err}"
+    assert said in message
+    assert "Traceback" not in message

@@ -1,0 +1,81 @@
+"""Cycles of any joint: from a scene's harmonics and from CSV files with units in their columns."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.motion.joint_cycle import column_names, read_joint_cycle, scene_cycles
+from casadi_contact.scenes import Scene
+
+JOINTS = ("hip", "patellofemoral", "glenohumeral")
+
+
+def with_motion(**changes):
+    tables = dict(cc.load_scene("hip").tables)
+    return Scene.from_tables({**tables, "motion": {**tables["motion"], **changes}})
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_ready_cycles_close_press_and_spread_about_their_mean(name):
+    scene = cc.load_scene(name)
+    cycles = scene_cycles(scene)
+    assert len(cycles) == 10
+    again = scene_cycles(scene)
+    for k, cycle in enumerate(cycles):
+        curves = {**cycle.measured_pose(), **cycle.targets()}
+        assert len(cycle.measured_pose()) + len(cycle.targets()) == 6
+        for key, curve in curves.items():
+            assert curve[0] == pytest.approx(curve[-1], abs=1e-9)
+            np.testing.assert_array_equal(curve, {**again[k].pose, **again[k].loads}[key])
+        for normal in scene.normal_loads:
+            forces = np.stack([cycle.targets()[load] for load in normal.loads])
+            pressed = np.linalg.norm(forces, axis=0) if normal.component is None else normal.sign * forces[0]
+            assert pressed.min() > scene.boundary_load
+
+
+def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
+    cycles = scene_cycles(with_motion(deviation=0.0))
+    force = np.linalg.norm([cycles[0].targets()[name] for name in ("Fx", "Fy", "Fz")], axis=0)
+    assert 2.0 < force.max() / 750.0 < 2.5
+    np.testing.assert_array_equal(cycles[0].targets()["Fy"], cycles[1].targets()["Fy"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"cycles": 1}, "cycles >= 2"),
+        ({"wheels": 3}, "expected cycles, duration_s"),
+        ({"harmonics": {"rz_deg": [1.0]}}, r"unknown curve motion\.harmonics\.rz_deg, expected tx_mm"),
+        ({"harmonics": {"rz_rad": [1.0, 2.0]}}, r"rz_rad needs 1, 3, 5"),
+        ({"harmonics": {"rz_rad": [1.0]}}, "has no load"),
+    ],
+)
+def test_a_motion_that_makes_no_sense_is_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
+        scene_cycles(with_motion(**changes))
+
+
+def test_a_scene_without_motion_asks_for_cycles():
+    with pytest.raises(ValueError, match=r"has no \[motion\], expected it there or cycle files"):
+        scene_cycles(cc.load_scene("sphere_on_plane"))
+
+
+def test_a_cycle_file_names_its_units(tmp_path):
+    scene = cc.load_scene("hip")
+    cycle = scene_cycles(scene)[0]
+    columns = column_names(scene.load_names)
+    assert (columns["tx"], columns["rz"], columns["Fy"], columns["Tx"]) == ("tx_mm", "rz_rad", "Fy_N", "Tx_Nmm")
+    curves = {**cycle.pose, **cycle.loads}
+    header = ",".join(["time_s", *(columns[name] for name in curves)])
+    path = tmp_path / "walk.csv"
+    np.savetxt(path, np.column_stack([cycle.time_s, *curves.values()]), delimiter=",", header=header, comments="")
+    again = read_joint_cycle(path, scene)
+    assert again.name == "walk"
+    for name, curve in curves.items():
+        np.testing.assert_array_equal({**again.pose, **again.loads}[name], curve)
+    path.write_text("time_s,rz_rad\n0.0,0.1\n1.0,0.2\n")
+    with pytest.raises(ValueError, match=r"walk\.csv: cycle walk has no load"):
+        read_joint_cycle(path, scene)
+    path.write_text("time_s,Fy_N\n0.0,0.1\n1.0,much\n")
+    with pytest.raises(ValueError, match="line 3, Fy_N: got 'much'"):
+        read_joint_cycle(path, scene)

@@ -1,0 +1,50 @@
+"""Poses over time come back from every file that holds them, and files that do not are refused by name."""
+
+import re
+
+import numpy as np
+import pytest
+
+from casadi_contact.motion.opensim import Table, poses_table, write_table
+from casadi_contact.motion.pose_file import read_poses, write_poses
+
+POSES = np.random.default_rng(2).normal(size=(5, 6))
+
+
+def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
+    write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
+    np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
+
+
+def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
+    write_table(poses_table(np.arange(5.0), POSES, "poses"), tmp_path / "poses.sto")
+    np.testing.assert_allclose(read_poses(tmp_path / "poses.sto"), POSES, rtol=1e-15)
+
+
+def test_columns_are_read_by_name(tmp_path):
+    (tmp_path / "poses.csv").write_text("time,rz,tx,ty,tz,rx,ry\n0,6,1,2,3,4,5\n")
+    assert read_poses(tmp_path / "poses.csv").tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("tx,ty\n1,2\n", "lacks the columns tz, rx, ry, rz"),
+        ("tx,ty,tz,rx,ry,rz\n1,2\n", "line 2: got 2 values, expected 6"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,nan\n", "line 2, rz: got nan, expected a finite number"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,60\n", "rz reaches 60, expected radians: is it in degrees?"),
+    ],
+)
+def test_files_without_poses_are_refused(tmp_path, text, said):
+    (tmp_path / "poses.csv").write_text(text)
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_poses(tmp_path / "poses.csv")
+
+
+def test_missing_files_and_columns_of_opensim_are_named(tmp_path):
+    for name in ("none.csv", "none.sto"):
+        with pytest.raises(FileNotFoundError, match="does not exist"):
+            read_poses(tmp_path / name)
+    write_table(Table("walk", {"time": [0.0], "tx": [0.0]}), tmp_path / "walk.sto")
+    with pytest.raises(ValueError, match=r"walk.sto lacks the columns ty, tz, rx, ry, rz; it has time, tx: name them"):
+        read_poses(tmp_path / "walk.sto")

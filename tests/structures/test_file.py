@@ -1,0 +1,154 @@
+"""Surrogate files: exact round trips; damaged, foreign and newer files get one clear line."""
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from casadi_contact.network import ACTIVATIONS
+from casadi_contact.scenes.scene import load_scene
+from casadi_contact.structures import PatchSurrogate, load_surrogate
+from tests.support.random_surrogates import random_poses, random_surrogate
+
+RECORD = {
+    "samples": {"D1": 21600, "D5": 270},
+    "training_errors": {"root_med": 0.61},
+    "test_errors": {"D1": {"Fy_med": {"rms": 0.5, "max": 3.25}}},
+    "command": "casadi-contact build knee",
+}
+
+
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("scene", ["knee", "sphere_on_plane"])
+def test_round_trip_is_exact(scene, structure, tmp_path):
+    surrogate = random_surrogate(load_scene(scene), structure)
+    surrogate.record.update(RECORD)
+    path = tmp_path / "it.h5"
+    surrogate.save(path)
+    again = load_surrogate(path)
+    assert type(again) is type(surrogate)
+    assert again.record == RECORD
+    assert again.scene.digest == surrogate.scene.digest
+    assert list(again.networks) == list(surrogate.networks)
+    poses = random_poses(20)
+    np.testing.assert_array_equal(again(poses), surrogate(poses))
+    assert load_surrogate(str(path)).load_names == surrogate.load_names
+    assert [p.name for p in tmp_path.iterdir()] == ["it.h5"], "nothing is left beside the file"
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    activation=st.sampled_from(ACTIVATIONS),
+    structure=st.sampled_from(["patch", "two_stage"]),
+)
+def test_any_weights_survive(seed, activation, structure, tmp_path_factory):
+    path = tmp_path_factory.mktemp("any") / "s.h5"
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), structure, activation, seed)
+    surrogate.save(path)
+    for name, network in load_surrogate(path).networks.items():
+        want = surrogate.networks[name]
+        assert (network.hidden, network.activation, network.output_scale) == (
+            want.hidden,
+            want.activation,
+            want.output_scale,
+        )
+        for a, b in zip((*network.weights, *network.biases), (*want.weights, *want.biases), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    path = tmp_path / "knee.h5"
+    random_surrogate(load_scene("knee"), "patch").save(path)
+    return path
+
+
+def test_damaged_files_are_refused(saved):
+    whole = saved.read_bytes()
+    for size in (0, 7, 100, len(whole) // 2):
+        saved.write_bytes(whole[:size])
+        with pytest.raises(ValueError, match=r"knee\.h5 is damaged"):
+            load_surrogate(saved)
+    saved.write_bytes(whole)
+    with h5py.File(saved, "r+") as file:
+        file["networks/root_med/bias_0"][0] += 1e-9
+    with pytest.raises(ValueError, match="check sum"):
+        load_surrogate(saved)
+    with h5py.File(saved, "r+") as file:
+        del file["networks/root_med/weight_0"]
+    with pytest.raises(ValueError, match="is damaged"):
+        load_surrogate(saved)
+
+
+def test_foreign_and_newer_files_are_refused(saved, tmp_path):
+    with h5py.File(saved, "r+") as file:
+        file.attrs["format"] = 3
+    with pytest.raises(ValueError, match="format 3, this version reads up to 2"):
+        load_surrogate(saved)
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1.0
+    with pytest.raises(ValueError, match="not a surrogate file"):
+        load_surrogate(tmp_path / "other.h5")
+    (tmp_path / "text.h5").write_text("hello")
+    with pytest.raises(ValueError, match="not an HDF5 file"):
+        load_surrogate(tmp_path / "text.h5")
+
+
+def test_files_from_before_validity_still_load_and_say_what_they_lack(saved):
+    with h5py.File(saved, "r+") as file:
+        file.attrs["format"] = 1
+    old = load_surrogate(saved)
+    assert old(random_poses(3)).shape == (3, 7)
+    with pytest.raises(ValueError, match="older version"):
+        old.validity(random_poses(3))
+
+
+def test_a_changed_bound_is_found(tmp_path):
+    path = tmp_path / "knee.h5"
+    load_surrogate("knee").save(path)
+    with h5py.File(path, "r+") as file:
+        file["trust/levels"][0, 0] *= 0.5
+    with pytest.raises(ValueError, match="check sum"):
+        load_surrogate(path)
+
+
+def test_unknown_names_and_missing_files_are_named(tmp_path):
+    with pytest.raises(ValueError, match="unknown surrogate 'elbow'"):
+        load_surrogate("elbow")
+    with pytest.raises(FileNotFoundError, match=r"none\.h5 does not exist"):
+        load_surrogate(tmp_path / "none.h5")
+
+
+def test_unwritable_path_and_bad_record_are_refused(tmp_path):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    with pytest.raises(OSError, match="cannot write surrogate file"):
+        surrogate.save(tmp_path / "no" / "such" / "folder.h5")
+    bad = PatchSurrogate(surrogate.scene, surrogate.networks, {"error": float("nan")})
+    with pytest.raises(ValueError, match="not plain JSON"):
+        bad.save(tmp_path / "bad.h5")
+    assert not list(tmp_path.iterdir())
+
+
+def test_info_tells_structure_sizes_samples_and_errors():
+    surrogate = random_surrogate(load_scene("knee"), "patch")
+    empty = str(surrogate.info())
+    assert "not recorded" in empty
+    surrogate.record.update(RECORD)
+    info = surrogate.info()
+    assert info.structure == "patch"
+    assert info.networks["root_med"].hidden == (14, 9)
+    assert sum(n.parameters for n in info.networks.values()) == 12 * (7 * 14 + 15 * 9 + 10)
+    assert info.test_errors["D1"]["Fy_med"]["max"] == 3.25
+    text = str(info)
+    for part in (
+        "patch surrogate of scene knee",
+        "14-9",
+        "21870 samples",
+        "D5 270",
+        "0.5 / 3.25",
+        "fit 0.61",
+        "casadi-contact build knee",
+    ):
+        assert part in text

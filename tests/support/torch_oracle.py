@@ -1,0 +1,86 @@
+"""The surrogates once more, written in torch from the formulas of README and Eqs. (1)-(7), for autograd."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from casadi_contact.conventions import WRENCH_NAMES, load_selection
+from casadi_contact.network import Network
+from casadi_contact.structures import Surrogate
+
+torch.set_default_dtype(torch.float64)
+
+
+def _tensor(array) -> torch.Tensor:
+    return torch.tensor(np.asarray(array, dtype=float))
+
+
+def _network(network: Network, x: torch.Tensor) -> torch.Tensor:
+    a = (x - _tensor(network.input_shift)) / _tensor(network.input_scale)
+    for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
+        z = _tensor(weight) @ a + _tensor(bias)
+        a = torch.tanh(z) if network.activation == "tanh" else z / torch.sqrt(1 + z**2)
+    return network.output_scale * (_tensor(network.weights[-1])[0] @ a + network.biases[-1][0])
+
+
+def _rotation(q: torch.Tensor) -> torch.Tensor:
+    (sx, sy, sz), (cx, cy, cz), zero, one = torch.sin(q), torch.cos(q), torch.zeros(()), torch.ones(())
+    rx = torch.stack([one, zero, zero, zero, cx, -sx, zero, sx, cx]).reshape(3, 3)
+    ry = torch.stack([cy, zero, sy, zero, one, zero, -sy, zero, cy]).reshape(3, 3)
+    rz = torch.stack([cz, -sz, zero, sz, cz, zero, zero, zero, one]).reshape(3, 3)
+    return rx @ ry @ rz
+
+
+def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
+    scene, wrenches, roots = surrogate.scene, [], [[] for _ in surrogate.patch_names]
+    for part in scene.parts:
+        patch, anchor, pressed = part.name, part.anchor_mm, scene.tables["loads"]["sensitive"][part.patch]
+        sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
+        local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
+        s = _network(surrogate.networks[f"root_{patch}"], local)
+        roots[part.patch].append(s)
+        normal = scene.reference_load * torch.clamp(s, min=0.0) ** 2
+        for component in WRENCH_NAMES:
+            if component == sensitive:
+                wrenches.append(normal if pressed.startswith("+") else -normal)
+            else:
+                wrenches.append(normal * _network(surrogate.networks[f"ratio_{patch}_{component}"], local))
+    of_patches = load_selection(surrogate.load_names, scene.patch_names)
+    selection = of_patches[:, [part.patch for part in scene.parts]].reshape(len(surrogate.load_names), -1)
+    return _tensor(selection) @ torch.stack(wrenches) if loads else torch.stack([_together(s) for s in roots])
+
+
+def _together(roots: list[torch.Tensor]) -> torch.Tensor:
+    """Root load of a patch from those of its parts."""
+    if len(roots) == 1:
+        return roots[0]
+    s = torch.stack(roots)
+    pressed = s[s > 0.0]
+    return torch.linalg.norm(pressed) if len(pressed) else -1.0 / torch.sqrt((s**-2.0).sum())
+
+
+def _two_stage(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
+    scene = surrogate.scene
+    raw = [_network(surrogate.networks[name], pose) for name in scene.sensitive_loads]
+    if not loads:
+        n = -torch.stack(raw) / scene.reference_load
+        return n / (n**2 + (0.01 * scene.boundary_load / scene.reference_load) ** 2) ** 0.25
+    clamped = {name: torch.clamp(f, max=0.0) for name, f in zip(scene.sensitive_loads, raw, strict=True)}
+    u = torch.cat([pose, torch.stack(list(clamped.values()))])
+    return torch.stack(
+        [clamped[name] if name in clamped else _network(surrogate.networks[name], u) for name in scene.load_names]
+    )
+
+
+def oracle(surrogate: Surrogate, pose: np.ndarray, *, loads: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Value (m,), Jacobian (m, 6) and Hessians (m, 6, 6) of loads or root loads by autograd."""
+    rule = {"patch": _patch, "two_stage": _two_stage}[surrogate.structure]
+
+    def f(x):
+        return rule(surrogate, x, loads)
+
+    x = _tensor(pose)
+    jacobian = torch.autograd.functional.jacobian(f, x)
+    hessian = torch.stack([torch.autograd.functional.hessian(lambda y, i=i: f(y)[i], x) for i in range(len(jacobian))])
+    return f(x).numpy(), jacobian.numpy(), hessian.numpy()
