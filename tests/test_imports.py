@@ -7,8 +7,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "machine", "conventions", "scenes", "motion", "geometry", "contact", "statics"),
-    *("dataset", "sampling", "network", "training", "transcription", "structures"),
+    *("files", "workers", "machine", "conventions", "network", "transcription", "scenes", "motion", "geometry"),
+    *("contact", "statics", "dataset", "sampling", "training", "structures"),
     *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline", "cli"),
 ]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
-from casadi_contact.contact.model import root_of_normal
+from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
@@ -21,7 +21,6 @@ from casadi_contact.conventions import (
 )
 from casadi_contact.geometry import ElementGrid, MovingSurface, build_elements, build_part_elements, build_surfaces
 from casadi_contact.scenes import Scene
-from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
 
 class _Bed(NamedTuple):
@@ -109,16 +108,7 @@ class ElasticFoundation:
         """
         poses = as_poses(poses)
         wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
-        loads = self.scene.normal_loads
-        normal = normal_forces(loads, wrenches)
-        s, ds = root_of_normal(normal, normal_slopes(loads, wrenches, slopes), self.scene.reference_load)
-        free = normal <= 0.0
-        rows = free.any(axis=1)
-        if rows.any():
-            gaps, gap_slopes = self._gaps(self._patches, poses[rows])
-            s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
-            ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
-        return s, ds
+        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(self._patches, poses[rows]))
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""

@@ -21,14 +21,13 @@ class FoundationKernel:
     scene: Scene
     loads: Sequence[str]
     patch_source: str
-    turned: bool = False
 
     def source(self, *, loads: int, roots: int) -> str:
         """C99 up to kernel_value, kernel_jacobian, kernel_hessian and kernel_batch, all of them static."""
         scene, material = self.scene, self.scene.material
         selection = load_selection(self.loads, scene.patch_names)
         sizes = {
-            **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names), "TURNED": int(self.turned)},
+            **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names)},
             **{"WIDEST": 8, "WIDTH": 8, "LANES": 1, "LOGARITHMIC": int(material.law == "log")},
             **{"MODULUS": layer_modulus(material), "THICKNESS": float(material.thickness)},
             **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},

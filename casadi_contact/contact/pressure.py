@@ -49,15 +49,13 @@ def pressures(law, modulus, thickness, depths):
     return values
 
 
-def pressure_slopes(law: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array, Array]:
-    """p [MPa], dp/dd [MPa/mm], d²p/dd² [MPa/mm²] at depths (...) [mm]; zero where there is none."""
+def pressure_slopes(law: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:
+    """p [MPa] and dp/dd [MPa/mm] at depths (...) [mm]; zero where there is none."""
     loaded = depths > 0.0
     if law == LINEAR:
         slope = modulus / thickness
-        return np.where(loaded, slope * depths, 0.0), np.where(loaded, slope, 0.0), np.zeros_like(depths)
+        return np.where(loaded, slope * depths, 0.0), np.where(loaded, slope, 0.0)
     strain = np.where(loaded, np.minimum(depths / thickness, _TANGENT_STRAIN), 0.0)
     slope = modulus / (thickness * (1.0 - strain))
     beyond = np.where(loaded, np.maximum(depths - _TANGENT_STRAIN * thickness, 0.0), 0.0)
-    values = slope * beyond - modulus * np.log1p(-strain)
-    second = np.where(loaded & (beyond == 0.0), slope / (thickness * (1.0 - strain)), 0.0)
-    return values, np.where(loaded, slope, 0.0), second
+    return slope * beyond - modulus * np.log1p(-strain), np.where(loaded, slope, 0.0)

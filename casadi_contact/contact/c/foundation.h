@@ -19,7 +19,7 @@ typedef struct {
 INLINE Lanes log_of_rest(Lanes s) {
   Lanes scale = all(1.0), whole = all(0.0), f, square, sum = all(1.0 / 21.0);
   for (int k = 1; k <= 3; k++) {
-    const Mask small = 1.0 - s < 1.4142135623730951 * ldexp(0.5, k);
+    const Mask small = 1.0 - s < 1.4142135623730951 * ldexp(1.0, -k);
     scale = pick(small, all(ldexp(1.0, k)), scale), whole = pick(small, all(k), whole);
   }
   f = ((scale - 1.0) - scale * s) / ((scale + 1.0) - scale * s);
@@ -64,55 +64,4 @@ INLINE void add_turning(const double force[3], const double arms[3][3], double h
     h[a][3 + b] -= force[c], h[3 + b][a] -= force[c];
     h[a][3 + c] += force[b], h[3 + c][a] += force[b];
   }
-}
-
-/* A twist or wrench into chart axes. */
-INLINE void turn_twist(const double turn[3][3], const double x[6], double out[6]) {
-  for (int i = 0; i < 6; i++) {
-    const double *row = turn[i % 3], *part = x + (i < 3 ? 0 : 3);
-    out[i] = row[0] * part[0] + row[1] * part[1] + row[2] * part[2];
-  }
-}
-
-#if TURNED
-/* B^T h B with B = turn twice */
-INLINE void turn_back_square(const double turn[3][3], double h[6][6]) {
-  double half[6][6];
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) {
-      half[i][j] = 0.0;
-      for (int k = 0; k < 3; k++) half[i][j] += h[i][(j < 3 ? 0 : 3) + k] * turn[k][j % 3];
-    }
-  }
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) {
-      h[i][j] = 0.0;
-      for (int k = 0; k < 3; k++) h[i][j] += turn[k][i % 3] * half[(i < 3 ? 0 : 3) + k][j];
-    }
-  }
-}
-
-INLINE void turn_back_row(const double turn[3][3], double x[6]) {
-  double old[6];
-  memcpy(old, x, sizeof old);
-  for (int i = 0; i < 6; i++) {
-    const double *part = old + (i < 3 ? 0 : 3);
-    x[i] = turn[0][i % 3] * part[0] + turn[1][i % 3] * part[1] + turn[2][i % 3] * part[2];
-  }
-}
-#endif
-
-/* Loads in chart axes become those in the fixed body's. */
-INLINE void turn_back(const double turn[3][3], int order, PatchLoads *out) {
-#if TURNED
-  turn_back_row(turn, out->wrench);
-  turn_back_row(turn, out->gap_slope);
-  if (order == FIRST) turn_back_square(turn, out->stiffness);
-  if (order == SECOND) {
-    turn_back_square(turn, out->curvature);
-    turn_back_square(turn, out->gap_curvature);
-  }
-#else
-  (void)turn, (void)order, (void)out;
-#endif
 }

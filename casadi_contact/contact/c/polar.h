@@ -117,9 +117,9 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
 /* Second derivatives by twist of the gap at its nearest point (u, v), which slides along the patch as the body moves:
  * g_ab - g_ia (g_ij)^-1 g_jb over the chart's coordinates i, j that the rim leaves free. */
 INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray, const Lanes arm[3], double h[6][6]) {
-  const double k_1 = 1.0 / (s->tube_radius + ray->g[0]), k_2 = ray->kappa[0], nudge = 1e-9;
+  const double k_1 = 1.0 / (s->tube_radius + ray->g[0]), k_2 = ray->kappa[0], *k = nearest->curvature, nudge = 1e-9;
   Lanes turned[6], twist_across[6], twist_along[6];
-  double gradient[3], across[3], along[3], mixed[2][6], k[3], arms[3][3], inverse;
+  double gradient[3], across[3], along[3], mixed[2][6], arms[3][3], k_uv, inverse;
   int free[2];
   twist_of(ray->across, arm, twist_across);
   twist_of(ray->along, arm, twist_along);
@@ -133,7 +133,7 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
     }
   }
   add_turning(gradient, arms, h);
-  for (int i = 0, n = 0; i < 2; i++) {
+  for (int i = 0; i < 2; i++) {
     const double *tau = nearest->tangent[i];
     const Lanes tangent[3] = {all(tau[0]), all(tau[1]), all(tau[2])};
     const double over = k_1 * dot3(tau, across), on = k_2 * dot3(tau, along);
@@ -141,20 +141,16 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
     for (int b = 0; b < 6; b++) {
       mixed[i][b] = (b < 3 ? 0.0 : turned[b][0]) - over * twist_across[b][0] - on * twist_along[b][0];
     }
-    for (int j = i; j < 2; j++, n++) {
-      k[n] = form(tau, nearest->tangent[j], across, k_1, along, k_2);
-      k[n] += nearest->fixed_form[n] * ray->length[0] * gradient[1];
-    }
   }
   free[0] = is_within(s, nearest->u - nudge, nearest->v) && is_within(s, nearest->u + nudge, nearest->v);
   free[1] = is_within(s, nearest->u, nearest->v - nudge) && is_within(s, nearest->u, nearest->v + nudge);
   for (int b = 0; b < 6; b++) mixed[0][b] *= free[0], mixed[1][b] *= free[1];
-  k[1] *= free[0] * free[1];
-  inverse = 1.0 / larger(k[0] * k[2] - k[1] * k[1], LEAST_CURVATURE * LEAST_CURVATURE);
+  k_uv = k[1] * free[0] * free[1];
+  inverse = 1.0 / larger(k[0] * k[2] - k_uv * k_uv, LEAST_CURVATURE * LEAST_CURVATURE);
   for (int a = 0; a < 6; a++) {
     for (int b = 0; b < 6; b++) {
       h[a][b] -= inverse * (k[2] * mixed[0][a] * mixed[0][b] + k[0] * mixed[1][a] * mixed[1][b] -
-                            k[1] * (mixed[0][a] * mixed[1][b] + mixed[1][a] * mixed[0][b]));
+                            k_uv * (mixed[0][a] * mixed[1][b] + mixed[1][a] * mixed[0][b]));
     }
   }
 }
@@ -163,16 +159,17 @@ INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int o
                         PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
   Place place;
-  Spot middle, nearest;
+  Spot middle;
   for (int i = 0; i < 3; i++) {
     place.t[i] = dot3(s->turn[i], pose);
     for (int j = 0; j < 3; j++) {
       place.r[i][j] = s->turn[i][0] * frame->r[0][j] + s->turn[i][1] * frame->r[1][j] + s->turn[i][2] * frame->r[2][j];
     }
   }
-  middle_of(s, &place, &middle, &nearest);
+  middle = middle_of(s, &place);
   memset(out, 0, sizeof *out);
-  if (!(nearest.depth > 0.0) || order == GAPS) {
+  if (!(middle.depth > 0.0) || order == GAPS) {
+    const Spot nearest = nearest_to(s, &place, &middle);
     Lanes arm[3], push[6];
     Ray ray;
     cast(s, &place, all(nearest.u), all(nearest.v), AT_START, &ray);
@@ -181,7 +178,7 @@ INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int o
     twist_of(ray.gradient, arm, push);
     for (int k = 0; k < 6; k++) out->gap_slope[k] = -push[k][0];
     if (order == SECOND) gap_curvature(s, &nearest, &ray, arm, out->gap_curvature);
-    if (nearest.depth != nearest.depth) out->wrench[0] = nearest.depth; /* not a number: neither are the loads */
+    if (middle.depth != middle.depth) out->wrench[0] = middle.depth; /* not a number: neither are the loads */
   }
   if (middle.depth > 0.0 && order != GAPS) {
     Plan plan;

@@ -19,6 +19,59 @@ typedef struct {
   double r[3][3], t[3];
 } Place;
 
+/* ---- loads in chart axes and in the fixed body's */
+
+/* A twist or wrench into chart axes. */
+INLINE void turn_twist(const double turn[3][3], const double x[6], double out[6]) {
+  for (int i = 0; i < 6; i++) {
+    const double *row = turn[i % 3], *part = x + (i < 3 ? 0 : 3);
+    out[i] = row[0] * part[0] + row[1] * part[1] + row[2] * part[2];
+  }
+}
+
+#if TURNED
+/* B^T h B with B = turn twice */
+INLINE void turn_back_square(const double turn[3][3], double h[6][6]) {
+  double half[6][6];
+  for (int i = 0; i < 6; i++) {
+    for (int j = 0; j < 6; j++) {
+      half[i][j] = 0.0;
+      for (int k = 0; k < 3; k++) half[i][j] += h[i][(j < 3 ? 0 : 3) + k] * turn[k][j % 3];
+    }
+  }
+  for (int i = 0; i < 6; i++) {
+    for (int j = 0; j < 6; j++) {
+      h[i][j] = 0.0;
+      for (int k = 0; k < 3; k++) h[i][j] += turn[k][i % 3] * half[(i < 3 ? 0 : 3) + k][j];
+    }
+  }
+}
+
+INLINE void turn_back_row(const double turn[3][3], double x[6]) {
+  double old[6];
+  memcpy(old, x, sizeof old);
+  for (int i = 0; i < 6; i++) {
+    const double *part = old + (i < 3 ? 0 : 3);
+    x[i] = turn[0][i % 3] * part[0] + turn[1][i % 3] * part[1] + turn[2][i % 3] * part[2];
+  }
+}
+#endif
+
+/* Loads in chart axes become those in the fixed body's. */
+INLINE void turn_back(const double turn[3][3], int order, PatchLoads *out) {
+#if TURNED
+  turn_back_row(turn, out->wrench);
+  turn_back_row(turn, out->gap_slope);
+  if (order == FIRST) turn_back_square(turn, out->stiffness);
+  if (order == SECOND) {
+    turn_back_square(turn, out->curvature);
+    turn_back_square(turn, out->gap_curvature);
+  }
+#else
+  (void)turn, (void)order, (void)out;
+#endif
+}
+
 typedef struct {
   Lanes y, n_x, n_z, length; /* of the fixed point; N = (n_x, 1, n_z) */
   Lanes g, step;             /* distance from the body, depth in units of |N| */
@@ -119,7 +172,7 @@ INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
- * one; the fixed surface's own, towards the body; the end on the body. */
+ * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
 typedef struct {
   double u, v, depth, slope[2], curvature[3], fixed_form[3];
   double tangent[2][3], end[3], along[3], kappa;
@@ -131,36 +184,40 @@ INLINE double form(const double a[3], const double b[3], const double across[3],
   return k_1 * dot3(across, a) * dot3(across, b) + k_2 * dot3(along, a) * dot3(along, b);
 }
 
-INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v) {
+INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int what) {
   Spot spot;
   Ray ray;
-  double gradient[3], across[3], inverse, (*tau)[3] = spot.tangent;
-  cast(s, p, all(u), all(v), TO_END, &ray);
+  double gradient[3], across[3], inverse, k_1, (*tau)[3] = spot.tangent;
+  cast(s, p, all(u), all(v), what, &ray);
   for (int i = 0; i < 3; i++) {
     spot.end[i] = ray.x[i][0], spot.along[i] = ray.along[i][0];
     gradient[i] = ray.gradient[i][0], across[i] = ray.across[i][0];
   }
-  spot.u = u, spot.v = v, spot.depth = (ray.step * ray.length)[0];
+  spot.u = u, spot.v = v, spot.depth = what == AT_START ? -ray.g[0] : (ray.step * ray.length)[0];
   spot.kappa = ray.kappa[0], spot.arc = (int)ray.arc[0];
   tau[0][0] = 1.0, tau[0][1] = -ray.n_x[0], tau[0][2] = 0.0;
   tau[1][0] = 0.0, tau[1][1] = -ray.n_z[0], tau[1][2] = 1.0;
-  inverse = (ray.length / steepness(&ray))[0];
+  inverse = what == AT_START ? -1.0 : (ray.length / steepness(&ray))[0];
+  k_1 = 1.0 / (s->tube_radius + (what == AT_START ? ray.g[0] : 0.0));
   for (int i = 0; i < 2; i++) spot.slope[i] = dot3(tau[i], gradient) * inverse;
   for (int i = 0, k = 0; i < 2; i++) {
     for (int j = i; j < 2; j++, k++) {
-      spot.curvature[k] = form(tau[i], tau[j], across, 1.0 / s->tube_radius, spot.along, spot.kappa);
+      spot.curvature[k] = form(tau[i], tau[j], across, k_1, spot.along, spot.kappa);
       spot.fixed_form[k] = 0.0;
     }
   }
 #if TORUS
   {
-    const double y = ray.y[0] - s->height, rho = sqrt(u * u + y * y), out = rho - s->offset, k_1 = 1.0 / s->radius;
-    const double a = out * k_1, b = v * k_1, e_x = u / rho, e_y = y / rho, k_2 = a / rho;
+    const double y = ray.y[0] - s->height, rho = sqrt(u * u + y * y), out = rho - s->offset;
+    const double bend = what == AT_START ? -ray.length[0] * gradient[1] : 1.0, fixed_k_1 = 1.0 / s->radius;
+    const double a = out * fixed_k_1, b = v * fixed_k_1, e_x = u / rho, e_y = y / rho, k_2 = a / rho;
     const double across_fixed[3] = {-b * e_x, -b * e_y, a}, along_fixed[3] = {-e_y, e_x, 0.0};
     for (int i = 0, k = 0; i < 2; i++) {
-      spot.slope[i] += spot.depth * inverse * form(tau[i], gradient, across_fixed, k_1, along_fixed, k_2);
+      if (what != AT_START) {
+        spot.slope[i] += spot.depth * inverse * form(tau[i], gradient, across_fixed, fixed_k_1, along_fixed, k_2);
+      }
       for (int j = i; j < 2; j++, k++) {
-        spot.fixed_form[k] = form(tau[i], tau[j], across_fixed, k_1, along_fixed, k_2);
+        spot.fixed_form[k] = bend * form(tau[i], tau[j], across_fixed, fixed_k_1, along_fixed, k_2);
         spot.curvature[k] -= spot.fixed_form[k];
       }
     }
@@ -261,8 +318,8 @@ INLINE double edge_distance(double depth, double slope, double curvature) {
   return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
 }
 
-/* The deepest point within the rim by Newton steps cut at the rim. */
-FUNCTION Spot deepest_within(const Surfaces *s, const Place *p, Spot spot) {
+/* The deepest point within the rim by Newton steps cut at the rim (AT_START: the nearest one). */
+INLINE Spot deepest_within(const Surfaces *s, const Place *p, Spot spot, int what) {
   for (int i = 0; i < RIM_STEPS; i++) {
     const double k_u = larger(spot.curvature[0], LEAST_CURVATURE), k_v = larger(spot.curvature[2], LEAST_CURVATURE);
     double u = spot.u, v = spot.v;
@@ -272,7 +329,7 @@ FUNCTION Spot deepest_within(const Surfaces *s, const Place *p, Spot spot) {
       v = spot.v + (spot.slope[1] - spot.curvature[1] * (u - spot.u)) / k_v;
       within(s, &u, &v);
     }
-    spot = spot_at(s, p, u, v);
+    spot = spot_at(s, p, u, v, what);
   }
   return spot;
 }
@@ -287,29 +344,38 @@ FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, 
     within(s, &u, &v);
     end[i] = along ? v : u;
   }
-  if (along) return spot_at(s, p, spot->u, 0.5 * (end[0] + end[1]));
-  return spot_at(s, p, 0.5 * (end[0] + end[1]), spot->v);
+  if (along) return spot_at(s, p, spot->u, 0.5 * (end[0] + end[1]), TO_END);
+  return spot_at(s, p, 0.5 * (end[0] + end[1]), spot->v, TO_END);
 }
 
-/* The middle, and the point nearest to the body or deepest in it, which differ where the rim cuts the spot. */
-INLINE void middle_of(const Surfaces *s, const Place *p, Spot *middle, Spot *nearest) {
+FUNCTION Spot deepest_in_rim(const Surfaces *s, const Place *p, const Spot *spot) {
+  return deepest_within(s, p, *spot, TO_END);
+}
+
+/* The point of the patch nearest to the body. */
+FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, const Spot *spot) {
+  return deepest_within(s, p, spot_at(s, p, spot->u, spot->v, AT_START), AT_START);
+}
+
+/* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through it. */
+INLINE Spot middle_of(const Surfaces *s, const Place *p) {
   double u, v, determinant, reach_u, reach_v, depth;
   int whole;
+  Spot spot;
   deepest(s, p, &u, &v);
   whole = is_within(s, u, v);
   within(s, &u, &v);
-  *middle = spot_at(s, p, u, v);
-  depth = larger(middle->depth, 0.0);
-  determinant = larger(middle->curvature[0] * middle->curvature[2] - middle->curvature[1] * middle->curvature[1],
+  spot = spot_at(s, p, u, v, TO_END);
+  depth = larger(spot.depth, 0.0);
+  determinant = larger(spot.curvature[0] * spot.curvature[2] - spot.curvature[1] * spot.curvature[1],
                        LEAST_CURVATURE * LEAST_CURVATURE);
-  reach_u = sqrt(2.0 * depth * middle->curvature[2] / determinant);
-  reach_v = sqrt(2.0 * depth * middle->curvature[0] / determinant);
+  reach_u = sqrt(2.0 * depth * spot.curvature[2] / determinant);
+  reach_v = sqrt(2.0 * depth * spot.curvature[0] / determinant);
   whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) && is_within(s, u, v - reach_v) &&
           is_within(s, u, v + reach_v);
-  if (!whole) *middle = deepest_within(s, p, *middle);
-  *nearest = *middle;
-  if (!whole && middle->depth > 0.0) {
-    *middle = chord_middle(s, p, middle, 0);
-    *middle = chord_middle(s, p, middle, 1);
-  }
+  if (whole) return spot;
+  spot = deepest_in_rim(s, p, &spot);
+  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 0);
+  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 1);
+  return spot;
 }

@@ -16,7 +16,7 @@ _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surfac
 class Ends:
     """Ray ends x = c - d·n on the moving surface, all arrays (n, ...), chart axes.
 
-    N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient of g at c); its curvatures 1/r_f
+    N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient of g at c); its curvatures κ1
     and κ2 along the unit vectors `across` and `along` its arcs; the arc's number.
     """
 
@@ -30,9 +30,9 @@ class Ends:
     G_start: Array
     across: Array
     along: Array
+    kappa_1: Array
     kappa_2: Array
     arc: np.ndarray
-    tube_radius: float
 
     @property
     def slope(self) -> Array:
@@ -71,10 +71,11 @@ def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
     return arc
 
 
-def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Ends:
+def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Ends:
     """Depths along the normals at (u, v) (n, ...) of the body at (R, t) (n, 3, 3), (n, 3), and the ends there.
 
-    One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it.
+    One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it. at_start: nothing of the
+    step, so that each ray ends at its fixed point.
     """
     c, N, length = fixed_point(patch, u, v)
     wide = (slice(None),) + (None,) * (u.ndim - 1)
@@ -99,11 +100,13 @@ def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Ends
     step = g / slope
     step = step + 0.5 * step * step * bend / slope  # d in units of |N|
     start = gradient
-    _, gradient, across, along, _, kappa_2 = field(q - step[..., None] * m)
+    if at_start:
+        step = np.zeros_like(step)
+    _, gradient, across, along, kappa_1, kappa_2 = field(q - step[..., None] * m)
 
     def to_chart(vector: Array) -> Array:
         return np.asarray(np.einsum("...ij,...j->...i", R, vector))
 
     G, G_start, across, along = (to_chart(vector) for vector in (gradient, start, across, along))
     x = c - step[..., None] * N
-    return Ends(c, N, length, g, step * length, x, G, G_start, across, along, kappa_2, number, patch.tube_radius)
+    return Ends(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)

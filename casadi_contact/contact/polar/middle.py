@@ -16,17 +16,14 @@ _LEAST_CURVATURE = 1e-4  # [1/mm]
 
 
 @dataclass(frozen=True)
-class Middle:
-    """Middle (u, v) of the spot of n poses; depth D there, its slopes (n, 2) and relative curvatures (n, 2, 2).
-
-    nearest: (u, v) of the point of the patch deepest in the body, or nearest to it. ends: the ray from the middle.
-    """
+class Spot:
+    """A ray of each of n poses from (u, v): depth D, its slopes (n, 2), relative curvatures (n, 2, 2), the ray's end."""
 
     u: Array
     v: Array
+    depth: Array
     slope: Array
     curvature: Array
-    nearest: tuple[Array, Array]
     ends: Ends
 
 
@@ -69,13 +66,13 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
     return arc
 
 
-def local_depth(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array, Ends]:
-    """Slopes of the depth at (u, v) (n, 2), its curvatures relative to the fixed surface (n, 2, 2), the ray there.
+def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
+    """Depth at (u, v) with its slopes and its curvatures relative to the fixed surface; at_start: all of -g instead.
 
     With the fixed surface the zero of F, its tangents τ_u, τ_v and n_u = -∇²F τ_u: d_u = G·(τ_u + d ∇²F τ_u)/σ,
     k_uv = τ_u·(∇²g - ∇²F)τ_v.
     """
-    ends = ray_ends(patch, R, t, u, v)
+    ends = ray_ends(patch, R, t, u, v, at_start=at_start)
     zero, one = np.zeros_like(u), np.ones_like(u)
     tangents = np.stack([np.stack([one, -ends.N[:, 0], zero], -1), np.stack([zero, -ends.N[:, 2], one], -1)], 1)
     fixed = np.zeros((len(u), 3, 3))
@@ -84,10 +81,15 @@ def local_depth(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> t
         across = np.stack([-v * ex, -v * ey, out], -1) / distance[:, None]
         along = np.stack([-ey, ex, zero], -1)
         fixed = _rank_one(1.0 / distance, across) + _rank_one(out / (distance * rho), along)
-    moving = _rank_one(one / patch.tube_radius, ends.across) + _rank_one(ends.kappa_2, ends.along)
-    bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
-    slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
-    return slope, tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2), ends
+    moving = _rank_one(ends.kappa_1, ends.across) + _rank_one(ends.kappa_2, ends.along)
+    if at_start:
+        slope = -np.einsum("nai,ni->na", tangents, ends.G)
+        fixed = -(ends.length * ends.G[:, 1])[:, None, None] * fixed
+    else:
+        bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
+        slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
+    curvature = tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2)
+    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
 
 
 def _rank_one(weight: Array, vector: Array) -> Array:
@@ -110,48 +112,53 @@ def within(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array]:
     return np.clip(u, low, high), v
 
 
-def middle(patch: SmoothPatch, R: Array, t: Array) -> Middle:
+def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
     """The deepest point; where the rim cuts the spot, the middle of chords through the deepest point within it."""
-    found = np.nan_to_num(np.stack(deepest(patch, R, t)))
-    u, v = within(patch, *found)
-    slope, k, ends = local_depth(patch, R, t, u, v)
+    found = np.stack(deepest(patch, R, t))
+    spot = spot_at(patch, R, t, *within(patch, *found))
+    u, v, k, depth = spot.u, spot.v, spot.curvature, np.maximum(spot.depth, 0.0)
     determinant = np.maximum(k[:, 0, 0] * k[:, 1, 1] - k[:, 0, 1] ** 2, _LEAST_CURVATURE**2)
-    reach_u, reach_v = np.sqrt(2.0 * np.maximum(ends.depth, 0.0) * np.stack([k[:, 1, 1], k[:, 0, 0]]) / determinant)
-    corners = [(u - reach_u, v), (u + reach_u, v), (u, v - reach_v), (u, v + reach_v), tuple(found)]
-    cut = np.any([np.any(np.stack(within(patch, *p)) != np.stack(p), axis=0) for p in corners], axis=0)
-    nearest = (u, v)
-    if cut.any():
-        nearest, centre = _within_rim(patch, R[cut], t[cut], u[cut], v[cut])
-        nearest = tuple(_replaced(a, cut, b) for a, b in zip((u, v), nearest, strict=True))
-        u, v = (_replaced(a, cut, b) for a, b in zip((u, v), centre, strict=True))
-        slope, k, ends = local_depth(patch, R, t, u, v)
-    return Middle(u, v, slope, k, nearest, ends)
+    reach_u, reach_v = np.sqrt(2.0 * depth * np.stack([k[:, 1, 1], k[:, 0, 0]]) / determinant)
+    needed = [tuple(found), (u - reach_u, v), (u + reach_u, v), (u, v - reach_v), (u, v + reach_v)]
+    cut = np.any([np.any(np.stack(within(patch, *point)) != np.stack(point), axis=0) for point in needed], axis=0)
+    if not cut.any():
+        return spot
+    inner = deepest_within(patch, R[cut], t[cut], u[cut], v[cut])
+    u, v = u.copy(), v.copy()
+    u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], inner)
+    return spot_at(patch, R, t, u, v)
 
 
-def _replaced(values: Array, rows: np.ndarray, by: Array) -> Array:
-    values = values.copy()
-    values[rows] = by
-    return values
+def nearest(patch: SmoothPatch, R: Array, t: Array, spot: Spot) -> Spot:
+    """The point of the patch nearest to the body, from a spot close to it."""
+    return deepest_within(patch, R, t, spot.u, spot.v, at_start=True)
 
 
-def _within_rim(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[tuple[Array, Array], ...]:
-    """The deepest point within the rim, by Newton steps cut at the rim; and the middle of chords through it."""
+def deepest_within(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
+    """The deepest point within the rim by Newton steps cut at the rim (at_start: the nearest one)."""
     for _ in range(RIM_STEPS):
-        slope, k, _ = local_depth(patch, R, t, u, v)
-        at_u, at_v = u, v
+        spot = spot_at(patch, R, t, u, v, at_start=at_start)
+        k = spot.curvature
         for _ in range(RIM_STEPS):
-            u = within(patch, at_u + (slope[:, 0] - k[:, 0, 1] * (v - at_v)) / bounded(k[:, 0, 0]), v)[0]
-            u, v = within(patch, u, at_v + (slope[:, 1] - k[:, 0, 1] * (u - at_u)) / bounded(k[:, 1, 1]))
-    slope, k, ends = local_depth(patch, R, t, u, v)
-    depth = np.maximum(ends.depth, 0.0)
-    low, high = (within(patch, u + s * edge_distance(depth, s * slope[:, 0], k[:, 0, 0]), v)[0] for s in (-1.0, 1.0))
-    u_middle = np.where(depth > 0.0, 0.5 * (low + high), u)
-    slope, k, ends = local_depth(patch, R, t, u_middle, v)
-    depth = np.maximum(ends.depth, 0.0)
-    low, high = (
-        within(patch, u_middle, v + s * edge_distance(depth, s * slope[:, 1], k[:, 1, 1]))[1] for s in (-1.0, 1.0)
-    )
-    return (u, v), (u_middle, np.where(depth > 0.0, 0.5 * (low + high), v))
+            u = spot.u + (spot.slope[:, 0] - k[:, 0, 1] * (v - spot.v)) / bounded(k[:, 0, 0])
+            u, v = within(patch, u, v)
+            v = spot.v + (spot.slope[:, 1] - k[:, 0, 1] * (u - spot.u)) / bounded(k[:, 1, 1])
+            u, v = within(patch, u, v)
+    return spot_at(patch, R, t, u, v, at_start=at_start)
+
+
+def _chord_middles(patch: SmoothPatch, R: Array, t: Array, spot: Spot) -> tuple[Array, Array]:
+    """Middle of the chord along u through a spot, then of that along v through this middle."""
+    for axis in (0, 1):
+        depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
+        ends = []
+        for sign in (-1.0, 1.0):
+            move = np.zeros((2, len(depth)))
+            move[axis] = sign * edge_distance(depth, sign * slope, k)
+            ends.append(np.stack(within(patch, spot.u + move[0], spot.v + move[1])))
+        u, v = np.where(spot.depth > 0.0, 0.5 * (ends[0] + ends[1]), [spot.u, spot.v])
+        spot = spot_at(patch, R, t, u, v)
+    return u, v
 
 
 def bounded(curvature: Array) -> Array:
@@ -162,5 +169,3 @@ def edge_distance(depth: Array, slope: Array, curvature: Array) -> Array:
     """r > 0 at which D + b·r - k·r²/2 = 0, for D >= 0."""
     k = bounded(curvature)
     return np.asarray((slope + np.sqrt(slope * slope + 2.0 * k * depth)) / k)
-
-

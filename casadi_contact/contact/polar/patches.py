@@ -121,4 +121,3 @@ def _relative_curvatures(patch: SmoothPatch) -> tuple[float, float]:
         along = along + patch.torus.w_sign / rho
         across -= 1.0 / patch.torus.radius
     return float(np.sqrt(along.min() * along.max())), across
-

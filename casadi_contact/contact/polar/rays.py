@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.ends import ray_ends
-from casadi_contact.contact.polar.middle import RIM_STEPS, Middle, bounded, edge_distance, u_range
+from casadi_contact.contact.polar.middle import RIM_STEPS, Spot, bounded, edge_distance, u_range
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.conventions import Array
 
@@ -36,12 +36,12 @@ class RayPlan:
     cut: np.ndarray
 
 
-def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -> RayPlan:
+def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> RayPlan:
     """Edge and break of every ray from the middle."""
     angle = 2.0 * np.pi * (np.arange(rays.count) + 0.5) / rays.count
     directions = np.stack([patch.scale[0] * np.cos(angle), patch.scale[1] * np.sin(angle)], -1)
     u, v = m.u[:, None], m.v[:, None]
-    depth = np.maximum(m.ends.depth, 0.0)[:, None]
+    depth = np.maximum(m.depth, 0.0)[:, None]
     slope = m.slope @ directions.T
     k = bounded(np.einsum("jr,nrs,js->nj", directions, m.curvature, directions))
     junction, beyond = _junctions(patch, R, t, m, directions)
@@ -59,7 +59,7 @@ def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -> R
     return RayPlan(directions, edge, np.minimum(junction, edge), edge >= reach)
 
 
-def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Middle, directions: Array) -> tuple[Array, Array]:
+def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Array) -> tuple[Array, Array]:
     """Distance along every ray to the nearest junction of arcs, and how much its curvature is more beyond it."""
     nearest = np.full((len(t), len(directions)), _FAR_MM)
     change = np.zeros_like(nearest)
@@ -68,7 +68,9 @@ def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Middle, directions: Ar
     ends, arcs = m.ends, patch.arcs
     end = np.einsum("nji,nj->ni", R, ends.x - t)[:, :2]
     tangent = directions[None, :, 0, None] * np.stack([np.ones_like(m.u), -ends.N[:, 0], 0.0 * m.u], -1)[:, None]
-    tangent = tangent + directions[None, :, 1, None] * np.stack([0.0 * m.u, -ends.N[:, 2], np.ones_like(m.u)], -1)[:, None]
+    tangent = (
+        tangent + directions[None, :, 1, None] * np.stack([0.0 * m.u, -ends.N[:, 2], np.ones_like(m.u)], -1)[:, None]
+    )
     rho = np.hypot(*(end - arcs[ends.arc, :2]).T)
     lean = ends.kappa_2 * rho
     bend = np.einsum("nmi,ni->nm", tangent, ends.along) ** 2

@@ -23,6 +23,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "GAUSS": rays.points,
         "ARCS": len(patches[0].arcs),
         "TORUS": int(patches[0].torus is not None),
+        "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
         "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
         "MIDDLE_STEPS": MIDDLE_STEPS,
         "RIM_STEPS": RIM_STEPS,
