@@ -16,8 +16,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.vtp import read_vtp
-from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
 
+MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
+FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
@@ -69,6 +70,23 @@ class TriangleMesh:
             )
         used, renumbered = np.unique(faces, return_inverse=True)
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
+
+
+def axes_rotation(axes: Sequence[str]) -> Array:
+    """R (3, 3) with (x, y, z) = R·(file coordinates); raises ValueError for axes that are no rotation."""
+    named = [str(axis) for axis in axes] if isinstance(axes, list | tuple) else []
+    rows = [
+        (-1.0 if axis.startswith("-") else 1.0) * np.eye(3)[FILE_AXES.index(axis.removeprefix("-"))]
+        for axis in named
+        if axis.removeprefix("-") in FILE_AXES
+    ]
+    rotation = np.array(rows)
+    if rotation.shape != (3, 3) or len(named) != 3 or np.linalg.det(rotation) < 0.5:
+        raise ValueError(
+            f"scene: geometry.axes = {axes!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
+            "['-x', 'y', '-z']"
+        )
+    return rotation
 
 
 def load_mesh(

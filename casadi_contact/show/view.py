@@ -8,7 +8,6 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.geometry import build_elements
 
 _LEAST_MEAN_NORMAL = 0.05  # below, the elements face all ways
 _LETTERS = ("x", "y", "z")
@@ -84,7 +83,7 @@ def view_of(model: ElasticFoundation) -> View:
     """
     direction = model.scene.normal_loads[0].direction
     if direction is None:
-        grids = build_elements(model.scene, model.grid)
+        grids = model.scene.elements(model.grid)
         areas = np.concatenate([grid.areas_mm2 for grid in grids])
         mean = areas @ np.concatenate([grid.normals for grid in grids]) / areas.sum()
         direction = -mean if np.linalg.norm(mean) > _LEAST_MEAN_NORMAL else np.array([0.0, -1.0, 0.0])

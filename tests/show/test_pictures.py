@@ -59,7 +59,7 @@ def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, mo
         assert (tmp_path / name).read_bytes()[:4] == PNG
     assert "mm RMS" in result.output
     assert "meshes_fit.png" in result.output
-    with pytest.raises(ValueError, match="has the shape knee, expected mesh"):
+    with pytest.raises(ValueError, match="expected a scene of the shape mesh"):
         draw_fit(model, tmp_path / "knee_fit.png")
     assert not (tmp_path / "knee_fit.png").exists()
 
