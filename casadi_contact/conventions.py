@@ -13,22 +13,24 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from casadi_contact.quantities import FORCE, quantity
+
 Array = NDArray[np.float64]
 
 POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
-POSE_UNITS = ("mm", "mm", "mm", "rad", "rad", "rad")
+POSE_UNITS = tuple(quantity(name).unit for name in POSE_NAMES)
 WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
 
 
 def load_unit(name: str) -> str:
-    """Unit of a load by its name: ``"N"`` for forces (F...), ``"N·mm"`` for torques (T...)."""
-    return "N" if name.startswith("F") else "N·mm"
+    """Unit of a load by its name."""
+    return quantity(name).unit
 
 
 def is_force(name: str) -> bool:
     """True for a force (``Fy_med``, ``Fx``), False for a torque (``Tx``)."""
-    return name.startswith("F")
+    return quantity(name).kind == FORCE
 
 
 def pose_index(name: str) -> int:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "machine", "conventions", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
+    *("files", "workers", "machine", "quantities", "conventions"),
+    *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline", "cli"),
 ]

@@ -19,8 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.columns import read_columns
+from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 
 _FRAMES = 101
@@ -53,8 +54,7 @@ class JointCycle:
 
 def column_names(load_names: Sequence[str]) -> dict[str, str]:
     """Name of a pose parameter or load -> its column in a CSV file, with the unit: tx_mm, rz_rad, Fy_med_N, Tx_Nmm."""
-    poses = {name: f"{name}_{unit}" for name, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)}
-    return poses | {name: f"{name}_{load_unit(name).replace('·', '')}" for name in load_names}
+    return {name: quantity(name).column for name in (*POSE_NAMES, *load_names)}
 
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:

@@ -10,7 +10,8 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.pressure_map import PressureMap
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_unit
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.quantities import quantity
 from casadi_contact.show.figure import discs, name_axes, new_figure, save
 from casadi_contact.show.section import draw_section
 from casadi_contact.show.view import View, view_of
@@ -43,7 +44,7 @@ def _one(model: ElasticFoundation, pose: Array) -> Any:
     for axis in axes[panels:]:
         axis.set_axis_off()
     loads = zip(model.load_names, model(pose[None])[0], strict=True)
-    said = ", ".join(f"{name} {round(value) + 0:d} {load_unit(name)}" for name, value in loads)
+    said = ", ".join(f"{name} {round(value) + 0:d} {quantity(name).unit}" for name, value in loads)
     at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
     figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)
     return figure

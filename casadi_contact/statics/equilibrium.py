@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, as_poses, is_force, pose_index
+from casadi_contact.conventions import Array, as_poses, pose_index
+from casadi_contact.quantities import newton_scales
 
 LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
 
@@ -78,8 +79,7 @@ class Equilibrium:
 
     def in_newtons(self, misfit: Array) -> Array:
         """Largest misfit of each row (rows,) [N], torques over LEVER_MM."""
-        scale = np.array([1.0 if is_force(name) else LEVER_MM for name in self.names])
-        return np.abs(misfit / scale).max(axis=1)
+        return np.abs(misfit / newton_scales(self.names, LEVER_MM)).max(axis=1)
 
     def residuals(self, poses: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
         """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]."""
@@ -89,8 +89,7 @@ class Equilibrium:
         r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
         directed, vectors = self._directed, self._vectors
         roots = model.root_loads(poses) if directed or vectors else (np.empty(0), np.empty(0))
-        for column, name in enumerate(self.names):
-            scale = n0 if is_force(name) else n0 * LEVER_MM
+        for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
             r[:, column] = misfit[:, column] / scale
             slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
         for column, patch in directed.items():
