@@ -27,6 +27,7 @@ from casadi_contact.shapes.checks import (
     distinct_names,
     fail,
     grid_size,
+    identifier,
     number,
     plain_values,
     scene_name,
@@ -120,7 +121,7 @@ class Scene:
             complete=True,
             optional=("sensitive_pose",),
         )
-        load_names = distinct_names("loads.names", loads["names"])
+        load_names = tuple(identifier("loads.names", load) for load in distinct_names("loads.names", loads["names"]))
         pressed = normal_loads(distinct_names("loads.sensitive", loads["sensitive"]), patch_names)
         load_selection(load_names, patch_names)
         anchors_mm = shape.anchors(geometry)
@@ -137,6 +138,8 @@ class Scene:
             grid: grid_size(f"grids.{grid}", value)
             for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
         }
+        parts = parts_of(geometry, pressed, anchors_mm)
+        distinct_names("geometry.patches (and their parts)", [part.name for part in parts])
         sampling = tables.get("sampling", {})
         motion = tables.get("motion", {})
         for key, table in (("sampling", sampling), ("motion", motion)):
@@ -154,7 +157,7 @@ class Scene:
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
             normal_loads=pressed,
-            parts=parts_of(geometry, pressed, anchors_mm),
+            parts=parts,
             reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
             gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
             boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
@@ -275,6 +278,18 @@ def ready_scenes() -> list[str]:
     return sorted(name for name, text in texts.items() if "shape = " in text)
 
 
+def _scene_text(path: Path) -> str:
+    """The text of a scene file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
+    if not path.is_file():
+        raise FileNotFoundError(f"scene file {path} does not exist")
+    if path.stat().st_size > 4 * MOST_CHARACTERS:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, expected a scene of at most {4 * MOST_CHARACTERS}")
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected a scene .toml") from None
+
+
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters.
 
@@ -285,10 +300,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """
     text_name = str(name_or_path)
     if text_name.endswith(".toml"):
-        path = Path(name_or_path)
-        if not path.is_file():
-            raise FileNotFoundError(f"scene file {path} does not exist")
-        text = path.read_text("utf-8")
+        text = _scene_text(Path(name_or_path))
     elif text_name in ready_scenes():
         text = (resources.files("casadi_contact.scenes") / "ready" / f"{text_name}.toml").read_text("utf-8")
     else:
