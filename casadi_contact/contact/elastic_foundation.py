@@ -1,4 +1,4 @@
-"""The elastic foundation (EF): the original contact model that samples come from (§3.1, Bei and Fregly 2004)."""
+"""The elastic foundation (EF): the original contact model that samples come from ([EF15 §3.1], Bei and Fregly 2004)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of a model's loads against a reference, per load and per domain (§2.7, Tables 2 and 3)."""
+"""Errors of a model's loads against a reference, per load and per domain [EF15 §2.7, Tables 2 and 3]."""
 
 from __future__ import annotations
 

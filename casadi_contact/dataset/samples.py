@@ -73,7 +73,7 @@ class Samples:
             rows &= np.isin(self.role, role)
         return Samples(self.scene, **{name: getattr(self, name)[rows] for name in COLUMNS}, provenance=self.provenance)
 
-    def joined(self, more: Samples) -> Samples:
+    def join_samples(self, more: Samples) -> Samples:
         """These samples and then more of the same scene; raises ValueError for another scene."""
         if more.scene.digest != self.scene.digest:
             raise ValueError("the samples to join belong to another scene (digests differ)")

@@ -33,7 +33,7 @@ def dish(grid: tuple[int, int], extent: tuple[float, float], sagittal_radius: fl
     return _cells(x, y, z, normals, cell)
 
 
-def shifted(cells: Cells, z_mm: float) -> Cells:
+def shift(cells: Cells, z_mm: float) -> Cells:
     """The same surface, moved along z."""
     centres, normals, areas = cells
     return centres + np.array([0.0, 0.0, z_mm]), normals, areas

@@ -1,4 +1,4 @@
-"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid (§2.4, §3.3)."""
+"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid [EF15 §2.4, §3.3]."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def draw_chunk(
     touches = touching[:, lifted_patches].any(axis=1) & ~pulls
     dropped["pulls"] += int(pulls.sum())
     dropped["touches though lifted off"] += int(touches.sum())
-    # Contact that runs off the elements is cut where the grid happens to end: no part of the joint (§2.2).
+    # Contact that runs off the elements is cut where the grid happens to end: no part of the joint [EF15 §2.2].
     edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
     dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
     good = ~(pulls | touches | edge)

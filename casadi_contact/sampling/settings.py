@@ -1,4 +1,4 @@
-"""Settings of a sampling plan; the defaults are the paper's (§3.3, Table 1)."""
+"""Settings of a sampling plan; the defaults are the paper's [EF15 §3.3, Table 1]."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class SamplingSettings:
         return cls(**values)
 
     def sample_point(self, scene: Scene) -> SamplePoint:
-        """The sample-point definition: these settings' inputs, or the scene's (§3.2)."""
+        """The sample-point definition: these settings' inputs, or the scene's [EF15 §3.2]."""
         point = SamplePoint.of_inputs(self.inputs) if self.inputs else SamplePoint.of_scene(scene)
         for setting in ("fixed_offsets", "d3_minimum_widths"):
             for name in getattr(self, setting):

@@ -244,7 +244,7 @@ class Scene:
 
     @property
     def insensitive_pose(self) -> tuple[str, ...]:
-        """The pose parameters that are not sensitive (§2.1), in pose order."""
+        """The pose parameters that are not sensitive [EF15 §2.1], in pose order."""
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
 
     def with_overrides(self, **overrides: Any) -> Scene:
@@ -309,7 +309,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     try:
         scene = Scene.from_toml(text)
         given = scene.tables["geometry"]
-        located = shape_named(scene.shape).located(given, Path(name_or_path).resolve().parent)
+        located = shape_named(scene.shape).locate_files(given, Path(name_or_path).resolve().parent)
         if located is not given:
             scene = Scene.from_tables({**scene.tables, "geometry": located})
     except ValueError as error:

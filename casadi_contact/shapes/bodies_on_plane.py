@@ -12,6 +12,7 @@ class SphereOnPlane(Shape):
     """A sphere about the moving origin on a square of elements."""
 
     name = "sphere_on_plane"
+    anatomical = False
     parameters = (Parameter("radius", "mm"), Parameter("patch_side", "mm"))
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
@@ -27,6 +28,7 @@ class CylinderOnPlane(Shape):
     """A cylinder about the moving z axis on a strip, patch_side along x and length along z."""
 
     name = "cylinder_on_plane"
+    anatomical = False
     parameters = (Parameter("radius", "mm"), Parameter("length", "mm"), Parameter("patch_side", "mm"))
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
@@ -42,6 +44,7 @@ class PunchOnPlane(Shape):
     """A flat punch, the moving half-space y >= 0, on a square of the given area."""
 
     name = "punch_on_plane"
+    anatomical = False
     parameters = (Parameter("area", "mm²"),)
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.height_field import dish, shifted
+from casadi_contact.geometry.height_field import dish, shift
 from casadi_contact.geometry.moving_surface import MovingSurface, swept_arcs
 from casadi_contact.shapes.checks import fail, table_of
 from casadi_contact.shapes.shape import Geometry, Parameter, Shape
@@ -95,5 +95,5 @@ class Knee(Shape):
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
             extent = (g["plateau_length"], g["plateau_width"])
-            found.append(shifted(dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"]), anchor[2]))
+            found.append(shift(dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"]), anchor[2]))
         return found

@@ -69,7 +69,7 @@ class Mesh(Shape):
             found += [scattered_elements(*triangles, outermost, z_mm) for z_mm in ranges]
         return found
 
-    def located(self, geometry: Geometry, folder: Path) -> Geometry:
+    def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
         """Absolute paths of the mesh files, and their digests."""
         return with_files(geometry, folder)
 

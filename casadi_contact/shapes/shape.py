@@ -48,12 +48,14 @@ class Shape(ABC):
     """A family of joints that differ in their [geometry] only.
 
     has_layer: it is in contact through an elastic layer on its own elements, so that its scenes need [material] and
-    [grids]. mesh_bodies: those of its two bodies, "moving" and "fixed", that are meshes.
+    [grids]. anatomical: its axes are those of `conventions.ANATOMY`. mesh_bodies: those of its two bodies, "moving"
+    and "fixed", that are meshes.
     """
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     has_layer: ClassVar[bool] = True
+    anatomical: ClassVar[bool] = True
     mesh_bodies: ClassVar[tuple[str, ...]] = ()
 
     def check(self, table: object) -> dict[str, Any]:
@@ -96,7 +98,7 @@ class Shape(ABC):
             for z_mm in ranges
         ]
 
-    def located(self, geometry: Geometry, folder: Path) -> Geometry:
+    def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
         """The [geometry] of a scene file in `folder` with what it names there; the same where it names no files."""
         return geometry
 

@@ -16,6 +16,7 @@ class SphereInDish(Shape):
     """A sphere about the moving origin in a dish, lowest at the fixed origin, over a square of elements."""
 
     name = "sphere_in_dish"
+    anatomical = False
     parameters = (Parameter("radius", "mm"), Parameter("dish_radius", "mm"), Parameter("patch_side", "mm"))
 
     def check(self, table: object) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
         drawn = _vertices(axis, meshes[body], off_um[body], seen, largest)
         fit = fields[body].fit
         rms, most = _UM_PER_MM * fit.rms_mm, _UM_PER_MM * fit.largest_mm
-        axis.set_title(f"{body} body, seen along {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
+        axis.set_title(f"{body} body, seen towards {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
     figure.colorbar(drawn, ax=axes, label="signed distance [µm], outside > 0", shrink=0.8, extend="both")
     figure.suptitle(f"{scene.name}: how far the meshes' vertices lie from the smooth surfaces", fontsize=10)
     save(figure, path)

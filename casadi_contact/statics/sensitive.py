@@ -1,4 +1,4 @@
-"""Sensitive directions of a contact model: which pose changes change its loads most (§2.1)."""
+"""Sensitive directions of a contact model: which pose changes change its loads most [EF15 §2.1]."""
 
 from __future__ import annotations
 

@@ -58,12 +58,12 @@ def test_selection_by_domain_and_role():
 
 def test_samples_of_one_scene_are_joined():
     samples = some_samples()
-    both = samples.joined(samples.select(role=TRAIN))
+    both = samples.join_samples(samples.select(role=TRAIN))
     assert len(both) == 20 + len(samples.select(role=TRAIN))
     np.testing.assert_array_equal(both.poses[:20], samples.poses)
     other = Samples(load_scene("knee", youngs_modulus=400.0), *(getattr(samples, n) for n in COLUMNS))
     with pytest.raises(ValueError, match="another scene"):
-        samples.joined(other)
+        samples.join_samples(other)
 
 
 def test_mismatched_columns_are_refused():

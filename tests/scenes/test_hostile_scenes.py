@@ -1,7 +1,6 @@
 """A scene of someone else's names nothing outside its folder, fits into memory, and fails in one short line."""
 
 import re
-import time
 
 import pytest
 
@@ -58,9 +57,7 @@ def mesh_scene(patch):
 
 @pytest.mark.parametrize("name", NAMES, ids=repr)
 def test_a_scenes_name_cannot_leave_a_folder_or_hold_what_a_terminal_or_c_would_read(name):
-    refused(
-        lambda: Scene.from_tables({**cc.load_scene("knee").tables, "name": name}), "scene: (name|x?) ?=? ?.*expected"
-    )
+    refused(lambda: Scene.from_tables({**cc.load_scene("knee").tables, "name": name}), "name.*expected")
 
 
 @pytest.mark.parametrize("name", ["knee", "my-knee_2.1", "K"])
@@ -150,7 +147,6 @@ def test_a_sampling_plan_beyond_all_need_is_refused(key, value):
     refused(lambda: SamplingSettings.from_scene(scene), f"{key}.*expected")
 
 
-def test_an_elastic_foundation_of_too_many_elements_is_refused_before_it_is_built():
-    scene, start = cc.load_scene("knee"), time.process_time()
-    refused(lambda: cc.ElasticFoundation(scene, (4096, 4096)), f"at most {MOST_ELEMENTS} elements")
-    assert time.process_time() - start < 5.0  # building one takes minutes
+def test_an_elastic_foundation_of_too_many_elements_is_refused_before_any_is_made(monkeypatch):
+    monkeypatch.setattr(Scene, "elements", lambda *_: pytest.fail("elements were made"))
+    refused(lambda: cc.ElasticFoundation(cc.load_scene("knee"), (4096, 4096)), f"at most {MOST_ELEMENTS} elements")
