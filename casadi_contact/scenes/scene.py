@@ -20,6 +20,7 @@ import tomli_w
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
+from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of
 from casadi_contact.shapes import shape_named
@@ -36,32 +37,7 @@ from casadi_contact.shapes.checks import (
 
 FORMAT = 1
 MOST_CHARACTERS = 1_000_000  # of a scene's text
-LAWS = ("linear", "log")
-
 GRIDS = ("fine", "coarse", "settle", "teacher")
-
-
-@dataclass(frozen=True)
-class Material:
-    """Elastic layer of the fixed body: Young's modulus [MPa], Poisson's ratio, thickness [mm], pressure law."""
-
-    youngs_modulus: float
-    poissons_ratio: float
-    thickness: float
-    law: str = "linear"
-
-    @classmethod
-    def from_table(cls, table: object) -> Material:
-        """From the scene's [material]; raises ValueError naming the key at fault."""
-        values = table_of("material", table, ("youngs_modulus", "poissons_ratio", "thickness", "law"), complete=True)
-        if values["law"] not in LAWS:
-            raise fail("material.law", values["law"], " or ".join(LAWS))
-        return cls(
-            youngs_modulus=number("material.youngs_modulus", values["youngs_modulus"], low=0.0),
-            poissons_ratio=number("material.poissons_ratio", values["poissons_ratio"], low=-1.0, high=0.5),
-            thickness=number("material.thickness", values["thickness"], low=0.0),
-            law=values["law"],
-        )
 
 
 @dataclass(frozen=True)
