@@ -37,6 +37,7 @@ from casadi_contact.shapes.checks import (
 
 FORMAT = 1
 MOST_CHARACTERS = 1_000_000  # of a scene's text
+MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
 
@@ -115,6 +116,8 @@ class Scene:
             for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
         }
         parts = parts_of(geometry, pressed, anchors_mm)
+        if len(parts) > MOST_PARTS:
+            raise ValueError(f"scene: {len(parts)} patches or parts of patches, expected {MOST_PARTS} at most")
         distinct_names("geometry.patches (and their parts)", [part.name for part in parts])
         sampling = tables.get("sampling", {})
         motion = tables.get("motion", {})

@@ -79,6 +79,13 @@ def test_a_patch_and_a_part_of_another_patch_are_never_called_alike():
     refused(lambda: Scene.from_tables(twice), "and their parts.*expected names that differ")
 
 
+def test_a_patch_in_a_thousand_parts_is_refused():
+    tables = mesh_scene("med").tables
+    cut = {"z": [0.0, 2000.0], "split_z": [float(k) for k in range(1, 1000)]}
+    many = {**tables, "geometry": {**tables["geometry"], "patches": {"med": cut}}}
+    refused(lambda: Scene.from_tables(many), "1000 patches or parts of patches, expected 256 at most")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
