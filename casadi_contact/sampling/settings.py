@@ -60,10 +60,13 @@ class SamplingSettings:
         object.__setattr__(self, "counts", {d: self.counts.get(d, 0) for d in DOMAINS})
         if not isinstance(self.fixed_offsets, Mapping):
             raise _bad("fixed_offsets", self.fixed_offsets, "pairs (D1, D2) of offsets by input")
+        offsets: dict[str, tuple[float, float]] = {}
         for name, pair in self.fixed_offsets.items():
-            if not isinstance(pair, list | tuple) or len(pair) != 2 or not 0.0 < float(pair[0]) <= float(pair[1]):
-                raise _bad(f"fixed_offsets.{name}", pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
-        offsets = {name: (float(a), float(b)) for name, (a, b) in self.fixed_offsets.items()}
+            key = f"fixed_offsets.{name}"
+            numbers = [_number(key, value) for value in pair] if isinstance(pair, list | tuple) else []
+            if len(numbers) != 2 or not 0.0 < numbers[0] <= numbers[1]:
+                raise _bad(key, pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
+            offsets[name] = (numbers[0], numbers[1])
         object.__setattr__(self, "fixed_offsets", offsets)
         if not isinstance(self.d3_minimum_widths, Mapping):
             raise _bad("d3_minimum_widths", self.d3_minimum_widths, "widths by input")

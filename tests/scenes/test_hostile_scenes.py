@@ -147,6 +147,9 @@ def test_a_motion_beyond_all_need_is_refused(key, value, said):
         ("frames", 10**9),
         ("liftoff_steps", 10**9),
         ("teacher_grid", [100_000, 100_000]),
+        ("fixed_offsets", {"ry": [[1.0], "a"]}),
+        ("counts", 3),
+        ("inputs", [1, 2]),
     ],
 )
 def test_a_sampling_plan_beyond_all_need_is_refused(key, value):
