@@ -48,17 +48,21 @@ class Project:
 
     @property
     def preset(self) -> Preset:
+        """How much is sampled and trained."""
         return PRESETS[self.preset_name]
 
     @property
     def samples_path(self) -> Path:
+        """Where the drawn samples lie."""
         return self.folder / "samples.h5"
 
     @property
     def motion_path(self) -> Path:
+        """Where the reference motion lies that samples were drawn around."""
         return self.folder / "motion.npz"
 
     def surrogate_path(self, structure: str) -> Path:
+        """Where the trained surrogate of a structure lies."""
         return self.folder / f"{structure}.h5"
 
     def samples(self) -> Samples:
