@@ -26,9 +26,11 @@ from casadi_contact.project import (
     Project,
     Update,
     has_motion,
+    motion_at_hand,
     project_surrogates,
     read_motion,
     reference_motion_cycles,
+    surrogates_at_hand,
 )
 from casadi_contact.report import draw_charts
 from casadi_contact.sampling import (
@@ -197,10 +199,15 @@ def evaluate(project: Project) -> Path:
 
 
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
+
+    Where nothing has been built: the scene's shipped surrogates.
+    """
     written = []
-    poses = read_motion(project)[0].poses[0] if has_motion(project) else project.samples().poses
-    for structure, surrogate in project_surrogates(project).items():
+    surrogates = surrogates_at_hand(project)
+    motion = not project.begun or has_motion(project)
+    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+    for structure, surrogate in surrogates.items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
         if not kernel_only:
