@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -116,7 +117,7 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
             return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:
         raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
-    except (ValueError, KeyError, OSError) as error:
+    except (ValueError, KeyError, OSError, EOFError, BadZipFile) as error:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
 
 
