@@ -85,8 +85,7 @@ def build(
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written, ImportError without
-    torch.
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written.
     """
     if table is not None and (cycles or model is not None):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
