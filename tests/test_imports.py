@@ -77,6 +77,14 @@ def test_importing_the_package_imports_nothing_but_itself():
     assert set(ast.literal_eval(out.stdout)) <= {"casadi_contact", "numbers"}
 
 
+def test_reading_a_scene_needs_neither_numba_nor_a_solver():
+    code = (
+        "import sys, casadi_contact as cc; cc.load_scene('knee'); print({'numba', 'scipy', 'casadi'} & {*sys.modules})"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert out.stdout.strip() == "set()"
+
+
 def test_every_public_name_comes_from_its_room_and_type_checkers_see_it():
     tree = ast.parse((PACKAGE / "__init__.py").read_text("utf-8"))
     (checked,) = (node for node in tree.body if isinstance(node, ast.If))
