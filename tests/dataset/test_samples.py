@@ -75,7 +75,7 @@ def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
     for kept in (read_samples(tmp_path / "s.h5"), samples.select(role=TRAIN)):
         np.testing.assert_array_equal(kept.dropped.poses, dropped.poses)
         np.testing.assert_array_equal(kept.dropped.domain, dropped.domain)
-    assert len(samples.joined(samples).dropped) == 4
+    assert len(samples.join_samples(samples).dropped) == 4
     with pytest.raises(ValueError, match=r"dropped poses have shapes"):
         Dropped(np.zeros((2, 5)), np.zeros(2))
 
