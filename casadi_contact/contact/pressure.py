@@ -53,8 +53,8 @@ def pressure_slopes(law: int, modulus: float, thickness: float, depths: Array) -
     """p [MPa] and dp/dd [MPa/mm] at depths (...) [mm]; zero where there is none."""
     loaded = depths > 0.0
     if law == LINEAR:
-        slope = modulus / thickness
-        return np.where(loaded, slope * depths, 0.0), np.where(loaded, slope, 0.0)
+        stiffness = modulus / thickness
+        return np.where(loaded, stiffness * depths, 0.0), np.where(loaded, stiffness, 0.0)
     strain = np.where(loaded, np.minimum(depths / thickness, _TANGENT_STRAIN), 0.0)
     slope = modulus / (thickness * (1.0 - strain))
     beyond = np.where(loaded, np.maximum(depths - _TANGENT_STRAIN * thickness, 0.0), 0.0)

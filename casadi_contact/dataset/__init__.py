@@ -7,12 +7,13 @@ from casadi_contact.dataset.samples import (
     TEST,
     TRAIN,
     VALIDATION,
+    Dropped,
     Samples,
     partial_folder,
     read_samples,
     write_samples,
 )
-from casadi_contact.dataset.table import read_table
+from casadi_contact.dataset.table import read_sample_table
 
 __all__ = [
     "COLUMNS",
@@ -21,9 +22,10 @@ __all__ = [
     "TEST",
     "TRAIN",
     "VALIDATION",
+    "Dropped",
     "Samples",
     "partial_folder",
+    "read_sample_table",
     "read_samples",
-    "read_table",
     "write_samples",
 ]

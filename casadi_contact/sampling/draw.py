@@ -1,4 +1,4 @@
-"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks (§2.4, §3.3).
+"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks [EF15 §2.4, §3.3].
 
 Chunks go through any `concurrent.futures.Executor`. A chunk's samples depend on nothing but its inputs, so the
 samples are the same for every executor and number of workers, and after a kill and a rerun.
@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.dataset import COLUMNS, DOMAINS, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
@@ -97,7 +97,7 @@ def draw_samples(
                 for future in futures:
                     future.cancel()
                 raise
-    samples = _gathered(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
+    samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()
     return samples
@@ -130,7 +130,7 @@ def _draw(job: _Job, chunk: Chunk) -> DrawnChunk:
         numba.set_num_threads(threads)
 
 
-def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
+def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
     """All chunks as one set of samples, with provenance."""
     dropped: dict[str, Counter[str]] = {}
     for asked, got in zip(chunks, drawn, strict=True):
@@ -141,7 +141,9 @@ def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identi
     versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.normal_loads, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
-    return Samples(scene, **columns, provenance={**provenance, **found})
+    lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
+    lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
+    return Samples(scene, **columns, provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
 
 
 def _version(name: str) -> str:

@@ -10,7 +10,7 @@ import casadi_contact as cc
 from casadi_contact import cli
 from casadi_contact.benchmark.choose import Tolerance, cheapest, meeting
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.conventions import is_force
+from casadi_contact.quantities import FORCE, quantity
 
 STORED = Path(__file__).with_name("speed_accuracy.csv")
 TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
@@ -24,7 +24,7 @@ def folder(tmp_path):
 
 
 def rms(point, loads, force):
-    squares = [point.load_rms[load] ** 2 for load in loads if is_force(load) == force]
+    squares = [point.load_rms[load] ** 2 for load in loads if (quantity(load).kind == FORCE) == force]
     return np.sqrt(np.mean(squares)) if squares else 0.0
 
 
@@ -91,8 +91,8 @@ def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
 
 
 def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee --preset quick first"):
-        cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick first"):
+        cc.choose("sphere_on_plane", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
     (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
     with pytest.raises(ValueError, match="measured on another scene than knee"):
         cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
@@ -101,7 +101,7 @@ def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tm
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["choose", "knee", "--force-tol", "1"], "run casadi-contact chart knee --preset quick first"),
+        (["choose", "hip", "--force-tol", "1"], "run casadi-contact chart hip --preset quick first"),
         (["chart", "knee"], "samples.h5 does not exist"),
         (["chart", "elbow"], "unknown scene 'elbow'"),
     ],

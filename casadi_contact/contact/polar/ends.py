@@ -16,8 +16,8 @@ _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surfac
 class Ends:
     """Ray ends x = c - d·n on the moving surface, all arrays (n, ...), chart axes.
 
-    N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient of g at c); its curvatures κ1
-    and κ2 along the unit vectors `across` and `along` its arcs; the arc's number.
+    N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient
+    of g at c); its curvatures κ1 and κ2 along the unit vectors `across` and `along` its arcs; the arc's number.
     """
 
     c: Array

@@ -17,7 +17,7 @@ _LEAST_CURVATURE = 1e-4  # [1/mm]
 
 @dataclass(frozen=True)
 class Spot:
-    """A ray of each of n poses from (u, v): depth D, its slopes (n, 2), relative curvatures (n, 2, 2), the ray's end."""
+    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end."""
 
     u: Array
     v: Array
@@ -33,25 +33,30 @@ def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
     The moving tube's centre C is where the body reaches farthest along the direction, which points from the fixed
     tube's centre to C: a fixed point, from a start that is exact where the body is not tilted sideways.
     """
-    count, f = len(t), patch.torus
-    direction = np.tile([0.0, -1.0, 0.0], (count, 1))
-    arc = np.full(count, min(1, len(patch.arcs) - 1))
-    for _ in range(len(patch.arcs) if f else 0):
+    direction = np.tile([0.0, -1.0, 0.0], (len(t), 1))
+    if (f := patch.torus) is None:
+        C = _reaching(patch, R, t, direction)
+        return C[:, 0], C[:, 2] - patch.z_0
+    arc = np.full(len(t), min(1, len(patch.arcs) - 1))
+    for _ in patch.arcs:
         axis = t + np.einsum("nij,nj->ni", R, _at_centre(patch, patch.arcs[arc, :2]))
         flat = -f.w_sign * (axis[:, :2] - [0.0, f.height])
         direction[:, :2] = flat / np.linalg.norm(flat, axis=1, keepdims=True)
         arc = _arc_along(patch, np.einsum("nji,nj->ni", R, direction))
     for _ in range(MIDDLE_STEPS):
-        seen = np.einsum("nji,nj->ni", R, direction)[:, :2]
-        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-        arc = patch.arcs[_arc_along(patch, seen)]
-        C = t + np.einsum("nij,nj->ni", R, _at_centre(patch, arc[:, :2] + arc[:, 2:3] * seen))
-        if f is None:
-            return C[:, 0], C[:, 2] - patch.z_0
+        C = _reaching(patch, R, t, direction)
         z = C[:, 2] - patch.z_0
         _, ex, ey, out, distance = tube_frame(C[:, 0], C[:, 1] - f.height, z, f.offset)
         direction = np.stack([out * ex, out * ey, z], -1) / distance[:, None]
     return (f.offset + f.radius * out / distance) * ex, f.radius * z / distance
+
+
+def _reaching(patch: SmoothPatch, R: Array, t: Array, direction: Array) -> Array:
+    """Centre of the moving tube (n, 3) where the body reaches farthest along directions (n, 3)."""
+    seen = np.einsum("nji,nj->ni", R, direction)[:, :2]
+    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    arc = patch.arcs[_arc_along(patch, seen)]
+    return np.asarray(t + np.einsum("nij,nj->ni", R, _at_centre(patch, arc[:, :2] + arc[:, 2:3] * seen)))
 
 
 def _at_centre(patch: SmoothPatch, xy: Array) -> Array:
@@ -162,6 +167,7 @@ def _chord_middles(patch: SmoothPatch, R: Array, t: Array, spot: Spot) -> tuple[
 
 
 def bounded(curvature: Array) -> Array:
+    """The curvature, not below a least one."""
     return np.maximum(curvature, _LEAST_CURVATURE)
 
 

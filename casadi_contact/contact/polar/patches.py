@@ -6,7 +6,7 @@ height, z along v. With o the distance of the tube's centre circle from the toru
     tube = √(R² - v²),   ρ = o + s_ρ·tube,   w = √(ρ² - u²),   point (u, y_0 + s_w·w, z_0 + v)
 
 A dish has s_ρ = 1, s_w = -1 (a sphere where o = 0), the facet of a groove s_ρ = -1, s_w = 1; in both the tube's
-centre lies on the side of the moving body. The moving surface are swept arcs (`geometry.surfaces`).
+centre lies on the side of the moving body. The moving surface are swept arcs (`geometry.moving_surface`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.surfaces import MovingSurface, build_surfaces
+from casadi_contact.geometry import MovingSurface
 from casadi_contact.scenes import Scene
 
 _FAR_MM = 1e3
@@ -70,7 +70,7 @@ def smooth_patches(scene: Scene) -> list[SmoothPatch]:
             f"{', '.join(POLAR_SHAPES)}; others take cc.ElasticFoundation"
         )
     found = []
-    for p, surface in enumerate(build_surfaces(scene)):
+    for p, surface in enumerate(scene.surfaces()):
         if scene.shape == "button_in_groove":
             found.append(_facet(scene, 1.0 if p == 0 else -1.0, surface))
         else:
@@ -80,8 +80,8 @@ def smooth_patches(scene: Scene) -> list[SmoothPatch]:
 
 def _upright(scene: Scene, p: int, surface: MovingSurface) -> SmoothPatch:
     """A dish or a plane, open upwards, above a rectangle."""
-    torus, g = None, scene.geometry_of(scene.patch_names[p])
-    length, width = g.get("plateau_length", g.get("patch_side")), g.get("plateau_width", g.get("patch_side"))
+    torus, g = None, scene.patch_geometry(scene.patch_names[p])
+    length, width = (float(g[key] if key in g else g["patch_side"]) for key in ("plateau_length", "plateau_width"))
     if scene.shape == "knee":
         sagittal, frontal = g["dish_sagittal_radius"], g["dish_frontal_radius"]
         torus = Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)

@@ -67,10 +67,9 @@ def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Arra
         return nearest, change
     ends, arcs = m.ends, patch.arcs
     end = np.einsum("nji,nj->ni", R, ends.x - t)[:, :2]
-    tangent = directions[None, :, 0, None] * np.stack([np.ones_like(m.u), -ends.N[:, 0], 0.0 * m.u], -1)[:, None]
-    tangent = (
-        tangent + directions[None, :, 1, None] * np.stack([0.0 * m.u, -ends.N[:, 2], np.ones_like(m.u)], -1)[:, None]
-    )
+    one, zero = np.ones_like(m.u), np.zeros_like(m.u)
+    tangents = np.stack([np.stack([one, -ends.N[:, 0], zero], -1), np.stack([zero, -ends.N[:, 2], one], -1)], 1)
+    tangent = directions @ tangents
     rho = np.hypot(*(end - arcs[ends.arc, :2]).T)
     lean = ends.kappa_2 * rho
     bend = np.einsum("nmi,ni->nm", tangent, ends.along) ** 2
