@@ -12,10 +12,12 @@ __version__ = "0.2.0.dev0"
 __all__ = [
     "CallableModel",
     "ElasticFoundation",
+    "PolarFoundation",
     "RayCastFoundation",
     "Scene",
     "build",
     "choose",
+    "foundation",
     "load_scene",
     "load_surrogate",
     "refine",
@@ -27,7 +29,13 @@ __all__ = [
 
 if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
-    from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
+    from casadi_contact.contact import (
+        CallableModel,
+        ElasticFoundation,
+        PolarFoundation,
+        RayCastFoundation,
+        foundation,
+    )
     from casadi_contact.pipeline import build
     from casadi_contact.scenes import Scene, load_scene
     from casadi_contact.statics import relax, sensitive_directions, settle
@@ -36,7 +44,7 @@ if TYPE_CHECKING:
 else:
     _ROOMS = {
         "benchmark": ("choose",),
-        "contact": ("CallableModel", "ElasticFoundation", "RayCastFoundation"),
+        "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),
         "statics": ("relax", "sensitive_directions", "settle"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from casadi_contact.contact.polar.source import braces
+from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import load_selection
 from casadi_contact.scenes import Scene

@@ -27,17 +27,17 @@ class PolarFoundation(CompiledFoundation):
         if rays.count < 4 or rays.count % 4 or rays.points < 1:
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
         self.rays = rays
-        self._patches = smooth_patches(scene)
-        self._law = (LAW_CODES[scene.material.law], layer_modulus(scene.material), scene.material.thickness)
+        self.patches = smooth_patches(scene)
+        self.law = (LAW_CODES[scene.material.law], layer_modulus(scene.material), scene.material.thickness)
 
     def __repr__(self) -> str:
         return f"PolarFoundation({self.scene.name}, {self.rays})"
 
     def _patch_source(self) -> str:
-        return polar_source(self._patches, self.rays)
+        return polar_source(self.patches, self.rays)
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        found = [patch_loads(patch, self._law, self.rays, R, t) for patch in self._patches]
+        found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
         keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
         wrench, stiffness, gap, gap_slope, cut = (np.stack([getattr(f, key) for f in found], 1) for key in keys)
         return wrench, stiffness, gap, gap_slope, cut

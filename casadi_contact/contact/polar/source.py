@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.polar.middle import MIDDLE_STEPS, RIM_STEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import EDGE_STEPS, Rays
@@ -45,11 +46,6 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             c_text("polar.h", _C),
         ]
     )
-
-
-def braces(values: Iterable[float]) -> str:
-    """Numbers as a C initialiser."""
-    return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 
 def _surfaces(patch: SmoothPatch) -> str:
