@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -14,15 +15,17 @@ import numba
 import numpy as np
 
 from casadi_contact.contact.callback import contact_callback
-from casadi_contact.contact.kernel_source import FoundationKernel
+from casadi_contact.contact.kernel_source import C_FOLDER, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.conventions import Array, angular_velocity_map, as_poses, load_selection, rotation
 from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel import CompilerError, compiled_function, warn_once
+from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 
+_BOTH = "contact_loads_and_roots"
 _SHARE = 256  # poses that make another thread worth its start
 
 
@@ -95,40 +98,43 @@ class CompiledFoundation(ABC):
         """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
         return self._function(name, (), ("roots",), batch)
 
-    def load_and_root_function(self, name: str = "contact_loads_and_roots", *, batch: int | None = None) -> ca.Function:
+    def load_and_root_function(self, name: str = _BOTH, *, batch: int | None = None) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), roots (P)."""
         return self._function(name, self.load_names, ("loads", "roots"), batch)
 
     def _function(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int | None) -> ca.Function:
-        sizes = {"loads": len(loads), "roots": len(self.patch_names)}
-        if self._library is not None:
-            kernel = FoundationKernel(self.scene, loads, self._patch_source())
-            return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
+        if (path := self._kernel(name, loads, wanted, batch or 1)) is not None:
+            return ca.external(name, str(path))
         rows = [self.load_names.index(load) for load in loads]
 
         def some_loads(poses: Array) -> tuple[Array, Array]:
             values, slopes = self.jacobian(poses)
             return values[:, rows], slopes[:, rows]
 
-        models = {"loads": some_loads, "roots": self.root_loads}
-        function = contact_callback(name, [(key, sizes[key], models[key]) for key in wanted])
+        models = {"loads": (len(loads), some_loads), "roots": (len(self.patch_names), self.root_loads)}
+        function = contact_callback(name, [(key, *models[key]) for key in wanted])
         return function if batch is None else function.map(batch)
 
-    @cached_property
-    def _library(self) -> ctypes.CDLL | None:
-        """The kernel for arrays of poses; None, with one warning, where there is no compiler."""
+    def _kernel(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1) -> Path | None:
+        """The compiled kernel, for CasADi and for arrays; None, with one warning, where there is no compiler."""
         if not self._compiled:
             return None
-        kernel = FoundationKernel(self.scene, self.load_names, self._patch_source())
-        outputs = {"loads": len(self.load_names), "roots": len(self.patch_names)}
-        source = kernel.source(**outputs)
-        interface = casadi_interface("foundation", outputs)
+        sizes = {"loads": len(loads), "roots": len(self.patch_names)}
+        outputs = {key: sizes[key] for key in wanted}
+        kernel = FoundationKernel(self.scene, loads, self._patch_source())
+        source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+        texts = [source, casadi_interface(check_name(name), outputs, batch), c_text("batch.h", C_FOLDER)]
         try:
-            path = shared_library("\n".join([source, interface, c_text("batch.h", "casadi_contact.contact.c")]))
+            return shared_library("\n".join(texts))
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None
-        return ctypes.CDLL(str(path))
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL | None:
+        """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
+        path = self._kernel(_BOTH, self.load_names, ("loads", "roots"))
+        return None if path is None else ctypes.CDLL(str(path))
 
     def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""

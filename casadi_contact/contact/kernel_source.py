@@ -11,7 +11,7 @@ from casadi_contact.conventions import load_selection
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text
 
-_C = "casadi_contact.contact.c"
+C_FOLDER = "casadi_contact.contact.c"
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class FoundationKernel:
                 f"static const int normal_component[PATCHES] = {{{components}}};",
                 f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
                 "#define BLOCK 4",
-                c_text("lanes.h", _C),
-                c_text("foundation.h", _C),
+                c_text("lanes.h", C_FOLDER),
+                c_text("foundation.h", C_FOLDER),
                 self.patch_source,
-                c_text("kernel.h", _C),
+                c_text("kernel.h", C_FOLDER),
             ]
         )

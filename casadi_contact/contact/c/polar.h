@@ -41,9 +41,9 @@ INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *poi
       slope[k][i] = scale * twist[k];
     }
   }
-  for (int k = 0; k < 6; k++) {
+  KEEP_LOOP for (int k = 0; k < 6; k++) {
     wrench[k] = sum_of(sum[k]);
-    for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+    KEEP_LOOP for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
   }
 }
 
@@ -104,8 +104,8 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
       }
     }
   }
-  for (int a = 0; a < 6; a++) {
-    for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(product_sum(4 * n + RAY_BLOCKS, left[a], right[b]));
+  KEEP_LOOP for (int a = 0; a < 6; a++) {
+    KEEP_LOOP for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(product_sum(4 * n + RAY_BLOCKS, left[a], right[b]));
   }
   for (int a = 0; a < 3; a++) {
     force[a] = sum_of(forces[a]);

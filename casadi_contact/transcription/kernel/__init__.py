@@ -11,12 +11,11 @@ import casadi as ca
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
-from casadi_contact.transcription.kernel.source import Kernel, KernelSource, c_text
+from casadi_contact.transcription.kernel.source import Kernel, c_text
 
 __all__ = [
     "CompilerError",
     "Kernel",
-    "KernelSource",
     "compiled_function",
     "sigmoid_source",
     "warn_once",
@@ -36,7 +35,7 @@ def sigmoid_source(activation: str) -> str:
     return f"{definitions}{c_text('core.h')}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
 
 
-def compiled_function(kernel: KernelSource, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
+def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
     """casadi.Function pose (6 x batch) -> outputs, compiled, with its own first- and second-order derivative functions.
 
     outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import Protocol
 
 from casadi_contact.transcription.kernel.network_functions import LANES, network_functions
 from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
@@ -14,13 +13,6 @@ from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
 def c_text(name: str, package: str = f"{__package__}.c") -> str:
     """A C file that lies in a package: the core's own, or a structure's template."""
     return resources.files(package).joinpath(name).read_text("utf-8")
-
-
-class KernelSource(Protocol):
-    """What gives a kernel's C."""
-
-    def source(self, *, loads: int, roots: int) -> str:
-        """C99 up to the four functions that `Kernel` names, all of them static."""
 
 
 @dataclass(frozen=True)
