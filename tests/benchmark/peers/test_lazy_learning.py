@@ -62,7 +62,7 @@ def test_answers_are_remembered_within_a_sequence_and_forgotten_between_sequence
 
 
 def test_candidates_count_how_often_they_asked():
-    made = list(lazy_learning(TrainingSet.of(smooth_samples(600)), seconds=1.0))
+    made = list(lazy_learning(TrainingSet.of(smooth_samples(600))))
     assert [c.family for c in made] == ["lazy learning"] * 3
     assert all("of 60 validation poses" in c.remark for c in made)
     assert made[0].time_value(smooth_poses(5)) > 0.0
