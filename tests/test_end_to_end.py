@@ -24,7 +24,7 @@ SMALL = Preset(
     sampling_scale=0.02,
     efforts={
         "patch": {"root": Effort(((12, 12),), 12.0), "ratio": Effort(((6, 6),), 1.0)},
-        "two_stage": {"": Effort(((8,),), 0.5, "tanh", max_rows=500)},
+        "two_stage": {"": Effort(((8,),), 2.0, "tanh", max_rows=500)},
     },
 )
 
@@ -97,7 +97,7 @@ def test_fits_that_used_up_their_budget_say_so_in_one_warning_and_in_info(projec
     line = f"budget used up in {len(ended)} of {len(reasons)} fits, more may fit better: {', '.join(ended)}"
     assert warned[1] == f"two_stage: {line}"
     assert str(info).count(line) == 1
-    assert all(used[name] >= 0.5 for name in ended)
+    assert all(used[name] >= 2.0 for name in ended)
     assert all(seconds >= 0.0 for seconds in info.record["seconds"].values())
 
 

@@ -154,6 +154,7 @@ class Ascent:
         self.most, self.evaluations = most, 0
 
     def __call__(self, objective: Callable[[Array], Any], start: Array, bounds: Array) -> tuple[Array, float]:
+        """Best point found within the bounds, and its objective."""
         found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxfun": self.most})
         self.evaluations += found.nfev
         return found.x, found.fun
