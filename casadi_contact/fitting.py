@@ -104,7 +104,7 @@ def fit_surrogate(
 
     def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
         if update is not None:
-            update(f"{title} {name}", used, allotted, f"{size_text(hidden)} RMS {rms:.3g}")
+            update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
 
     fits = fit_all(regressions, settings, executor, checkpoints, progress)
     for name, fit in fits.items():
