@@ -114,7 +114,7 @@ def _drawn_around(
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
-    scene, trust = surrogate.scene, surrogate.trusted()
+    scene, trust = surrogate.scene, surrogate.require_trust()
     frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
     columns = [pose_index(name) for name in point.pose_inputs]
     starts = frames.copy()

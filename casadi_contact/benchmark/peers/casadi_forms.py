@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.network import Network
 from casadi_contact.structures.base import Surrogate
@@ -73,8 +74,7 @@ class CasadiModel:
 def _network(network: Network, x: Any) -> Any:
     a = (x - ca.DM(network.input_shift)) / ca.DM(network.input_scale)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
-        z = ca.mtimes(ca.DM(weight), a) + ca.DM(bias)
-        a = ca.tanh(z) if network.activation == "tanh" else z / ca.sqrt(1 + z * z)
+        (a,) = activation_of(network.activation).derivatives(ca, ca.mtimes(ca.DM(weight), a) + ca.DM(bias), 0)
     return network.output_scale * (ca.mtimes(ca.DM(network.weights[-1]), a) + ca.DM(network.biases[-1]))
 
 

@@ -1,4 +1,4 @@
-"""The paper's two stages (Eqs. 1-7) as CasADi expressions of the pose, with both derivatives written out."""
+"""The paper's two stages [EF15 Eqs. 1-7] as CasADi expressions of the pose, with both derivatives written out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def two_stage_expressions(
     pose: ca.MX,
     order: int,
 ) -> Expressions:
-    """Eqs. (1)-(7): sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
+    """[EF15 Eqs. 1-7]: sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
 
     With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f.
     """
