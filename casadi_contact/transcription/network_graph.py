@@ -11,6 +11,7 @@ differentiation of the gradient needs three times as many. Nothing is ever expan
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -18,6 +19,7 @@ import numpy as np
 
 from casadi_contact.activations import activation_of
 from casadi_contact.network import Network
+from casadi_contact.transcription.expressions import Output
 
 
 @dataclass(frozen=True)
@@ -73,3 +75,13 @@ def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | N
         hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
         tangent = Z * ca.repmat(slope, 1, columns)
     return NetworkValue(value, gradient, hessian, input_gradient=r.T)
+
+
+def stack(values: Sequence[NetworkValue], order: int) -> Output:
+    """Values of m networks below each other, with their derivatives up to the order."""
+    m = len(values)
+    return Output(
+        ca.vertcat(*(v.value for v in values)),
+        ca.vertcat(*(v.gradient for v in values)) if order > 0 else ca.MX(),
+        ca.reshape(ca.horzcat(*(v.hessian for v in values)), 36, m).T if order > 1 and m else ca.MX(),
+    )
