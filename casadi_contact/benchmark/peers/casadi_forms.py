@@ -1,4 +1,4 @@
-"""The paper's two stages (Eqs. 1-7) as CasADi users would write them: plain MX, SX, and generated C."""
+"""The paper's two stages [EF15 Eqs. 1-7] as CasADi users would write them: plain MX, SX, and generated C."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _network(network: Network, x: Any) -> Any:
 
 
 def plain_form(surrogate: Surrogate, names: Sequence[str], symbols: Any) -> Form:
-    """Eqs. (1)-(7) written down once in ca.MX or ca.SX, every derivative left to CasADi."""
+    """[EF15 Eqs. 1-7] written down once in ca.MX or ca.SX, every derivative left to CasADi."""
     pose, sensitive = symbols.sym("pose", 6), surrogate.scene.sensitive_loads
     first = [name for name in surrogate.needed_networks(names) if name in sensitive]
     forces = {name: ca.fmin(_network(surrogate.networks[name], pose), 0) for name in first}

@@ -82,7 +82,7 @@ def _stage(networks: dict[str, Network], dtype: Any) -> Rows:
 
 
 def torch_loads(surrogate: Surrogate, names: Sequence[str], dtype: Any) -> Callable[[Any], Any]:
-    """Eqs. (1)-(7) in torch: poses (6, m) -> loads (L, m)."""
+    """[EF15 Eqs. 1-7] in torch: poses (6, m) -> loads (L, m)."""
     torch = _torch()
     sensitive = surrogate.scene.sensitive_loads
     needed = surrogate.needed_networks(names)
