@@ -10,7 +10,7 @@ import numpy as np
 
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import root_of_normal
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
+from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
     Array,
@@ -63,7 +63,7 @@ class ElasticFoundation:
         grids = build_elements(scene, self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
         self._patches = [_Bed.of(s, e) for s, e in zip(build_surfaces(scene), grids, strict=True)]
-        self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
+        self._law = (law_number(material.law), layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={self.grid[0]}×{self.grid[1]})"

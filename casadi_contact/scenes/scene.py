@@ -18,6 +18,7 @@ from typing import Any
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.pressure_laws import LAWS
 from casadi_contact.scenes.checks import distinct_names, fail, grid_size, number, table_of
 from casadi_contact.scenes.joint_shapes import joint_start
 from casadi_contact.scenes.mesh_files import with_files, without_places
@@ -27,7 +28,6 @@ from casadi_contact.scenes.parts import Part, parts_of
 from casadi_contact.scenes.shapes import SHAPE_PARAMETERS, SIDES, anchors_of, check_geometry, patches_of
 
 FORMAT = 1
-LAWS = ("linear", "log")
 
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
