@@ -16,7 +16,7 @@ from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, has_motion, read_motion
-from casadi_contact.structures import STRUCTURES, Surrogate, calibrated
+from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
@@ -49,7 +49,7 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
-        calibrated(surrogate, samples).save(path)
+        with_trust(surrogate, samples).save(path)
         paths.append(path)
     return paths
 

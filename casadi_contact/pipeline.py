@@ -16,7 +16,7 @@ import numpy as np
 from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.dataset import Samples, read_table, write_samples
+from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.fitting import structures_for_scene, train
 from casadi_contact.presets import PRESETS
@@ -37,7 +37,7 @@ from casadi_contact.sampling import (
     reference_motion,
 )
 from casadi_contact.sampling.draw import ModelPair
-from casadi_contact.structures import calibrated
+from casadi_contact.structures import with_trust
 from casadi_contact.transcription import save_function
 
 __all__ = [
@@ -86,11 +86,11 @@ def sample(
 
 
 def take_table(project: Project, table: Path) -> Samples:
-    """Make the samples file from a table of samples (`dataset.read_table`) instead of drawing them.
+    """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
     Raises ValueError for a table that cannot serve, or a folder that holds other samples.
     """
-    samples = read_table(table, project.scene)
+    samples = read_sample_table(table, project.scene)
     if project.samples_path.is_file():
         there = project.samples().provenance.get("table_digest")
         if there != samples.provenance["table_digest"]:
@@ -103,7 +103,7 @@ def calibrate(project: Project) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
     samples = project.samples()
     for structure, surrogate in project_surrogates(project).items():
-        calibrated(surrogate, samples).save(project.surrogate_path(structure))
+        with_trust(surrogate, samples).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 

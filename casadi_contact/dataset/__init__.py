@@ -12,7 +12,7 @@ from casadi_contact.dataset.samples import (
     read_samples,
     write_samples,
 )
-from casadi_contact.dataset.table import read_table
+from casadi_contact.dataset.table import read_sample_table
 
 __all__ = [
     "COLUMNS",
@@ -23,7 +23,7 @@ __all__ = [
     "VALIDATION",
     "Samples",
     "partial_folder",
+    "read_sample_table",
     "read_samples",
-    "read_table",
     "write_samples",
 ]

@@ -31,7 +31,7 @@ _LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
 _EXCESS = 4.0 / 3.0  # at a validity of 0.1; its negative at 0.9
 
 
-def calibrated(surrogate: Surrogate, samples: Samples) -> Surrogate:
+def with_trust(surrogate: Surrogate, samples: Samples) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate

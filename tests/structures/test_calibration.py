@@ -5,7 +5,7 @@ import pytest
 
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes import load_scene
-from casadi_contact.structures import calibrated, load_surrogate
+from casadi_contact.structures import load_surrogate, with_trust
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -31,12 +31,12 @@ def surrogate():
 
 def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
     samples = made_up_samples(surrogate)
-    trusted = calibrated(surrogate, samples)
+    trusted = with_trust(surrogate, samples)
     coverage = trusted.info().coverage["D1"]
     assert coverage["valid"] > 0.98
     for load in trusted.load_names:
         assert 0.92 < coverage[load] < 0.98
-    noisier = calibrated(surrogate, made_up_samples(surrogate, noise=3.0 * NOISE))
+    noisier = with_trust(surrogate, made_up_samples(surrogate, noise=3.0 * NOISE))
     poses = samples.poses[:500]
     ratio = noisier.expected_error(poses) / trusted.expected_error(poses)
     assert 2.0 < np.median(ratio) < 4.5
@@ -44,7 +44,7 @@ def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
 
 def test_a_tube_is_a_tube_not_a_box(surrogate):
     """tx and rz lie each within its range, but together they were never sampled."""
-    trusted = calibrated(surrogate, made_up_samples(surrogate))
+    trusted = with_trust(surrogate, made_up_samples(surrogate))
     bottom, off = POSE_CENTRE.copy(), POSE_CENTRE.copy()
     bottom[0] -= POSE_SPREAD[0]
     off[0] += 0.9 * POSE_SPREAD[0]
@@ -54,7 +54,7 @@ def test_a_tube_is_a_tube_not_a_box(surrogate):
 
 
 def test_validity_survives_the_file(surrogate, tmp_path):
-    trusted = calibrated(surrogate, made_up_samples(surrogate, count=1000))
+    trusted = with_trust(surrogate, made_up_samples(surrogate, count=1000))
     trusted.save(tmp_path / "it.h5")
     again = load_surrogate(tmp_path / "it.h5")
     poses = POSE_CENTRE + 2.0 * POSE_SPREAD * np.random.default_rng(2).uniform(-1.0, 1.0, (50, 6))
@@ -66,7 +66,7 @@ def test_validity_survives_the_file(surrogate, tmp_path):
 def test_what_cannot_be_calibrated_is_named(surrogate):
     samples = made_up_samples(surrogate, count=300)
     with pytest.raises(ValueError, match="no validation rows"):
-        calibrated(surrogate, samples.select(role=TRAIN))
+        with_trust(surrogate, samples.select(role=TRAIN))
     other = random_surrogate(load_scene("sphere_on_plane", radius=20.0), "patch")
     with pytest.raises(ValueError, match="another scene"):
-        calibrated(other, samples)
+        with_trust(other, samples)
