@@ -81,8 +81,8 @@ def build(
     """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
-    contact model to learn from instead of drawing them (`dataset.read_table`). model: samples are drawn from it, in
-    this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
+    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: samples are drawn from it,
+    in this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
