@@ -27,13 +27,13 @@ class Effort:
 class ChartEffort:
     """What the speed-accuracy chart trains beside the preset's own surrogates.
 
-    sizes: by structure, one effort for each size; its budget goes to each root network (patch) or to each network
-    (two_stage), and a ratio network gets RATIO_SHARE of it. swept: the patch size (one of `sizes`) that is trained
-    again with fewer samples (sample_counts) and with other budgets (training_gflop). peer_gflop: budget of each peer.
+    sizes: by structure, one effort for each size; its budget goes to each network, or the share of it that the
+    structure says (`Surrogate.budget_shares`). swept: structure and size (one of `sizes`) that is trained again with
+    fewer samples (sample_counts) and with other budgets (training_gflop). peer_gflop: budget of each peer.
     """
 
     sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
-    swept: tuple[int, ...] = (12, 12)
+    swept: tuple[str, tuple[int, ...]] = ("patch", (12, 12))
     sample_counts: tuple[int, ...] = ()
     training_gflop: tuple[float, ...] = ()
     peer_gflop: float = 300.0
@@ -53,10 +53,6 @@ def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
     """The effort for one network: of the starts that fit its name the longest wins ("" fits all)."""
     fitting = [start for start in efforts if network.startswith(start)]
     return efforts[max(fitting, key=len)]
-
-
-# A ratio is smoother than a root load, and the wanted error is reached sooner: this share of a root's budget.
-RATIO_SHARE = 0.2
 
 
 def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Effort, ...]:

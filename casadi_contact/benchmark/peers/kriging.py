@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dpocon
 from scipy.optimize import minimize
 
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.growth import grow
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.conventions import Array, as_poses
@@ -250,7 +250,7 @@ def kriging(data: TrainingSet, gflop: float) -> Iterator[Candidate]:
             ),
         )
 
-    yield from grown(
+    yield from grow(
         fit,
         family=FAMILY,
         points=len(data),

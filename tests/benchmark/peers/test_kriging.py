@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.benchmark.peers import peer_candidates
-from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.growth import grow
 from casadi_contact.benchmark.peers.kriging import Kriging, fit_gflop, kriging, tuned_kernel
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from tests.support.smooth_samples import NAMES, SPREAD, differences, smooth_poses, smooth_samples, smooth_wrenches
@@ -75,11 +75,11 @@ def test_what_memory_or_budget_does_not_allow_stays_with_its_reason(data):
         return Kriging(data, count, SMOOTH_KERNEL)
 
     common = {"family": "K", "points": 480, "gflop_of": fit_gflop, "bytes_per_pair": 48.0, "first": 100}
-    small = list(grown(fit, gflop=60.0, memory=5e6, **common))
+    small = list(grow(fit, gflop=60.0, memory=5e6, **common))
     assert [isinstance(c, Kriging) for c in small] == [True, True, False]
     assert "GiB" in small[-1].failure
     for budget, models in ((1e-9, 1), (fit_gflop(100) + fit_gflop(200), 2)):
-        dear = list(grown(fit, gflop=budget, **common))
+        dear = list(grow(fit, gflop=budget, **common))
         assert [isinstance(c, Kriging) for c in dear] == [True] * models + [False]
         assert "are left" in dear[-1].failure
 
@@ -88,7 +88,7 @@ def test_a_matrix_that_is_not_positive_stays_with_its_reason():
     def fit(count):
         raise np.linalg.LinAlgError("not positive definite")
 
-    (only,) = grown(fit, family="K", points=50, gflop=1.0, gflop_of=fit_gflop, bytes_per_pair=48.0)
+    (only,) = grow(fit, family="K", points=50, gflop=1.0, gflop_of=fit_gflop, bytes_per_pair=48.0)
     assert only.model is None
     assert only.failure == "not positive definite"
 
