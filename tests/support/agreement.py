@@ -38,3 +38,9 @@ def agree(got, want, order=0, size=None, amplified=1.0):
         f"{got[worst]!r} differs from {want[worst]!r} at {tuple(map(int, worst))} by {off[worst]:.2g}, "
         f"expected at most {np.broadcast_to(allowed, off.shape)[worst]:.2g}"
     )
+
+
+def close(got, want, digits):
+    """Assert that arrays of outputs of one size differ by 10^-digits of the largest entry at most."""
+    got, want = np.asarray(got, dtype=float), np.asarray(want, dtype=float)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=10.0**-digits * np.abs(want).max())
