@@ -41,6 +41,6 @@ def agree(got, want, order=0, size=None, amplified=1.0):
 
 
 def close(got, want, digits):
-    """Assert that arrays of outputs of one size differ by 10^-digits of the largest entry at most."""
+    """Assert that arrays of outputs of one size differ by 10^-digits of the largest entry and of their own."""
     got, want = np.asarray(got, dtype=float), np.asarray(want, dtype=float)
-    np.testing.assert_allclose(got, want, rtol=0.0, atol=10.0**-digits * np.abs(want).max())
+    np.testing.assert_allclose(got, want, rtol=10.0**-digits, atol=10.0**-digits * np.abs(want).max())
