@@ -6,6 +6,7 @@ networks" (2015); see README.md.
 
 from casadi_contact.benchmark import choose
 from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
+from casadi_contact.optimisation import ContactFrames, ContactInOpti
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import relax, sensitive_directions, settle
 from casadi_contact.structures import load_surrogate
@@ -13,6 +14,8 @@ from casadi_contact.verification import refine, verify
 
 __all__ = [
     "CallableModel",
+    "ContactFrames",
+    "ContactInOpti",
     "ElasticFoundation",
     "RayCastFoundation",
     "Scene",

@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from problems import knee_simulator, stable_step
 from problems.knee_simulator import start_state
-from problems.simulator_waveforms import Waveforms
+from problems.knee_simulator.waveforms import Waveforms
 
 
 @pytest.fixture(scope="module")
