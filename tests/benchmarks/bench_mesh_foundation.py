@@ -1,6 +1,6 @@
 """Contact models on real meshes, timed in turn: python -m pytest tests/benchmarks/bench_mesh_foundation.py -s
 
-Needs the meshes that `problems/tka_mesh.toml` names; no wall time is asserted.
+Needs the meshes that `problems/implant/tka_mesh.toml` names; no wall time is asserted.
 """
 
 import time
