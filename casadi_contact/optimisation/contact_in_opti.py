@@ -23,6 +23,7 @@ class ContactInOpti(ContactFrames):
 
         contact = ContactInOpti(opti, surrogate, locked={"ry": 0.0, "rz": -0.5})
         contact.carry({"Fy_med": -600.0, "Fy_lat": -400.0})
+        opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))  # forces alone leave tx and tz open
         opti.solver("ipopt", contact.options())
         poses = contact.poses(opti.solve())
 
