@@ -29,10 +29,13 @@ _DOTS_PER_INCH = 130
 
 def new_page(width: float, height: float, **padding: Any) -> Any:
     """An empty page [inch]; padding: of matplotlib's constrained layout, such as w_pad. matplotlib is loaded here."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    return Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(**padding))
+    page = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(**padding))
+    FigureCanvasAgg(page)  # text can be measured before the page is saved
+    return page
 
 
 def frame(axes: Iterable[Any], xlabel: str) -> None:
