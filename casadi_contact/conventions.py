@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from casadi_contact.quantities import FORCE, quantity
+from casadi_contact.quantities import quantity
 
 Array = NDArray[np.float64]
 
@@ -33,11 +33,6 @@ POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose par
 def load_unit(name: str) -> str:
     """Unit of a load by its name."""
     return quantity(name).unit
-
-
-def is_force(name: str) -> bool:
-    """True for a force (``Fy_med``, ``Fx``), False for a torque (``Tx``)."""
-    return quantity(name).kind == FORCE
 
 
 def pose_index(name: str) -> int:
