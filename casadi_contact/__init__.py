@@ -11,6 +11,8 @@ __version__ = "0.2.0.dev0"
 
 __all__ = [
     "CallableModel",
+    "ContactFrames",
+    "ContactInOpti",
     "ElasticFoundation",
     "PolarFoundation",
     "RayCastFoundation",
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
         RayCastFoundation,
         foundation,
     )
+    from casadi_contact.optimisation import ContactFrames, ContactInOpti
     from casadi_contact.pipeline import build
     from casadi_contact.scenes import Scene, load_scene
     from casadi_contact.statics import relax, sensitive_directions, settle
@@ -45,6 +48,7 @@ else:
     _ROOMS = {
         "benchmark": ("choose",),
         "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
+        "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),
         "statics": ("relax", "sensitive_directions", "settle"),

@@ -15,7 +15,7 @@ from casadi_contact.benchmark.candidates import (
     surrogate_candidates,
 )
 from casadi_contact.benchmark.front_file import Point
-from casadi_contact.benchmark.sizes import Sized, on_disk, planned, sized_path, train_sizes
+from casadi_contact.benchmark.sizes import Sized, chart_surrogates, on_disk, sized_path, train_sizes
 from casadi_contact.benchmark.timing import compare, one_thread
 from casadi_contact.fitting import train
 from casadi_contact.project import Project, Update, motion_at_hand
@@ -88,7 +88,7 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
-    maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, seconds=..., names={list(loads)!r})"
+    maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, gflop=..., names={list(loads)!r})"
     return f"{maker}, the one named {name!r}"
 
 
@@ -106,4 +106,4 @@ def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iter
 
 
 def _sized(project: Project) -> dict[str, Sized]:
-    return {sized.name: sized for sized in planned(project.preset.chart)}
+    return {sized.name: sized for sized in chart_surrogates(project.preset.chart)}

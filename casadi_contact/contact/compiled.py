@@ -15,9 +15,9 @@ import numba
 import numpy as np
 
 from casadi_contact.contact.callback import contact_callback
-from casadi_contact.contact.kernel_source import C_FOLDER, FoundationKernel
+from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
-from casadi_contact.conventions import Array, angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
@@ -41,7 +41,11 @@ class CompiledFoundation(ABC):
         self.patch_names = scene.patch_names
         self.record: dict[str, Any] = {}
         self._selection = load_selection(self.load_names, self.patch_names)
-        self._compiled = compiled
+        self._compiled = compiled and scene.material.law in C_LAWS
+        if compiled and not self._compiled:
+            warn_once(
+                f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, which is slower"
+            )
 
     @abstractmethod
     def _patch_source(self) -> str:
@@ -51,34 +55,39 @@ class CompiledFoundation(ABC):
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
 
+    @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return self._wrenches(as_poses(poses), slopes=False)[0]
+        return self._wrenches(poses, slopes=False)[0]
 
+    @pose_or_poses
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
         return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
 
+    @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes, _ = self._wrenches(as_poses(poses), slopes=True)
+        wrenches, slopes, _ = self._wrenches(poses, slopes=True)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
 
+    @pose_or_poses
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self._gaps(as_poses(poses))[0]
+        return self._gaps(poses)[0]
 
+    @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
-        return self._wrenches(as_poses(poses), slopes=False)[2]
+        return self._wrenches(poses, slopes=False)[2]
 
+    @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
 
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
-        poses = as_poses(poses)
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
         return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(poses[rows]))
 

@@ -11,6 +11,7 @@ from casadi_contact.conventions import load_selection
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text
 
+C_LAWS = ("linear", "log")
 C_FOLDER = "casadi_contact.contact.c"
 
 

@@ -6,6 +6,9 @@ that with ã = (a, 1) a layer is z_l = ã_{l-1}·V_lᵀ. With residual r = w·(y
     ∂r/∂V_l = δ_l ⊗ ã_{l-1},   J·v = Σ_l rowsum(δ_l * (ã_{l-1}·V_lᵀ)),   Jᵀ·u = (δ_l * u)ᵀ·ã_{l-1}.
 
 So JᵀJ·v costs two small matrix products per layer, about a hundredth of JᵀJ itself.
+
+`Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter that one of
+them visits: what a fit has cost, the same on any machine, however busy.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
@@ -87,6 +91,7 @@ class Mlp:
         chunk_rows: int = 1000,
     ) -> None:
         self.arrays, self.xp = arrays, arrays.xp
+        self._activation = activation_of(like.activation)
         self.like, self.rows, self.chunk_rows = like, len(targets), chunk_rows
         self.shapes = layer_shapes(inputs.shape[1], like.hidden)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
@@ -101,6 +106,11 @@ class Mlp:
         self._residuals = arrays.empty(self.rows)
         self._tried_residuals = arrays.empty(self.rows)
         self._jacobian_rows: Any = None
+        self.flop = 0
+
+    def _count(self, products: int) -> None:
+        """Count products of one operation pair for each row and parameter."""
+        self.flop += 2 * products * self.rows * self.parameter_count
 
     def _buffers(self) -> list[Any]:
         """ã of every layer's input, the constant column of ones set once."""
@@ -116,20 +126,7 @@ class Mlp:
             yield slice(start, min(start + self.chunk_rows, self.rows))
 
     def _activate(self, z: Any, out: Any) -> None:
-        if self.like.activation == "tanh":
-            self.xp.tanh(z, out=out)
-            return
-        root = z * z
-        root += 1.0
-        self.xp.sqrt(root, out=root)
-        self.xp.divide(z, root, out=out)
-
-    def _slope(self, a: Any) -> Any:
-        """σ' from σ: 1 - a² for tanh, (1 - a²)^(3/2) for z/√(1+z²)."""
-        slope = a * a
-        slope *= -1.0
-        slope += 1.0
-        return slope if self.like.activation == "tanh" else slope * self.xp.sqrt(slope)
+        out[...] = self._activation.derivatives(self.xp, z, 0)[0]
 
     def evaluate(self, parameters: Any, *, solve_output: bool = True) -> tuple[Any, float]:
         """Parameters with the linear output layer solved exactly, and ½Σr² there.
@@ -144,6 +141,7 @@ class Mlp:
         for c in self._chunks():
             for level, layer in enumerate(layers[:-1]):
                 self._activate(tried[level][c] @ layer.T, tried[level + 1][c][:, :-1])
+        self._count(1)
         residuals = self._output_residuals(layers[-1][0])
         loss = 0.5 * float(residuals @ residuals)
         self._tried_residuals = residuals
@@ -155,6 +153,7 @@ class Mlp:
             weighted = tried[-1][c] * self._weight[c][:, None]
             gram += weighted.T @ weighted
             right += weighted.T @ residuals[c]
+        self.flop += 2 * self.rows * width**2
         factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
         if factor is None:
             return parameters, loss
@@ -180,7 +179,8 @@ class Mlp:
             for level in range(len(layers) - 2, -1, -1):
                 delta = self._delta[level][c]
                 self.xp.matmul(self._delta[level + 1][c], layers[level + 1][:, :-1], out=delta)
-                delta *= self._slope(self._current[level + 1][c][:, :-1])
+                delta *= self._activation.slope_from_value(self.xp, self._current[level + 1][c][:, :-1])
+        self._count(1)
         return self.vjp(self._residuals)
 
     @property
@@ -193,6 +193,7 @@ class Mlp:
         layers, product = _split(direction, self.shapes), self.arrays.zeros(self.rows)
         for c in self._chunks():
             product[c] = self._forward_product(layers, c)
+        self._count(1)
         return product
 
     def vjp(self, rows: Any) -> Any:
@@ -200,6 +201,7 @@ class Mlp:
         total = self.arrays.zeros(self.parameter_count)
         for c in self._chunks():
             self._add_reverse_product(total, rows[c], c)
+        self._count(1)
         return total
 
     def gram_product(self, direction: Any) -> Any:
@@ -207,6 +209,7 @@ class Mlp:
         layers, total = _split(direction, self.shapes), self.arrays.zeros(self.parameter_count)
         for c in self._chunks():
             self._add_reverse_product(total, self._forward_product(layers, c), c)
+        self._count(2)
         return total
 
     def _forward_product(self, layers: list[Any], c: slice) -> Any:
@@ -244,6 +247,7 @@ class Mlp:
             if row_scales is not None:
                 part *= self.arrays.array(row_scales[c])[:, None]
             gram = self.arrays.add_gram(gram, part)
+        self.flop += count * self.parameter_count**2  # half of the products: JᵀJ is symmetric
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:
@@ -257,4 +261,5 @@ class Mlp:
                 self._activate(z, a[:, :-1])
                 a[:, -1] = 1.0
             parts.append(self.arrays.numpy(self._weight[c] * (a @ layers[-1][0] - self._target[c])))
+        self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

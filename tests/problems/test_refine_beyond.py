@@ -12,7 +12,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.motion.walking import reference_cycle
-from problems import pose_estimation, refine_beyond
+from problems import pose_estimation
+from problems.studies import refine_beyond
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,7 +35,7 @@ def project(tmp_path_factory):
 
 def command(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "problems.refine_beyond", *map(str, arguments)],
+        [sys.executable, "-m", "problems.studies.refine_beyond", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
@@ -77,7 +78,7 @@ def test_walking_alone_teaches_nothing_of_other_domains():
     domain = np.where(np.arange(606) % 6 == 0, 3, 1).astype(np.uint8)
     role = np.where(rng.random(606) < 0.2, 1, 0).astype(np.uint8)
     samples = Samples(scene, poses, model.wrenches(poses), model.gaps(poses), domain, role)
-    surrogate, narrow = refine_beyond.walking_only(samples, 2.0)
+    surrogate, narrow = refine_beyond.walking_only(samples, 20.0)
     assert set(narrow.domain) == {1}
     assert surrogate.record["samples"]["D3"] == 0
     assert (surrogate.validity(walking) > 0.5).mean() > 0.9

@@ -14,12 +14,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.network import Network, Regression, activate
+from casadi_contact.network import Network, Regression
 from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.training import TrainingSettings, fit
 
@@ -48,7 +49,7 @@ class DelayNetworks:
             raise ValueError(
                 "the networks differ in layers or activation, expected one hidden layer and one activation"
             )
-        self._ceiling, self._activation = ceiling, first.activation
+        self._ceiling, self._sigma = ceiling, activation_of(first.activation).derivatives
         # The scaling of the inputs is folded into the weights, each network's own.
         scaled = [n.weights[0] / n.input_scale for n in networks]
         self._weights = np.vstack(scaled)
@@ -62,7 +63,7 @@ class DelayNetworks:
 
     def __call__(self, inputs: Array) -> Array:
         """Loads (..., L) of inputs (..., 6·frames)."""
-        hidden = activate(inputs @ self._weights.T + self._biases, self._activation)[0]
+        (hidden,) = self._sigma(np, inputs @ self._weights.T + self._biases, 0)
         return np.minimum(hidden @ self._output.T + self._constant, self._ceiling)
 
 
@@ -104,7 +105,7 @@ class SinglePoses:
         return self._networks(self._input.ravel())
 
 
-def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -> Iterator[Candidate]:
+def history(data: TrainingSet, gflop: float, motion: ReferenceMotion | None) -> Iterator[Candidate]:
     """Time-delay networks trained on the motion's cycles, in sequence and on single poses.
 
     The samples have no order in time, so this peer alone is trained on the reference motion's frames, with the
@@ -114,14 +115,14 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
     if motion is None or len(motion.poses) < 2:
         raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
     count, frames = motion.poses.shape[:2]
-    began = time.perf_counter()
+    began = time.process_time()
     teacher = ElasticFoundation(data.scene, data.scene.grids["teacher"])
     columns = [teacher.load_names.index(name) for name in data.load_names]
     loads = teacher(motion.poses.reshape(-1, 6))[:, columns]
     inputs = with_history(motion.poses).reshape(count * frames, -1)
     held = max(1, round(VALIDATION_SHARE * count))
     validation = np.repeat(np.arange(count) >= count - held, frames)
-    settings = TrainingSettings(sizes=((HIDDEN,),), max_time_s=seconds / len(data.load_names))
+    settings = TrainingSettings(sizes=((HIDDEN,),), max_gflop=gflop / len(data.load_names))
     networks = DelayNetworks(
         [
             fit(Regression(name, inputs, loads[:, k], np.ones(len(inputs)), validation, 0.0), settings).network
@@ -129,7 +130,7 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
         ],
         data.ceiling,
     )
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     # The cycles that stopped the training: the same frames once with and once without their past.
     held_back, wanted = motion.poses[count - held :].reshape(-1, 6), loads[validation]
     models: tuple[InSequence | SinglePoses, ...] = (

@@ -9,7 +9,7 @@ from casadi_contact.contact.polar.patches import smooth_patches
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.source import polar_source
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus
+from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 
@@ -28,7 +28,7 @@ class PolarFoundation(CompiledFoundation):
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
         self.rays = rays
         self.patches = smooth_patches(scene)
-        self.law = (LAW_CODES[scene.material.law], layer_modulus(scene.material), scene.material.thickness)
+        self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
 
     def __repr__(self) -> str:
         return f"PolarFoundation({self.scene.name}, {self.rays})"
