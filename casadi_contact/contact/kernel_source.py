@@ -24,7 +24,7 @@ class FoundationKernel:
     patch_source: str
 
     def source(self, *, loads: int, roots: int) -> str:
-        """C99 up to kernel_value, kernel_jacobian, kernel_hessian and kernel_batch, all of them static."""
+        """C99 up to guarded_value, _jacobian, _hessian and _batch, all of them static."""
         scene, material = self.scene, self.scene.material
         selection = load_selection(self.loads, scene.patch_names)
         sizes = {
@@ -48,5 +48,6 @@ class FoundationKernel:
                 c_text("foundation.h", C_FOLDER),
                 self.patch_source,
                 c_text("kernel.h", C_FOLDER),
+                c_text("guards.h"),
             ]
         )

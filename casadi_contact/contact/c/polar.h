@@ -178,7 +178,6 @@ INLINE void polar_loads(int patch, const double *pose, const Frame *frame, int o
     twist_of(ray.gradient, arm, push);
     for (int k = 0; k < 6; k++) out->gap_slope[k] = -push[k][0];
     if (order == SECOND) gap_curvature(s, &nearest, &ray, arm, out->gap_curvature);
-    if (middle.depth != middle.depth) out->wrench[0] = middle.depth; /* not a number: neither are the loads */
   }
   if (middle.depth > 0.0 && order != GAPS) {
     Plan plan;
