@@ -74,16 +74,16 @@ INLINE Junctions junctions_beside(const Surfaces *s, const Place *p, const Spot 
   return beside;
 }
 
-INLINE void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *plan) {
+FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *plan) {
   const Lanes depth = all(m->depth);
   const double along[2] = {dot3(m->tangent[0], m->along), dot3(m->tangent[1], m->along)};
   const Junctions beside = junctions_beside(s, p, m);
-  plan->broken = plan->cut = 0;
+  Lanes slopes[RAY_BLOCKS], reach[RAY_BLOCKS];
   for (int j = 0; j < RAY_BLOCKS; j++) {
     const Lanes du = s->scale_u * lanes_at(ray_cos + j * BLOCK), dv = s->scale_v * lanes_at(ray_sin + j * BLOCK);
     const Lanes slope = m->slope[0] * du + m->slope[1] * dv, turned = du * along[0] + dv * along[1];
     const Lanes form = m->curvature[0] * du * du + 2.0 * m->curvature[1] * du * dv + m->curvature[2] * dv * dv;
-    const Lanes k = larger_of(form, all(LEAST_CURVATURE)), reach = rim_distance(s, m->u, m->v, du, dv);
+    const Lanes k = larger_of(form, all(LEAST_CURVATURE));
     Lanes nearest = all(FAR), more = all(0.0), edge = edge_of(depth, slope, k), left;
     for (int e = 0; e < (ARCS > 1 ? 2 : 0); e++) {
       /* where there is no junction this is 0/0, which is not closer */
@@ -94,20 +94,27 @@ INLINE void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *pl
     }
     left = larger_of(depth + slope * nearest - 0.5 * k * nearest * nearest, all(0.0));
     left = nearest + edge_of(left, slope - k * nearest, k + more * turned * turned);
-    edge = smaller_of(pick(nearest < edge, left, edge), reach);
-    for (int i = 0; i < EDGE_STEPS; i++) {
+    reach[j] = rim_distance(s, m->u, m->v, du, dv);
+    plan->du[j] = du, plan->dv[j] = dv, plan->junction[j] = nearest, slopes[j] = slope;
+    plan->edge[j] = smaller_of(pick(nearest < edge, left, edge), reach[j]);
+  }
+  for (int i = 0; i < EDGE_STEPS; i++) { /* blocks within: they do not wait for one another */
+    for (int j = 0; j < RAY_BLOCKS; j++) {
+      const Lanes edge = plan->edge[j], slope = slopes[j];
       Lanes bend, moved;
       Ray ray;
-      cast(s, p, m->u + edge * du, m->v + edge * dv, DEPTH_ONLY, &ray);
+      cast(s, p, m->u + edge * plan->du[j], m->v + edge * plan->dv[j], DEPTH_ONLY, &ray);
       bend = 2.0 * (depth + slope * edge - ray.step * ray.length);
       moved = edge_of(depth, slope, bend / larger_of(edge * edge, all(LEAST_LENGTH * LEAST_LENGTH)));
-      edge = smaller_of(smaller_of(larger_of(moved, 0.5 * edge), 2.0 * edge), reach);
+      plan->edge[j] = smaller_of(smaller_of(larger_of(moved, 0.5 * edge), 2.0 * edge), reach[j]);
     }
-    plan->du[j] = du, plan->dv[j] = dv, plan->edge[j] = edge;
-    plan->inside[j] = pick(edge < reach, all(1.0), all(0.0));
-    plan->cut |= any(edge >= reach);
-    plan->broken |= any(nearest < edge);
-    plan->junction[j] = smaller_of(nearest, edge);
+  }
+  plan->broken = plan->cut = 0;
+  for (int j = 0; j < RAY_BLOCKS; j++) {
+    plan->inside[j] = pick(plan->edge[j] < reach[j], all(1.0), all(0.0));
+    plan->cut |= any(plan->edge[j] >= reach[j]);
+    plan->broken |= any(plan->junction[j] < plan->edge[j]);
+    plan->junction[j] = smaller_of(plan->junction[j], plan->edge[j]);
   }
 }
 

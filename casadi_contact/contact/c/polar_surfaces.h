@@ -358,7 +358,7 @@ FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, const Spot *spot) {
 }
 
 /* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through it. */
-INLINE Spot middle_of(const Surfaces *s, const Place *p) {
+FUNCTION Spot middle_of(const Surfaces *s, const Place *p) {
   double u, v, determinant, reach_u, reach_v, depth;
   int whole;
   Spot spot;
