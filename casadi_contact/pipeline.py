@@ -8,14 +8,16 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_table, write_samples
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.fitting import structures_for_scene, train
@@ -24,9 +26,11 @@ from casadi_contact.project import (
     Project,
     Update,
     has_motion,
+    motion_at_hand,
     project_surrogates,
     read_motion,
     reference_motion_cycles,
+    surrogates_at_hand,
 )
 from casadi_contact.report import draw_charts
 from casadi_contact.sampling import (
@@ -36,13 +40,16 @@ from casadi_contact.sampling import (
     elastic_foundations,
     reference_motion,
 )
+from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
-from casadi_contact.structures import calibrated
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate, calibrated
 from casadi_contact.transcription import save_function
 
 __all__ = [
     "PRESETS",
     "Project",
+    "build",
     "calibrate",
     "chart",
     "evaluate",
@@ -53,6 +60,72 @@ __all__ = [
     "take_table",
     "train",
 ]
+
+
+class DrawnModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that samples can be drawn from."""
+
+
+def build(
+    scene: str | Path,
+    preset: str = "quick",
+    *,
+    cycles: Sequence[str | Path] = (),
+    table: str | Path | None = None,
+    model: DrawnModel | None = None,
+    folder: str | Path | None = None,
+    progress: Update | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Surrogate]:
+    """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
+
+    scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
+    contact model to learn from instead of drawing them (`dataset.read_table`). model: samples are drawn from it, in
+    this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
+    results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
+    interruption it goes on where it stopped.
+
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written, ImportError without
+    torch.
+    """
+    if table is not None and (cycles or model is not None):
+        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
+    project = Project.open(scene, preset, None if folder is None else Path(folder))
+    if table is not None:
+        take_table(project, Path(table))
+    else:
+        _draw(project, [Path(path) for path in cycles], model, progress, executor)
+    train(project, progress, executor)
+    evaluate(project)
+    export(project)
+    return project_surrogates(project)
+
+
+def _draw(
+    project: Project,
+    cycles: Sequence[Path],
+    model: DrawnModel | None,
+    progress: Update | None,
+    executor: Executor | None,
+) -> None:
+    """Draw the samples of the scene's elastic foundation, or of another model."""
+
+    def tell(done: int, total: int) -> None:
+        if progress is not None:
+            progress("samples", done, total, "")
+
+    if model is None:
+        sample(project, cycles, tell, executor)
+        return
+    if model.scene.digest != project.scene.digest:
+        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
+
+    def given(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return model, model
+
+    given.__qualname__ = type(model).__qualname__  # what the samples file says they were drawn from
+    with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
+        sample(project, cycles, tell, here, models=given)
 
 
 def sample(
@@ -126,10 +199,15 @@ def evaluate(project: Project) -> Path:
 
 
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
+
+    Where nothing has been built: the scene's shipped surrogates.
+    """
     written = []
-    poses = read_motion(project)[0].poses[0] if has_motion(project) else project.samples().poses
-    for structure, surrogate in project_surrogates(project).items():
+    surrogates = surrogates_at_hand(project)
+    motion = not project.begun or has_motion(project)
+    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+    for structure, surrogate in surrogates.items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
         if not kernel_only:
