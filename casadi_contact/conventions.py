@@ -19,6 +19,8 @@ POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
 POSE_UNITS = ("mm", "mm", "mm", "rad", "rad", "rad")
 WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
+LEVER_MM = 25.0  # about what a knee's condyles lie off its middle: turns N·mm into comparable N, rad into comparable mm
+POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
 
 
 def load_unit(name: str) -> str:

@@ -1,15 +1,17 @@
-"""Columns of numbers by name from a CSV file, checked."""
+"""Columns by name from a CSV file, checked, and into one."""
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import replacing
 
 
 def read_columns(
@@ -55,3 +57,27 @@ def read_columns(
     if not len(numbers):
         raise ValueError(f"{path} has a header only, expected rows of numbers below it")
     return {column: numbers[:, c].copy() for c, column in enumerate(wanted)}
+
+
+def write_columns(
+    path: str | Path, columns: Mapping[str, Sequence[Any] | np.ndarray], *, digits: int | None = None
+) -> None:
+    """Write columns of one length as a CSV file with a header, whole or not at all.
+
+    Floating-point numbers get so many digits, or as many as `read_columns` needs to read them back bit by bit if left
+    out; anything else its text.
+    Raises ValueError for columns of different lengths.
+    """
+
+    def text(value: Any) -> str:
+        if not isinstance(value, float | np.floating):
+            return str(value)
+        return repr(float(value)) if digits is None else f"{value:.{digits}g}"
+
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of a table have different lengths: {lengths}")
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([text(value) for value in row] for row in zip(*columns.values(), strict=True))

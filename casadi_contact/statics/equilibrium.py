@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, as_poses, is_force, pose_index
-
-LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
+from casadi_contact.conventions import LEVER_MM, Array, as_poses, is_force, pose_index
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, is_force
-from casadi_contact.statics.equilibrium import LEVER_MM
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, is_force
 
 
 @dataclass(frozen=True)

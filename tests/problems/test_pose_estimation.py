@@ -14,7 +14,7 @@ import casadi_contact as cc
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
-from problems.pose_estimation_starts import one_start, start_from_file
+from problems.pose_estimation.starts import one_start, start_from_file
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 
