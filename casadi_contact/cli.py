@@ -21,6 +21,7 @@ from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
+from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
 from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
 from casadi_contact.structures import load_surrogate
@@ -270,6 +271,11 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
         samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
     if report is not None:
         console.print(str(report), highlight=False)
+    for domain, share in dropped_shares(samples).items():
+        reasons = samples.provenance["dropped"].get(domain, {})
+        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
+        if listed:
+            console.print(f"{domain}: {share:.1%} of the plan dropped: {listed}", highlight=False)
     for domain, reason in samples.provenance.get("left_out", {}).items():
         console.print(f"{domain} left out: {reason}", highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)

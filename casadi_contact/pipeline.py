@@ -20,7 +20,7 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_table, write_samples
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.fitting import structures_for_scene, train
+from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
     Project,
@@ -42,6 +42,7 @@ from casadi_contact.sampling import (
 )
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
+from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate, calibrated
 from casadi_contact.transcription import save_function
@@ -85,8 +86,7 @@ def build(
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written, ImportError without
-    torch.
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written.
     """
     if table is not None and (cycles or model is not None):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
@@ -139,6 +139,8 @@ def sample(
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
     another contact model than the elastic foundation.
+
+    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` (the file is kept).
     """
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
@@ -155,6 +157,7 @@ def sample(
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
     with replacing(project.motion_path) as beside, beside.open("wb") as file:
         np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
+    refuse_many_dropped(samples, settings.most_dropped)
     return samples, report
 
 
@@ -175,8 +178,9 @@ def take_table(project: Project, table: Path) -> Samples:
 def calibrate(project: Project) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
     samples = project.samples()
+    around = moved_samples(samples)
     for structure, surrogate in project_surrogates(project).items():
-        calibrated(surrogate, samples).save(project.surrogate_path(structure))
+        calibrated(surrogate, samples, around).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 

@@ -52,7 +52,8 @@ class ChunkFolder:
         try:
             with np.load(self._file(number), allow_pickle=False) as file:
                 dropped = json.loads(str(file["dropped"]))
-                return DrawnChunk(**{name: file[name] for name in COLUMNS}, dropped=dropped)
+                columns = {name: file[name] for name in (*COLUMNS, "dropped_poses")}
+                return DrawnChunk(**columns, dropped=dropped)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
 
@@ -63,7 +64,7 @@ class ChunkFolder:
         with beside.open("wb") as stream:
             np.savez(
                 stream,
-                **{name: getattr(chunk, name) for name in COLUMNS},
+                **{name: getattr(chunk, name) for name in (*COLUMNS, "dropped_poses")},
                 dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)),
             )
         os.replace(beside, file)

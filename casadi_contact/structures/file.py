@@ -14,7 +14,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,11 @@ import numpy as np
 
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 2  # 1 has no trust
+FORMAT = 3  # 1 has no trust, 2 none of the trust's later fields
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,22 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     if trust is not None:
-        for field in fields(trust):
-            array = np.ascontiguousarray(getattr(trust, field.name), dtype="<f8")
-            digest.update(f"{field.name} {array.shape}".encode() + array.tobytes())
+        for name, value in _arrays(trust).items():
+            array = np.ascontiguousarray(value, dtype="<f8")
+            digest.update(f"{name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
+
+
+def _arrays(trust: Trust) -> dict[str, Any]:
+    """The fields of a trust that are given, by name; those of its parts as "box/low"."""
+    values: dict[str, Any] = {}
+    for field in fields(trust):
+        value = getattr(trust, field.name)
+        if is_dataclass(value):
+            values |= {f"{field.name}/{inner.name}": getattr(value, inner.name) for inner in fields(value)}
+        elif value is not None:
+            values[field.name] = value
+    return values
 
 
 def write_file(path: str | Path, content: Content) -> None:
@@ -86,8 +99,8 @@ def write_file(path: str | Path, content: Content) -> None:
                     group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
             if content.trust is not None:
                 group = file.create_group("trust")
-                for field in fields(content.trust):
-                    group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
+                for name, value in _arrays(content.trust).items():
+                    group[name] = np.asarray(value, dtype="<f8")
         os.replace(beside, path)
     except OSError as error:
         raise OSError(f"cannot write surrogate file {path}: {error}") from None
@@ -150,7 +163,13 @@ def _read_network(group: h5py.Group) -> Network:
     )
 
 
+_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation}
+
+
 def _read_trust(group: h5py.Group) -> Trust:
-    arrays = {field.name: group[field.name][()] for field in fields(Trust)}
+    arrays = {field.name: group[field.name][()] for field in fields(Trust) if field.name in group.keys() - _PARTS}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+    for name, kind in _PARTS.items():
+        if name in group:
+            values[name] = kind(**{field.name: group[name][field.name][()] for field in fields(kind)})
     return Trust(**values)

@@ -84,8 +84,8 @@ def test_damaged_files_are_refused(saved):
 
 def test_foreign_and_newer_files_are_refused(saved, tmp_path):
     with h5py.File(saved, "r+") as file:
-        file.attrs["format"] = 3
-    with pytest.raises(ValueError, match="format 3, this version reads up to 2"):
+        file.attrs["format"] = 4
+    with pytest.raises(ValueError, match="format 4, this version reads up to 3"):
         load_surrogate(saved)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1.0
