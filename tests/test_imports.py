@@ -14,10 +14,11 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "machine", "conventions", "scenes", "motion", "geometry", "contact"),
-    *("statics", "dataset", "sampling", "network", "training", "transcription", "structures"),
-    *("presets", "project", "fitting", "verification", "optimisation", "benchmark", "report", "show", "pipeline"),
-    *("command_examples", "progress", "cli", "__main__"),
+    *("compilation", "files", "page", "workers", "machine", "conventions"),
+    *("scenes", "motion", "geometry", "contact", "statics"),
+    *("dataset", "sampling", "network", "training", "transcription", "structures"),
+    *("presets", "project", "fitting", "verification", "optimisation"),
+    *("benchmark", "report", "show", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]
 
 

@@ -31,18 +31,23 @@ class ContactCallback(ca.Callback):
         self.construct(name, {})
 
     def get_n_in(self) -> int:
+        """One input: the pose."""
         return 1
 
     def get_n_out(self) -> int:
+        """One output: the wrench."""
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """Six dense numbers."""
         return ca.Sparsity.dense(6, 1)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        """Six dense numbers."""
         return ca.Sparsity.dense(6, 1)
 
     def has_eval_buffer(self) -> bool:
+        """Numbers pass without a copy."""
         return True
 
     def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
@@ -53,9 +58,11 @@ class ContactCallback(ca.Callback):
         return 0
 
     def has_jacobian(self) -> bool:
+        """The model has its own."""
         return True
 
     def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
+        """The model's analytic Jacobian, kept alive here."""
         self._jacobian = _JacobianCallback(self, name, opts)
         return self._jacobian
 

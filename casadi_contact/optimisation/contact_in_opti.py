@@ -23,6 +23,7 @@ class ContactInOpti(ContactFrames):
 
         contact = ContactInOpti(opti, surrogate, locked={"ry": 0.0, "rz": -0.5})
         contact.carry({"Fy_med": -600.0, "Fy_lat": -400.0})
+        opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))  # forces alone leave tx and tz open
         opti.solver("ipopt", contact.options())
         poses = contact.poses(opti.solve())
 
@@ -52,8 +53,9 @@ class ContactInOpti(ContactFrames):
     def carry(self, wanted: Mapping[str, Any]) -> None:
         """Ask for loads (as for `misfit`) as constraints, and begin where the contact carries the normal ones.
 
-        For loads that need not be met exactly put ``ca.sumsqr(contact.misfit(wanted))`` into the objective instead,
-        and call `begin`. Expressions among the wanted loads leave the start as it is.
+        A load that need not be met exactly goes into the objective as ``ca.sumsqr(contact.misfit(wanted))``; the forces
+        that press the joint together had better be constraints. Expressions among the wanted loads leave the start as
+        it is.
         """
         self._opti.subject_to(ca.vec(self.misfit(wanted)) / _CONSTRAINT_N == 0.0)
         if not any(isinstance(value, ca.MX) for value in (*wanted.values(), *self._locked.values())):

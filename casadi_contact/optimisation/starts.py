@@ -33,12 +33,15 @@ def settle_in_range(
     moved = surrogate.scene.sensitive_pose
     if not pressing or not set(moved) <= set(free):
         return poses
-    inside = np.zeros(len(poses), dtype=bool)
-    for begin in (poses, rest):
-        tried, report = settle(surrogate, begin, moved, pressing, tolerance=1.0, max_iterations=30)
-        good = ~inside & report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
-        poses = np.where(good[:, None], tried, poses)
-        inside |= good
+    left = np.arange(len(poses))
+    for begin in (poses.copy(), rest):
+        forces = {name: wanted[left] for name, wanted in pressing.items()}
+        tried, report = settle(surrogate, begin[left], moved, forces, tolerance=1.0, max_iterations=30)
+        good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
+        poses[left[good]] = tried[good]
+        left = left[~good]
+        if not len(left):
+            break
     return poses
 
 

@@ -18,6 +18,7 @@ from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
 from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
@@ -128,16 +129,10 @@ def _print(problem: MuscleContact, result: MuscleContactResult, verdict: Verdict
         f"{name} {np.abs(curve).max():.2g} {coordinate_unit(name)}" for name, curve in result.reserves.items()
     )
     console.print(f"largest reserves: {largest}; largest activation: {result.activations.max():.2f}", highlight=False)
-    console.print(
-        f"{int(result.converged.sum())} of {len(walk)} frames converged; IPOPT: {result.ipopt_status}, "
-        f"{result.iterations} iterations, {result.seconds:.2f} s",
-        highlight=False,
-    )
+    print_outcome(console, result)
     if result.overloaded.any():
         frames = ", ".join(map(str, np.flatnonzero(result.overloaded)))
         console.print(f"beyond what muscles and contact balance, reserves stand in: frames {frames}", highlight=False)
-    for k in np.flatnonzero(~result.converged):
-        console.print(f"frame {k}: {result.reason[k]}", highlight=False)
 
 
 def _write_table(

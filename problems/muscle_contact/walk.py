@@ -6,7 +6,6 @@ translations.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
+from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
@@ -128,53 +128,14 @@ def read_walk(
     )
 
 
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header and numbered rows of a CSV file."""
-    if not path.is_file():
-        raise FileNotFoundError(f"file {path} does not exist")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV text file ({error})") from None
-    if len(rows) < 2:
-        raise ValueError(f"{path} holds {len(rows)} lines, expected a header and rows")
-    header = [name.strip() for name in rows[0][1]]
-    for number, row in rows[1:]:
-        if len(row) != len(header):
-            raise ValueError(f"{path} line {number}: got {len(row)} values, expected {len(header)}")
-    return header, rows[1:]
-
-
-def _column(path: Path, name: str, header: list[str], rows: list[tuple[int, list[str]]]) -> list[str]:
-    if header.count(name) != 1:
-        raise ValueError(f"{path} has the column {name} {header.count(name)} times, expected once")
-    place = header.index(name)
-    return [row[place].strip() for _, row in rows]
-
-
-def _numbers(path: Path, name: str, header: list[str], rows: list[tuple[int, list[str]]]) -> Array:
-    numbers = np.empty(len(rows))
-    for k, text in enumerate(_column(path, name, header, rows)):
-        try:
-            numbers[k] = float(text)
-        except ValueError:
-            raise ValueError(f"{path} line {rows[k][0]}, {name}: got {text!r}, expected a number") from None
-        if not np.isfinite(numbers[k]):
-            raise ValueError(f"{path} line {rows[k][0]}, {name}: got {text}, expected a finite number")
-    return numbers
-
-
 def _table(path: Path) -> Table:
     """A CSV or OpenSim file as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
         table = read_table(path)
     else:
-        header, rows = _rows(path)
-        if "time_s" not in header:
-            raise ValueError(f"{path} lacks the column time_s; it has {', '.join(header)}")
-        names = ["time_s", *(name for name in header if name != "time_s")]
-        columns = {name: _numbers(path, name, header, rows) for name in names}
+        text = TextColumns.read(path)
+        text.require("time_s")
+        columns = {name: text.numbers(name) for name in text.header}
         table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
     if np.any(np.diff(table.column("time")) <= 0.0):
         raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
@@ -182,22 +143,24 @@ def _table(path: Path) -> Table:
 
 
 def _parameters(path: Path) -> MuscleParameters:
-    header, rows = _rows(path)
-    names = tuple(_column(path, "muscle", header, rows))
+    table = TextColumns.read(path)
+    numbers = [table.numbers(column) for column in PARAMETER_COLUMNS]
     try:
-        return MuscleParameters(names, *(_numbers(path, column, header, rows) for column in PARAMETER_COLUMNS))
+        return MuscleParameters(tuple(table.text("muscle")), *numbers)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
 def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:
     """Lengths, velocities (n, m) and arms by coordinate from a CSV with one line for each frame and muscle."""
-    header, rows = _rows(path)
-    muscle, frame = _column(path, "muscle", header, rows), _numbers(path, "frame", header, rows)
+    table = TextColumns.read(path)
+    table.require("length_m")
+    table.require("velocity_m_per_s")
+    muscle, frame = table.text("muscle"), table.numbers("frame")
     place: dict[tuple[int, str], int] = {}
     for k, key in enumerate(zip(frame.astype(int), muscle, strict=True)):
         if key in place:
-            raise ValueError(f"{path} line {rows[k][0]}: muscle {key[1]} at frame {key[0]} is there twice")
+            raise ValueError(f"{path} line {table.rows[k][0]}: muscle {key[1]} at frame {key[0]} is there twice")
         place[key] = k
     missing = [(k, name) for k in range(len(time_s)) for name in names if (k, name) not in place]
     if missing:
@@ -206,16 +169,8 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
     if last >= len(time_s):
         raise ValueError(f"{path} has frame {last}, but inverse dynamics has {len(time_s)} frames, counted from 0")
     order = np.array([[place[k, name] for name in names] for k in range(len(time_s))])
-    tables = {
-        column: _numbers(path, column, header, rows)[order]
-        for column in header
-        if column in ("length_m", "velocity_m_per_s") or column.startswith("arm_")
-    }
-    for column in ("length_m", "velocity_m_per_s"):
-        if column not in tables:
-            raise ValueError(f"{path} lacks the column {column}; it has {', '.join(header)}")
-    arms = {name: tables[f"arm_{name}"] for name in COORDINATES if f"arm_{name}" in tables}
-    return tables["length_m"], tables["velocity_m_per_s"], arms
+    arms = {name: table.numbers(f"arm_{name}")[order] for name in COORDINATES if f"arm_{name}" in table.header}
+    return table.numbers("length_m")[order], table.numbers("velocity_m_per_s")[order], arms
 
 
 def _analysis(folder: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:

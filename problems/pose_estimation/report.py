@@ -17,6 +17,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
 from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
 from problems.pose_estimation.problem import LOADS, PoseEstimation, cop
 from problems.pose_estimation.solve import PoseResult
@@ -112,13 +113,7 @@ def _print(
         cells = [f"{errors[name][key]['rms']:.2g} / {errors[name][key]['max']:.2g}" for key in COMPARISONS]
         table.add_row(f"{name} ({unit})", *cells)
     console.print(table)
-    console.print(
-        f"{int(result.converged.sum())} of {frames} frames converged; IPOPT: {result.ipopt_status}, "
-        f"{result.iterations} iterations, {result.seconds:.2f} s with its start",
-        highlight=False,
-    )
-    for k in np.flatnonzero(~result.converged):
-        console.print(f"frame {k}: {result.reason[k]}", highlight=False)
+    print_outcome(console, result)
     if starts is not None:
         console.print(str(starts), highlight=False)
 

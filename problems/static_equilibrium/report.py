@@ -16,6 +16,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult, on_model
@@ -51,13 +52,7 @@ def report(
         cells = [f"{shown[POSE_NAMES.index(name)]:.4f}" for name in shown_names]
         table.add_row(f"{-shown[5]:.1f}", *cells, f"{np.abs(misfit).max():.1e}")
     console.print(table)
-    console.print(
-        f"{int(result.converged.sum())} of {len(result.poses)} in equilibrium; IPOPT: {result.ipopt_status}, "
-        f"{result.iterations} iterations, {result.seconds:.2f} s with its start",
-        highlight=False,
-    )
-    for row in np.flatnonzero(~result.converged):
-        console.print(f"row {row}: {result.reason[row]}", highlight=False)
+    print_outcome(console, result, "in equilibrium", "row")
     off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
     for name, difference in off.items():

@@ -135,7 +135,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
 
 def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):
     assert command(monkeypatch, "--out", tmp_path, "--starts", 0, "--flexions", "20", "--fy", "300") == 2
-    assert "no equilibrium for rows 0" in capsys.readouterr().err
+    assert "static_equilibrium: not solved: frames 0" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
