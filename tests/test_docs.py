@@ -51,7 +51,8 @@ def test_python_blocks_of_a_page_run_one_after_the_other(page, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "example"}
     for block in _BLOCK.finditer(text_of(page)):
-        code = compile(block["code"], f"{page}", "exec")
+        before = text_of(page)[: block.start("code")].count("\n")  # so that an error names its line of the page
+        code = compile("\n" * before + block["code"], f"{page}", "exec")
         if not block["reason"]:
             exec(code, names)
 
