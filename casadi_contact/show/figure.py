@@ -11,6 +11,22 @@ from casadi_contact.conventions import Array
 from casadi_contact.page import new_page, save_page
 from casadi_contact.show.view import View
 
+# An open ring, through which the contact shows.
+CENTRE_OF_PRESSURE: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 6,
+    "markerfacecolor": "none",
+    "markeredgewidth": 1.0,
+    "color": "red",
+    "linestyle": "none",
+}
+_PATCH_TITLES = {"med": "medial", "lat": "lateral"}
+
+
+def patch_title(patch: str) -> str:
+    """A patch's name spelled out where it is a common one."""
+    return _PATCH_TITLES.get(patch, patch)
+
 
 def new_figure(width: float, height: float) -> Any:
     """An empty page [inch] whose panels keep the scale of their axes."""
