@@ -88,8 +88,8 @@ def test_links_and_pictures_of_a_page_are_there(page):
             assert (ROOT / page.parent / target).is_file(), f"{page}: {target}"
 
 
-def test_pages_of_results_are_what_the_command_writes_from_the_stored_files(tmp_path):
-    written = pages(RESULTS, tmp_path)
+def test_pages_of_results_are_what_the_command_writes_from_the_stored_files():
+    written = pages(RESULTS)
     stored = {path.name: path.read_text("utf-8") for path in (ROOT / "docs" / "results").glob("*.md")}
     assert set(stored) - {"index.md"} == set(written)
     for name, text in written.items():

@@ -16,16 +16,21 @@ from casadi_contact.files import replacing, writable_folder
 from problems.common.command import new_app, run_command
 from problems.studies.pages.headline import headline, write_headline
 from problems.studies.pages.problems import muscle_contact_page, pose_estimation_page, stability_page
-from problems.studies.pages.surrogates import domains_page, kernel_speed_page, speed_accuracy_page
+from problems.studies.pages.surrogates import (
+    domains_page,
+    draw_speed_accuracy,
+    kernel_speed_page,
+    speed_accuracy_page,
+)
 
 app = new_app()
 
 
-def pages(data: Path, out: Path) -> dict[str, str]:
-    """Text of every page by file name, of the result files that are in the folder; charts are drawn into out."""
+def pages(data: Path) -> dict[str, str]:
+    """Text of every page by file name, of the result files that are in the folder."""
     found: dict[str, str] = {}
     if (path := data / "speed_accuracy.csv").is_file():
-        found["speed-accuracy.md"] = speed_accuracy_page(path, out)
+        found["speed-accuracy.md"] = speed_accuracy_page(path)
     if (path := data / "evaluation.json").is_file():
         found["domains.md"] = domains_page(path)
     if (path := data / "kernel_speed.json").is_file():
@@ -47,13 +52,15 @@ def run(
 ) -> None:
     """Write the pages of results; no number of theirs is typed by hand."""
     writable_folder(out)
-    found = pages(data, out)
+    found = pages(data)
     if not found:
         raise ValueError(f"no result file in {data}, expected speed_accuracy.csv, evaluation.json or others")
     for name, text in found.items():
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
         print(f"written {out / name}")
+    if "speed-accuracy.md" in found:
+        draw_speed_accuracy(data / "speed_accuracy.csv", out)
     if readme is not None:
         write_headline(readme, headline(data))
         print(f"numbers in {readme}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from casadi_contact.benchmark.front_file import SIZE, TIMES, Front, Point, read_front
+from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Point, read_front
 from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing
 from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
@@ -22,10 +22,12 @@ _CHARTS = {
 }
 
 
-def speed_accuracy_page(path: Path, out: Path) -> str:
-    """Charts and table of a ``speed_accuracy.csv``; the charts are drawn beside the page."""
+def speed_accuracy_page(path: Path) -> str:
+    """Charts (see `draw_speed_accuracy`) and table of a ``speed_accuracy.csv``."""
     front = read_front(path)
-    pictures = [f"![{_CHARTS[name]}]({name}.png)" for name in _pictures(front, out)]
+    sweeps = {p.sweep for p in front.points if not p.failure}
+    needs = {"error_by_samples": SAMPLES, "error_by_training_time": SECONDS}
+    pictures = [f"![{what}]({x}.png)" for x, what in _CHARTS.items() if needs.get(x, SIZE) in sweeps]
     header = front.header
     intro = (
         f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
@@ -47,14 +49,13 @@ def speed_accuracy_page(path: Path, out: Path) -> str:
     return page("Speed and accuracy", *parts, "## By domain", *pictures[2:3])
 
 
-def _pictures(front: Front, out: Path) -> list[str]:
-    """Draw the charts as PNG into the folder; their names."""
+def draw_speed_accuracy(path: Path, out: Path) -> None:
+    """Draw the charts of a ``speed_accuracy.csv`` as PNG into the folder."""
     with TemporaryDirectory() as folder:
-        drawn = [path for path in draw_charts(front, Path(folder)) if path.suffix == ".png"]
-        for path in drawn:
-            with replacing(out / path.name) as beside:
-                beside.write_bytes(path.read_bytes())
-    return [path.stem for path in drawn]
+        for drawn in draw_charts(read_front(path), Path(folder)):
+            if drawn.suffix == ".png":
+                with replacing(out / drawn.name) as beside:
+                    beside.write_bytes(drawn.read_bytes())
 
 
 def _front_table(points: list[Point]) -> str:
