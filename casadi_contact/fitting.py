@@ -17,9 +17,9 @@ from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, has_motion, read_motion
-from casadi_contact.sampling import SamplingSettings
+from casadi_contact.sampling import SamplingSettings, elastic_foundations
 from casadi_contact.sampling.around import samples_around
-from casadi_contact.structures import STRUCTURES, Surrogate, calibrated
+from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
@@ -53,15 +53,16 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
-        calibrated(surrogate, samples, around).save(path)
+        with_trust(surrogate, samples, around).save(path)
         paths.append(path)
     return paths
 
 
 def moved_samples(samples: Samples) -> Samples | None:
     """`samples_around` on the elastic foundation's teacher grid, what a surrogate's trust is calibrated on besides the
-    samples; None for a scene without geometry, or samples that come from a table."""
-    if samples.scene.layer is None or "settings" not in samples.provenance:
+    samples; None for samples of another contact model, or from a table."""
+    foundations = f"{elastic_foundations.__module__}.{elastic_foundations.__qualname__}"
+    if samples.provenance.get("models") != foundations:
         return None
     settings = SamplingSettings.from_table(samples.provenance["settings"])
     return samples_around(samples, ElasticFoundation(samples.scene, settings.teacher_grid))

@@ -14,9 +14,9 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "machine", "quantities", "conventions"),
+    *("compilation", "files", "page", "workers", "machine", "quantities", "conventions", "pressure_laws"),
     *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
-    *("dataset", "sampling", "network", "training", "transcription", "structures"),
+    *("dataset", "sampling", "activations", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation"),
     *("benchmark", "report", "show", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, is_force, pose_index
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
 from casadi_contact.optimisation.starts import settle_in_range
+from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.structures import Surrogate
 
@@ -92,7 +93,7 @@ class ContactFrames:
                 torque, sign = _COP[name]
                 rows[name] = (self.load(torque) + sign * self._row(name, value) * self._vertical()) / COP_LEVER_MM
             elif name not in rows:
-                rows[name] = (self.load(name) - self._row(name, value)) / (1.0 if is_force(name) else LEVER_MM)
+                rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
         return ca.vertcat(*(rows[name] for name in wanted))
 
     def start_poses(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:

@@ -5,14 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, pose_index
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.statics import settle
 from casadi_contact.structures import Surrogate
 
 SHEAR_FREE_LOAD_N = 500.0
 _LEAST_FORCE_N = 20.0  # of each side, so that a start is always in contact
+
+
+def start_or_default(start: ArrayLike | None, default: Array) -> Array:
+    """A copy of a start (n, 6), of the default (n, 6) if there is none; ValueError for another number of poses."""
+    if start is None:
+        return default.copy()
+    poses = as_poses(start).copy()
+    if len(poses) != len(default):
+        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(default)} frames")
+    return poses
 
 
 def settle_in_range(

@@ -12,6 +12,7 @@ from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.conventions import Array, as_poses, load_unit
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
+from casadi_contact.verification.verify import loads_on
 
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
@@ -108,8 +109,7 @@ def judge(
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
     else:
-        columns = [model.load_names.index(load) for load in names]
-        errors = surrogate(poses, names) - model(poses)[:, columns]
+        errors = surrogate(poses, names) - loads_on(model, poses, names)
         name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
     allowed = ALLOWED * np.array([surrogate.scene.tolerances[load] for load in names])
     return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name)

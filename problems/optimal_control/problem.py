@@ -25,8 +25,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, is_force, pose_index
+from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, pose_bounds, total_selection
+from casadi_contact.quantities import newton_scales
 from casadi_contact.structures import Surrogate
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
@@ -75,7 +76,7 @@ def _point_function(surrogate: Surrogate, rig: Rig) -> ca.Function:
         - ca.DM(stiffness) * (pose - ca.DM(rest))
         - ca.DM(damping) * (v * RATES)
     )
-    levers = np.array([1.0 if is_force(name) else LEVER_MM for name in surrogate.load_names])
+    levers = newton_scales(surrogate.load_names, LEVER_MM)
     off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[_RZ] - rz) / FLEXION_RAD)
     return ca.Function("point", [q, v, u, wanted, rz], [forces / ca.DM(POSE_IN_MM), off])
 

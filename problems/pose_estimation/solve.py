@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array, as_poses, pose_index
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default
 from casadi_contact.statics import settle
 from problems.pose_estimation.march import march
 from problems.pose_estimation.problem import FREE_COLUMNS, FREE_STEPS, LOADS, PoseEstimation, cop, wanted_of
@@ -54,9 +54,7 @@ def solve(
     """
     cycle, contact = problem.cycle, problem.contact
     began = time.perf_counter()
-    poses = problem.start_poses() if start is None else as_poses(start).copy()
-    if len(poses) != len(cycle):
-        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(cycle)} frames")
+    poses = start_or_default(start, problem.start_poses())
     # Settling needs the learned range: outside it s may have another root, from which IPOPT does not come back.
     low, high = pose_bounds(problem.surrogate)
     poses[:, FREE_COLUMNS] = np.clip(poses[:, FREE_COLUMNS], low[FREE_COLUMNS], high[FREE_COLUMNS])

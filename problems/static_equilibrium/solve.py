@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.optimize import root
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, as_poses
+from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array
 from casadi_contact.optimisation import (
     KNEE_STEPS,
     IpoptOutcome,
     ipopt_options,
     press_together,
+    start_or_default,
     total_selection,
     wrench_function,
 )
@@ -48,9 +49,7 @@ def solve(
     Never raises for loads that no pose carries: each row is reported with its misfit and the reason.
     """
     began = time.perf_counter()
-    poses = problem.rest.copy() if start is None else as_poses(start).copy()
-    if len(poses) != len(problem.loads):
-        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(problem.loads)} loads")
+    poses = start_or_default(start, problem.rest)
     poses = press_together(problem.surrogate, poses, problem.rest, problem.loads, problem.free)
     columns = problem.columns
     options = ipopt_options(max_iterations=max_iterations, print_level=print_level)

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, is_force
+from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array
+from casadi_contact.quantities import newton_scales
 from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, EF_FINE, Bench
 from problems.studies.stability.table import Line
 
@@ -32,7 +33,7 @@ def by_differences(model: Any, poses: Array, step_mm: float, *, central: bool) -
 
 def relative_error(jacobian: Array, true: Array, load_names: tuple[str, ...]) -> float:
     """RMS over poses of the relative error of Jacobians (n, L, 6), in comparable units."""
-    scale = np.array([1.0 if is_force(name) else 1.0 / LEVER_MM for name in load_names])[:, None] / POSE_IN_MM
+    scale = 1.0 / newton_scales(load_names, LEVER_MM)[:, None] / POSE_IN_MM
     off = np.linalg.norm((jacobian - true) * scale, axis=(1, 2)) / np.linalg.norm(true * scale, axis=(1, 2))
     return float(np.sqrt(np.mean(off**2)))
 
