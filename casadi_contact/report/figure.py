@@ -20,7 +20,13 @@ def two_panels(front: Front, title: str, measured: str | None = None, note: str 
     figure = new_page(14.0, 6.8)
     header = front.header
     walking = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
-    machine = f"{header.get('processor', 'unknown processor')}, {header.get('threads', '?')} thread"
+    machine = ", ".join(
+        (
+            header.get("processor", "unknown processor"),
+            *filter(None, (header.get("instruction_set"),)),
+            f"{header.get('threads', '?')} thread",
+        )
+    )
     figure.suptitle(f"{header['scene']}: {title}\n{measured or walking}; {machine}", fontsize=10)
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))

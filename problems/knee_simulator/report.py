@@ -12,7 +12,7 @@ from rich.table import Table
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.verification import Verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.knee_simulator.balance import EnergyBalance, unbalanced
@@ -119,26 +119,31 @@ def _write_table(path: Path, motion: Simulation, verdict: Verdict) -> None:
 
 def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: EnergyBalance, path: Path) -> None:
     """Loads applied, the poses on surrogate and finest EF, and the energy balance, as a PNG."""
-    page = new_page(13.0, 7.0)
-    axes = page.subplots(2, 4)
+    page = new_page(14.0, 8.5)
+    moved = ((0, 2), (0, 3), (1, 0), (1, 1), (1, 2))
+    parts = panels(page, 2, 4, moved)
+    axes = {place: panel.curves for place, panel in parts.items()}
     time_s, share = motion.time_s, motion.time_s / simulator.rig.period_s
     waves = simulator.waveforms
     axes[0, 0].plot(time_s, waves.axial_n.at(share), label="applied", **WANTED)
     axes[0, 0].plot(time_s, -motion.wrenches[:, 1], label="contact", **SURROGATE)
-    axes[0, 0].set_title("axial force [N]")
+    axes[0, 0].set_ylabel("axial force [N]")
     axes[0, 0].legend(fontsize=8)
     axes[0, 1].plot(time_s, waves.ap_n.at(share), color=COLOURS["blue"], label="anterior-posterior force [N]")
     axes[0, 1].plot(time_s, waves.ie_nmm.at(share) / 100.0, color=COLOURS["vermillion"], label="torque [N·m × 10]")
     axes[0, 1].plot(time_s, waves.flexion_deg.at(share), color=COLOURS["green"], label="flexion [deg]")
-    axes[0, 1].set_title("applied, prescribed")
+    axes[0, 1].set(title="applied, prescribed", ylabel="[N], [N·m × 10], [degrees]")
     axes[0, 1].set_ylim(bottom=-420.0)
     axes[0, 1].legend(fontsize=8, loc="lower right")
-    for axis, name in zip((axes[0, 2], axes[0, 3], *axes[1, :3]), POSE_NAMES[:5], strict=True):
-        column = POSE_NAMES.index(name)
+    for place, name in zip(moved, POSE_NAMES[:5], strict=True):
+        column, unit = POSE_NAMES.index(name), "degrees" if name.startswith("r") else "mm"
         turn = np.degrees if name.startswith("r") else np.asarray
-        axis.plot(time_s, turn(motion.poses[:, column]), label="surrogate", **SURROGATE)
-        axis.plot(time_s, turn(finest.simulation.poses[:, column]), label=finest.model, **FOUNDATION)
-        axis.set_title(f"{name} [{'degrees' if name.startswith('r') else 'mm'}]")
+        own, other = turn(motion.poses[:, column]), turn(finest.simulation.poses[:, column])
+        axes[place].plot(time_s, own, label="surrogate", **SURROGATE)
+        axes[place].plot(time_s, other, label=finest.model, **FOUNDATION)
+        axes[place].set_ylabel(f"{name} [{unit}]")
+        parts[place].difference(time_s, other - own, "EF - surrogate", **FOUNDATION)
+        parts[place].differences.set_ylabel(f"EF off [{unit}]", fontsize=7)
     axes[0, 2].legend(fontsize=8)
     axis = axes[1, 3]
     for name, colour in (
@@ -149,8 +154,8 @@ def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: Ene
         axis.plot(time_s, getattr(balance, name), color=colour, label=name)
     axis.plot(time_s, balance.applied + balance.drive, label="brought in", **WANTED)
     axis.plot(time_s, balance.stored, color=COLOURS["purple"], ls="--", label="stored in contact")
-    axis.set_title("energy since the start [N·mm]")
+    axis.set_ylabel("energy since the start [N·mm]")
     axis.legend(fontsize=8)
-    frame(axes.ravel(), "time [s]")
+    frame((panel.lowest for panel in parts.values()), "time [s]")
     page.suptitle("Load-driven knee simulator, one cycle")
     save_page(page, path, dots_per_inch=76)

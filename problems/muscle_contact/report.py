@@ -16,7 +16,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
-from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
@@ -25,6 +25,21 @@ from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 
 SIDES = ("Fy_med", "Fy_lat")
+_MUSCLES = {
+    "bflh": "biceps femoris, long head",
+    "bfsh": "biceps femoris, short head",
+    "gaslat": "gastrocnemius, lateral head",
+    "gasmed": "gastrocnemius, medial head",
+    "grac": "gracilis",
+    "recfem": "rectus femoris",
+    "sart": "sartorius",
+    "semimem": "semimembranosus",
+    "semiten": "semitendinosus",
+    "tfl": "tensor fasciae latae",
+    "vasint": "vastus intermedius",
+    "vaslat": "vastus lateralis",
+    "vasmed": "vastus medialis",
+}
 _DRAWN_MUSCLES = 6
 
 
@@ -157,40 +172,45 @@ def _write_table(
 def draw(problem: MuscleContact, result: MuscleContactResult, compared: Compared, path: Path) -> None:
     """Forces of both sides (predicted, EF, measured), activations and the greatest muscle forces, as a PNG."""
     walk, errors = problem.walk, compared.errors()
-    page = new_page(13.0, 8.0)
-    axes = page.subplots(2, 2)
-    for column, (axis, name) in enumerate(zip(axes[0], SIDES, strict=True)):
-        title = f"{name}: compression [N]"
+    page = new_page(13.0, 8.5)
+    parts = panels(page, 2, 2, {(0, 0), (0, 1)})
+    failed = ~result.converged
+    for column, (name, side) in enumerate(zip(SIDES, ("medial", "lateral"), strict=True)):
+        panel, axis = parts[0, column], parts[0, column].curves
+        title = f"{side} side"
         if compared.measured is not None:
             axis.plot(walk.percent, -compared.measured[:, column], label="measured", **WANTED)
-            title += f", RMSE {errors[name]['prediction']['rms']:.0f} N"
+            title += f": RMS error {errors[name]['prediction']['rms']:.0f} N"
         axis.plot(walk.percent, -compared.got[:, column], label="predicted", **SURROGATE)
         axis.plot(walk.percent, -compared.teacher[:, column], label="EF, same poses", **FOUNDATION)
-        failed = ~result.converged
         if failed.any():
             axis.plot(walk.percent[failed], -compared.got[failed, column], label="not converged", **FAILED)
-        axis.set_title(title)
+        axis.set(title=title, ylabel="compression [N]")
         axis.legend(fontsize=8)
-    top = max(axis.get_ylim()[1] for axis in axes[0])
-    for axis in axes[0]:
+        off = compared.got[:, column] - compared.teacher[:, column]  # of compressions, which have the other sign
+        panel.difference(walk.percent, off, "EF - predicted", **FOUNDATION)
+        panel.differences.set_ylabel("EF - predicted [N]", fontsize=7)
+    forces = [parts[0, column].curves for column in range(2)]
+    top = max(axis.get_ylim()[1] for axis in forces)
+    for axis in forces:
         axis.set_ylim(-0.03 * top, top)
-    names = walk.muscles.names
-    image = axes[1, 0].pcolormesh(
+    names = [_MUSCLES.get(name, name) for name in walk.muscles.names]
+    activation, strongest_forces = parts[1, 0].curves, parts[1, 1].curves
+    image = activation.pcolormesh(
         walk.percent, np.arange(len(names)), result.activations.T, shading="nearest", cmap="viridis", vmin=0.0
     )
-    axes[1, 0].set_yticks(np.arange(len(names)), names, fontsize=8)
-    axes[1, 0].set_title("activation")
-    page.colorbar(image, ax=axes[1, 0])
+    activation.set_yticks(np.arange(len(names)), names, fontsize=8)
+    page.colorbar(image, ax=activation, label="activation [-]")
     strongest = np.argsort(result.muscle_forces_n.max(axis=0))[::-1][:_DRAWN_MUSCLES]
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green", "purple", "orange", "sky blue")]
     for muscle, color in zip(strongest, colours, strict=True):
-        axes[1, 1].plot(walk.percent, result.muscle_forces_n[:, muscle], color=color, label=names[muscle])
-    axes[1, 1].set_title("greatest muscle forces [N]")
-    axes[1, 1].legend(fontsize=8)
-    frame(axes.ravel(), "cycle [%]")
-    for axis in axes.ravel():
-        axis.set_xlim(0.0, 100.0)
-    axes[1, 0].grid(visible=False)
+        strongest_forces.plot(walk.percent, result.muscle_forces_n[:, muscle], color=color, label=names[muscle])
+    strongest_forces.set(title="strongest muscles", ylabel="force [N]")
+    strongest_forces.legend(fontsize=8)
+    frame((panel.lowest for panel in parts.values()), "cycle [%]")
+    for panel in parts.values():
+        panel.curves.set_xlim(0.0, 100.0)
+    activation.grid(visible=False)
     converged = f"{int(result.converged.sum())} of {len(walk)} frames converged"
     page.suptitle(f"Muscle and contact forces from inverse dynamics, {walk.name}: {converged}")
     save_page(page, path, dots_per_inch=110)

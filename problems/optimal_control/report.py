@@ -13,7 +13,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_unit
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.verification import Verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.optimal_control.problem import OptimalControl
@@ -82,37 +82,42 @@ def _write_table(path: Path, problem: OptimalControl, result: ControlResult, ver
 
 def draw(problem: OptimalControl, result: ControlResult, ef: Array, path: Path) -> None:
     """Contact loads wanted, got and on the EF, the pose, and the actuator loads found, as a PNG."""
-    page = new_page(13.0, 7.0)
-    axes = page.subplots(2, 4)
+    page = new_page(14.0, 8.5)
+    parts = panels(page, 2, 4, {(0, column) for column in range(4)})
     time_s = problem.times
     names = problem.surrogate.load_names
     wanted = result.loads - result.load_error
-    for axis, name in zip(axes[0], ("Fy_med", "Fy_lat", "Fx", "Ty"), strict=True):
-        column = names.index(name)
+    for place, name in enumerate(("Fy_med", "Fy_lat", "Fx", "Ty")):
+        panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
         axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
         axis.plot(time_s, result.loads[:, column], label="surrogate", **SURROGATE)
         axis.plot(time_s, ef[:, column], label="elastic foundation", **FOUNDATION)
-        axis.set_title(f"contact {name} [{load_unit(name)}]")
-    axes[0, 0].legend(fontsize=8)
+        axis.set(title=f"contact {name}", ylabel=f"{name} [{load_unit(name)}]")
+        panel.difference(time_s, result.loads[:, column] - wanted[:, column], "surrogate - wanted", **SURROGATE)
+        panel.difference(time_s, ef[:, column] - result.loads[:, column], "EF - surrogate", **FOUNDATION)
+        panel.differences.set_ylabel(f"off [{load_unit(name)}]", fontsize=8)
+    parts[0, 0].curves.legend(fontsize=8)
+    parts[0, 0].differences.legend(fontsize=6)
+    axes = {place: panel.curves for place, panel in parts.items()}
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
     ty = POSE_NAMES.index("ty")
     shift = np.zeros(6)
     shift[ty] = np.round(result.poses[:, ty].mean())
-    for axis, picked, title in ((axes[1, 0], POSE_NAMES[:3], "pose [mm]"), (axes[1, 1], POSE_NAMES[3:], "[degrees]")):
+    for axis, picked, title in ((axes[1, 0], POSE_NAMES[:3], "[mm]"), (axes[1, 1], POSE_NAMES[3:], "[degrees]")):
         for name, colour in zip(picked, colours, strict=True):
             column = POSE_NAMES.index(name)
             values = result.poses[:, column] - shift[column]
             label = f"{name} - {shift[column]:g}" if shift[column] else name
             if name == "rz":
-                values, label = values / 10.0, "rz / 10"
+                values, label = -values / 10.0, "flexion = -rz, over 10"
             axis.plot(time_s, np.degrees(values) if name.startswith("r") else values, color=colour, label=label)
-        axis.set_title(title)
+        axis.set(title="pose", ylabel=title)
         axis.legend(fontsize=8)
     for axis, picked, unit in ((axes[1, 2], WRENCH_NAMES[:3], "N"), (axes[1, 3], WRENCH_NAMES[3:], "N·mm")):
         for name, colour in zip(picked, colours, strict=True):
             axis.plot(time_s, result.actuators[:, WRENCH_NAMES.index(name)], color=colour, label=name)
-        axis.set_title(f"actuators [{unit}]")
+        axis.set(title="actuators", ylabel=f"[{unit}]")
         axis.legend(fontsize=8)
-    frame(axes.ravel(), "time [s]")
+    frame((panel.lowest for panel in parts.values()), "time [s]")
     page.suptitle(f"Optimal control: {result.ipopt_status}, {result.iterations} iterations")
     save_page(page, path, dots_per_inch=72)

@@ -15,7 +15,7 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
-from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
@@ -26,6 +26,12 @@ from problems.pose_estimation.starts import RandomStarts
 QUANTITIES = ("Fy_med", "Fy_lat", "cop_ap", "cop_ml")
 UNITS = ("N", "N", "mm", "mm")
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
+_TITLES = {
+    "Fy_med": "medial vertical force",
+    "Fy_lat": "lateral vertical force",
+    "cop_ap": "centre of pressure, anterior-posterior",
+    "cop_ml": "centre of pressure, medial-lateral",
+}
 _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 
 
@@ -131,24 +137,31 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
 
 def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Path) -> None:
     """Forces and centres of pressure (wanted, got, EF) and the poses over the cycle, as a PNG."""
-    page = new_page(13.0, 7.5)
-    axes = page.subplots(2, 4)
+    page = new_page(14.0, 8.5)
+    parts = panels(page, 2, 4, {(0, column) for column in range(4)})
     percent, failed = problem.cycle.percent, ~result.converged
-    for column, axis in enumerate(axes[0]):
+    for column, (name, unit) in enumerate(zip(QUANTITIES, UNITS, strict=True)):
+        panel, axis = parts[0, column], parts[0, column].curves
         axis.plot(percent, tracked.wanted[:, column], label="wanted", **WANTED)
         axis.plot(percent, tracked.got[:, column], label="surrogate", **SURROGATE)
         axis.plot(percent, tracked.ef[:, column], label="elastic foundation", **FOUNDATION)
-        axis.set_title(f"{QUANTITIES[column]} [{UNITS[column]}]")
+        axis.set(title=_TITLES[name], ylabel=f"{name} [{unit}]")
+        panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], "surrogate - wanted", **SURROGATE)
+        panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], "EF - surrogate", **FOUNDATION)
+        panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
         if failed.any():
             axis.plot(percent[failed], tracked.got[failed, column], label="not converged", **FAILED)
-    axes[0, 0].legend(fontsize=8)
-    for axis, names in zip(axes[1], _PANELS, strict=True):
+    parts[0, 0].curves.legend(fontsize=8)
+    parts[0, 0].differences.legend(fontsize=6)
+    for place, names in enumerate(_PANELS):
+        axis = parts[1, place].curves
         for name, colour, line in zip(names, (COLOURS["blue"], COLOURS["vermillion"]), ("-", "--"), strict=False):
-            values = result.poses[:, POSE_NAMES.index(name)]
-            axis.plot(percent, np.degrees(values) if name[0] == "r" else values, color=colour, ls=line, label=name)
-        axis.set_title(f"{', '.join(names)} [{'degrees' if names[0][0] == 'r' else 'mm'}]")
+            values = result.poses[:, POSE_NAMES.index(name)] * (-1.0 if name == "rz" else 1.0)
+            label = "flexion = -rz" if name == "rz" else name
+            axis.plot(percent, np.degrees(values) if name[0] == "r" else values, color=colour, ls=line, label=label)
+        axis.set_ylabel("[degrees]" if names[0][0] == "r" else "[mm]")
         axis.legend(fontsize=8)
-    frame(axes.ravel(), "cycle [%]")
+    frame((panel.lowest for panel in parts.values()), "cycle [%]")
     converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
     page.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
     save_page(page, path, dots_per_inch=110)

@@ -123,14 +123,14 @@ def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, path: Path) -> N
             label = f"{name} - {shift:g}" if shift else name
             axis.plot(flexion, scale * (result.poses[:, column] - shift), "-", color=colour, label=label)
             axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
-        axis.set_title(title)
+        axis.set_ylabel(title)
         axis.legend(fontsize=7)
     off = ef - result.wrenches
     for axis, names, title in ((axes[2], WRENCH_NAMES[:3], "force [N]"), (axes[3], WRENCH_NAMES[3:], "torque [N·mm]")):
         for name, colour in zip(names, colours, strict=True):
             axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
-        axis.set_title(f"EF - surrogate, {title}")
+        axis.set_ylabel(f"EF - surrogate, {title}")
         axis.legend(fontsize=7)
-    frame(axes, "flexion [degrees]")
+    frame(axes, "flexion = -rz [degrees]")
     page.suptitle(f"Settling: {int(result.converged.sum())} of {len(flexion)} poses in equilibrium")
     save_page(page, path, dots_per_inch=80)
