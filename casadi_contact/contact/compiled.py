@@ -91,28 +91,52 @@ class CompiledFoundation(ABC):
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
         return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(poses[rows]))
 
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
+        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
+        if not names or any(name not in self.load_names for name in names):
+            raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(self.load_names)}")
+        return names
+
     def function(
-        self, loads: Iterable[str] | None = None, name: str = "contact_loads", *, batch: int | None = None
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = True,
+        batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with first and second derivatives; batch: (6 x batch) -> (L x batch).
 
-        Works in ``map`` and in nlpsol. Raises ValueError for a load that is not the scene's.
+        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences. Raises
+        ValueError for a load that is not the scene's.
         """
-        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
-        if unknown := [load for load in names if load not in self.load_names] or not names:
-            raise ValueError(f"loads {unknown or names!r}, expected some of {', '.join(self.load_names)}")
-        return self._function(name, names, ("loads",), batch)
+        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
 
-    def root_function(self, name: str = "contact_roots", *, batch: int | None = None) -> ca.Function:
+    def root_function(
+        self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
+    ) -> ca.Function:
         """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
-        return self._function(name, (), ("roots",), batch)
+        return self._function(name, (), ("roots",), compiled, batch)
 
-    def load_and_root_function(self, name: str = _BOTH, *, batch: int | None = None) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), roots (P)."""
-        return self._function(name, self.load_names, ("loads", "roots"), batch)
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = _BOTH,
+        *,
+        compiled: bool = True,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
+        return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
 
-    def _function(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int | None) -> ca.Function:
-        if (path := self._kernel(name, loads, wanted, batch or 1)) is not None:
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if batch is not None and batch < 1:
+            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
+        path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
+        if path is not None:
             return ca.external(name, str(path))
         rows = [self.load_names.index(load) for load in loads]
 
