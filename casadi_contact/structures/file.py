@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from casadi_contact.files import new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.trust import Trust
@@ -56,7 +55,7 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
 
 
 def write_file(path: str | Path, content: Content) -> None:
-    """Write beside and rename. Raises ValueError for a record that is not JSON, OSError for an unwritable path."""
+    """Put the file in the place of `path`. Raises ValueError for a record that is not JSON, OSError if unwritable."""
     path = Path(path)
     try:
         record = json.dumps(content.record, ensure_ascii=False, allow_nan=False)
@@ -65,35 +64,27 @@ def write_file(path: str | Path, content: Content) -> None:
             f"surrogate record is not plain JSON ({error}), expected text, finite numbers and lists"
         ) from None
     scene = content.scene.to_toml()
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(beside, "w") as file:
-            file.attrs["kind"] = KIND
-            file.attrs["format"] = FORMAT
-            file.attrs["structure"] = content.structure
-            file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
-            file["scene"] = scene
-            file["record"] = record
-            networks = file.create_group("networks", track_order=True)
-            for name, network in content.networks.items():
-                group = networks.create_group(name)
-                group.attrs["activation"] = network.activation
-                group.attrs["output_scale"] = float(network.output_scale)
-                group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
-                group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
-                for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-                    group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
-                    group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
-            if content.trust is not None:
-                group = file.create_group("trust")
-                for field in fields(content.trust):
-                    group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
-        os.replace(beside, path)
-    except OSError as error:
-        raise OSError(f"cannot write surrogate file {path}: {error}") from None
-    finally:
-        with suppress(OSError):
-            beside.unlink()
+    with new_hdf5(path) as file:
+        file.attrs["kind"] = KIND
+        file.attrs["format"] = FORMAT
+        file.attrs["structure"] = content.structure
+        file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
+        file["scene"] = scene
+        file["record"] = record
+        networks = file.create_group("networks", track_order=True)
+        for name, network in content.networks.items():
+            group = networks.create_group(name)
+            group.attrs["activation"] = network.activation
+            group.attrs["output_scale"] = float(network.output_scale)
+            group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
+            group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
+            for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+                group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
+                group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
+        if content.trust is not None:
+            group = file.create_group("trust")
+            for field in fields(content.trust):
+                group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
 
 
 def read_file(path: str | Path) -> Content:
@@ -104,43 +95,40 @@ def read_file(path: str | Path) -> Content:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"surrogate file {path} does not exist")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("kind") != KIND:
-                raise _RefusedError(f"{path} is not a surrogate file, expected one written by casadi_contact")
-            if not 1 <= file.attrs["format"] <= FORMAT:
-                raise _RefusedError(
-                    f"{path} has surrogate format {file.attrs['format']}, this version reads up to {FORMAT}: "
-                    "update casadi_contact, or build the surrogate again"
-                )
-            structure = str(file.attrs["structure"])
-            scene, record = file["scene"][()].decode(), file["record"][()].decode()
-            networks = {name: _read_network(group) for name, group in file["networks"].items()}
-            trust = _read_trust(file["trust"]) if "trust" in file else None
-            digest = file.attrs["digest"]
-    except _RefusedError as refusal:
-        raise ValueError(str(refusal)) from None
-    except OSError as error:
-        if isinstance(error, PermissionError):
-            raise
-        raise ValueError(f"{path} is damaged or not an HDF5 file, expected a surrogate file") from None
-    except Exception as error:  # h5py raises many kinds for damaged bytes
-        raise ValueError(f"{path} is damaged ({type(error).__name__} while reading), build or copy it again") from None
-    if _digest(structure, scene, record, networks, trust) != digest:
+    with open_hdf5(path) as file:
+        if file.attrs.get("kind") != KIND:
+            raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")
+        if not 1 <= file.attrs.get("format", 0) <= FORMAT:
+            raise ValueError(
+                f"{path} has surrogate format {file.attrs.get('format')}, this version reads up to {FORMAT}: "
+                "update casadi_contact, or build the surrogate again"
+            )
+        try:
+            content, digest = _read_content(file), file.attrs["digest"]
+        except ValueError as error:
+            raise ValueError(f"{path} is damaged ({one_line(error)}), build or copy it again") from None
+    if _digest(*content) != digest:
         raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
+    structure, scene, record, networks, trust = content
     try:
         return Content(structure, Scene.from_toml(scene), networks, json.loads(record), trust)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {one_line(error)}") from None
 
 
-class _RefusedError(Exception):
-    """A readable file that this version must not use."""
+def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], Trust | None]:
+    return (
+        str(file.attrs["structure"]),
+        file["scene"][()].decode(),
+        file["record"][()].decode(),
+        {name: _read_network(name, group) for name, group in file["networks"].items()},
+        _read_trust(file["trust"]) if "trust" in file else None,
+    )
 
 
-def _read_network(group: h5py.Group) -> Network:
+def _read_network(name: str, group: h5py.Group) -> Network:
     layers = sum(key.startswith("weight_") for key in group)
-    return Network(
+    network = Network(
         input_shift=group["input_shift"][()],
         input_scale=group["input_scale"][()],
         weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
@@ -148,6 +136,11 @@ def _read_network(group: h5py.Group) -> Network:
         output_scale=float(group.attrs["output_scale"]),
         activation=str(group.attrs["activation"]),
     )
+    arrays = [network.input_shift, network.input_scale, *network.weights, *network.biases]
+    finite = np.isfinite(network.output_scale) and all(np.isfinite(array).all() for array in arrays)
+    if not finite or not np.all(network.input_scale):
+        raise ValueError(f"network {name} holds numbers that are not finite, or a scale of zero")
+    return network
 
 
 def _read_trust(group: h5py.Group) -> Trust:

@@ -26,7 +26,7 @@ differentiable and zero where validity is above a half.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import casadi as ca
 import numpy as np
@@ -36,6 +36,8 @@ from casadi_contact.conventions import Array
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
+_POSITIVE = ("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth")
+_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ class Trust:
     boundary_root: float
     shares: Array
     usual_loads: Array
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            numbers = np.asarray(getattr(self, field.name))
+            if not np.isfinite(numbers).all():
+                raise ValueError(f"trust: {field.name} holds numbers that are not finite")
+            if field.name in _NOT_NEGATIVE and np.any(numbers < 0.0):
+                raise ValueError(f"trust: {field.name} holds a negative number, which would promise errors below zero")
+            if field.name in _POSITIVE and np.any(numbers <= 0.0):
+                raise ValueError(f"trust: {field.name} is not above zero")
 
     def scaled(self, poses: Array) -> Array:
         """z (n, 6) of poses (n, 6)."""
