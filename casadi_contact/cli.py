@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from casadi_contact import benchmark, pipeline
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.files import file_stem
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
@@ -234,7 +235,7 @@ def show(
         shown = read_poses(poses)
     else:
         shown = np.array([neutral_pose(model) if pose is None else _numbers(pose)])
-    path = Path(f"{model.scene.name}.png") if out is None else out
+    path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
     draw_contact(model, shown, path)
     console.print(f"picture in {path}", highlight=False)
     if fits := surface_fits(model):

@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 
 from casadi_contact import cli
+from casadi_contact.files import file_stem
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.presets import PRESETS
 from casadi_contact.scenes import load_scene
@@ -44,7 +45,7 @@ def run(
     """
     measured = [read_cycle(path) for path in cycles]  # before minutes of training
     poses = [None if start is None else start_from_file(start, len(cycle)) for cycle in measured]
-    folder = Path("results") / f"{load_scene(scene).name}-{preset}" if out is None else out
+    folder = Path("results") / f"{file_stem(load_scene(scene).name)}-{preset}" if out is None else out
     cli.build(str(scene), preset=preset, out=folder)
     surrogate, solved = load_surrogate(folder / "patch.h5"), True
     for path, cycle, first in zip(cycles, measured, poses, strict=True):
