@@ -75,12 +75,13 @@ def test_a_function_that_names_a_library_is_refused_and_its_library_never_loaded
 
 def test_functions_that_compile_or_load_plug_ins_are_refused(tmp_path):
     path = tmp_path / "it.casadi"
+    matrix = ca.MX.sym("matrix", 2, 2)
     solver = ca.rootfinder("solver", "newton", {"x": X, "g": X - 1.0})
     for function in (
         ca.Function("f", [X], [2.0 * X], {"jit": True, "compiler": "shell"}),
         ca.interpolant("table", "linear", [[0.0, 1.0]], [1.0, 2.0]),
         ca.Function("f", [X], [solver(X, [])]),
-        ca.Function("f", [X], [ca.solve(ca.diag(ca.vertcat(X, X)), ca.vertcat(1.0, X), "qr")]),
+        ca.Function("f", [matrix], [ca.solve(matrix, ca.vertcat(1.0, 2.0), "lapackqr")]),
     ):
         save_function(function, path)
         refused(path, "allow_external=True")
