@@ -10,7 +10,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from casadi_contact import benchmark, pipeline
@@ -26,9 +25,10 @@ from casadi_contact.report.choice_table import choice_table
 from casadi_contact.scenes import load_scene
 from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
 from casadi_contact.structures import load_surrogate
+from casadi_contact.terminal import PlainConsole, printable
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
-console = Console()
+console = PlainConsole()
 
 SceneName = Annotated[str, typer.Argument(help="a ready scene (knee) or the path of a scene .toml")]
 PresetName = Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")]
@@ -291,7 +291,7 @@ def main() -> None:
     try:
         app()
     except (ValueError, OSError, ImportError) as error:
-        sys.exit(f"casadi-contact: {error}")
+        sys.exit(f"casadi-contact: {printable(str(error))}")
 
 
 if __name__ == "__main__":

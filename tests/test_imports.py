@@ -7,7 +7,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "machine", "conventions", "scenes", "motion", "geometry", "contact", "statics"),
+    *("files", "workers", "terminal", "machine", "conventions", "scenes", "motion", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline", "cli"),
 ]
