@@ -6,6 +6,7 @@ expected and the cure; degenerate triangles are dropped and counted.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import MOST_MESH, checked_size, one_line
 from casadi_contact.geometry.vtp import read_vtp
 from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
 
@@ -136,11 +138,14 @@ def _read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
         import trimesh
     except ImportError:
         raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
+    checked_size(path, MOST_MESH)
+    kind = path.suffix[1:].lower()
     try:
-        content: Any = trimesh.load(path, force="mesh", process=False)
+        stream = io.BytesIO(path.read_bytes())  # not by its path: trimesh would read files that the mesh names
+        content: Any = trimesh.load(stream, file_type=kind, force="mesh", process=False)
         return np.asarray(content.vertices), np.asarray(content.faces)
     except Exception as error:  # trimesh's readers raise whatever the damage led to
-        raise ValueError(f"mesh {path} cannot be read ({error}), expected a {path.suffix[1:].upper()} file") from None
+        raise ValueError(f"mesh {path} cannot be read ({one_line(error)}), expected a {kind.upper()} file") from None
 
 
 def _merged(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import MOST_TEXT, checked_size
 
 
 def read_columns(
@@ -25,6 +26,7 @@ def read_columns(
     if not path.is_file():
         why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
         raise FileNotFoundError(f"{what} {path} {why}")
+    checked_size(path, MOST_TEXT)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
