@@ -141,11 +141,21 @@ def _read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
     checked_size(path, MOST_MESH)
     kind = path.suffix[1:].lower()
     try:
-        stream = io.BytesIO(path.read_bytes())  # not by its path: trimesh would read files that the mesh names
-        content: Any = trimesh.load(stream, file_type=kind, force="mesh", process=False)
+        whole = path.read_bytes()
+        if kind == "stl":
+            _check_stl_size(whole)
+        # Not by its path: trimesh would read files that the mesh names.
+        content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
         return np.asarray(content.vertices), np.asarray(content.faces)
     except Exception as error:  # trimesh's readers raise whatever the damage led to
         raise ValueError(f"mesh {path} cannot be read ({one_line(error)}), expected a {kind.upper()} file") from None
+
+
+def _check_stl_size(content: bytes) -> None:
+    """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
+    claimed = int.from_bytes(content[80:84], "little")
+    if b"facet" not in content[:1000] and len(content) != 84 + 50 * claimed:
+        raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
 
 
 def _merged(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
