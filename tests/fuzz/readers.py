@@ -27,6 +27,7 @@ from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_e
 from casadi_contact.sampling.folder import ChunkFolder
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
+from casadi_contact.training import checkpoint
 from casadi_contact.transcription import load_function, save_function
 from tests.sampling.test_draw import MOTION
 from tests.support.hdf5_files import unsealed
@@ -91,6 +92,13 @@ def _kernel_speed(path: Path) -> None:
     timing = {"median_us": 2.0, "low_us": 1.0, "high_us": 3.0}
     found = {"microseconds": {"value, graph": timing, "value, kernel": timing}, "limit_us": 0.5, "limit": "why"}
     path.write_text(json.dumps({"format": "casadi_contact kernel speed", "surrogates": {"patch": found}}))
+
+
+def _checkpoint(path: Path) -> Any:
+    content = checkpoint.read(path, "id")
+    if content is None:
+        raise ValueError("a fit starts again")
+    return {name: array.tolist() for name, array in content.items()}
 
 
 def _motion(path: Path) -> None:
@@ -171,6 +179,9 @@ READERS = {
         lambda path: write_npz(path, poses=POSES, dropped=np.array("{}")),
         lambda path: {name: array.tolist() for name, array in read_npz(path).items()},
         exact=True,
+    ),
+    "checkpoint.npz": Reader(
+        lambda path: checkpoint.write(path, "id", {"weights": POSES, "seconds": 1.5}), _checkpoint, exact=True
     ),
     "motion.npz": Reader(_motion, _read_motion, exact=True),
     "plan/samples.h5.partial/plan.json": Reader(_plan, _plan),
