@@ -1,21 +1,20 @@
 """casadi_contact: neural surrogates of deformable joint contact as CasADi functions with exact derivatives.
 
 The method is that of Eskinazi and Fregly, "Surrogate modeling of deformable joint contact using artificial neural
-networks" (2015); see README.md.
+networks" (2015); see README.md. The names below are imported when they are first used, so that importing the package
+costs next to nothing.
 """
 
-from casadi_contact.benchmark import choose
-from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
-from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.statics import relax, sensitive_directions, settle
-from casadi_contact.structures import load_surrogate
-from casadi_contact.verification import refine, verify
+from typing import TYPE_CHECKING
+
+__version__ = "0.2.0.dev0"
 
 __all__ = [
     "CallableModel",
     "ElasticFoundation",
     "RayCastFoundation",
     "Scene",
+    "build",
     "choose",
     "load_scene",
     "load_surrogate",
@@ -25,3 +24,35 @@ __all__ = [
     "settle",
     "verify",
 ]
+
+if TYPE_CHECKING:
+    from casadi_contact.benchmark import choose
+    from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
+    from casadi_contact.pipeline import build
+    from casadi_contact.scenes import Scene, load_scene
+    from casadi_contact.statics import relax, sensitive_directions, settle
+    from casadi_contact.structures import load_surrogate
+    from casadi_contact.verification import refine, verify
+else:
+    _ROOMS = {
+        "benchmark": ("choose",),
+        "contact": ("CallableModel", "ElasticFoundation", "RayCastFoundation"),
+        "pipeline": ("build",),
+        "scenes": ("Scene", "load_scene"),
+        "statics": ("relax", "sensitive_directions", "settle"),
+        "structures": ("load_surrogate",),
+        "verification": ("refine", "verify"),
+    }
+    _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+
+    def __getattr__(name: str) -> object:
+        """Import a public name from its room, once (PEP 562)."""
+        from importlib import import_module
+
+        if name not in _ROOM_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

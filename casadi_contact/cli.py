@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact import benchmark, pipeline
+from casadi_contact import __version__, benchmark, pipeline
+from casadi_contact.command_examples import examples
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.files import file_stem
@@ -20,17 +18,23 @@ from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
+from casadi_contact.progress import progress_bars
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
-from casadi_contact.scenes import load_scene
+from casadi_contact.sampling.drops import dropped_shares
+from casadi_contact.scenes import load_scene, ready_scenes
 from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
+app = typer.Typer(
+    help="Surrogate models of deformable joint contact as CasADi functions.",
+    epilog=examples(""),
+    pretty_exceptions_enable=False,
+)
 console = PlainConsole()
 
-SceneName = Annotated[str, typer.Argument(help="a ready scene (knee) or the path of a scene .toml")]
+SceneName = Annotated[str, typer.Argument(help=f"a ready scene ({', '.join(ready_scenes())}) or the path of a .toml")]
 PresetName = Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")]
 Cycles = Annotated[
     list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
@@ -46,33 +50,22 @@ def _project(scene: str, preset: str, out: Path | None) -> Project:
     return Project.open(scene, preset, out)
 
 
-@contextmanager
-def _bars() -> Iterator[Callable[[str, float, float, str], None]]:
-    """A callback (what, done, all, remark) that keeps one progress bar for each `what`."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[remark]}"),
-    )
-    with Progress(*columns, console=console) as progress:
-        tasks: dict[str, int] = {}
-
-        def update(what: str, done: float, total: float, remark: str = "") -> None:
-            if what not in tasks:
-                tasks[what] = progress.add_task(what, total=round(total), remark=remark)
-            progress.update(tasks[what], completed=round(done), total=round(total), remark=remark)  # type: ignore[arg-type]
-
-        try:
-            yield update
-        except KeyboardInterrupt:
-            console.print("interrupted: run the same command again to go on")
-            raise
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"casadi_contact {__version__}", highlight=False)
+        raise typer.Exit
 
 
-@app.command()
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and end")
+    ] = False,
+) -> None:
+    """Options that come before a command."""
+
+
+@app.command(epilog=examples("build"))
 def build(
     scene: SceneName,
     preset: PresetName = "quick",
@@ -89,7 +82,7 @@ def build(
     _export(project)
 
 
-@app.command()
+@app.command(epilog=examples("sample"))
 def sample(
     scene: SceneName,
     preset: PresetName = "quick",
@@ -102,63 +95,71 @@ def sample(
     _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table)
 
 
-@app.command()
+@app.command(epilog=examples("train"))
 def train(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Train the preset's networks on the samples."""
     _train(_project(scene, preset, out))
 
 
-@app.command()
+@app.command(epilog=examples("calibrate"))
 def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
     for path in pipeline.calibrate(_project(scene, preset, out)):
         console.print(f"calibrated {path}", highlight=False)
 
 
-@app.command()
+@app.command(epilog=examples("evaluate"))
 def evaluate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
     """Print and write the errors per domain and the speed on an unseen walking sequence."""
     _evaluate(_project(scene, preset, out))
 
 
-@app.command()
+@app.command(epilog=examples("export"))
 def export(
     scene: SceneName,
     preset: PresetName = "quick",
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example."""
+    """Write CasADi files, and C kernels without dependencies, with an example.
+
+    Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
+    """
     _export(_project(scene, preset, out), kernel_only=kernel)
 
 
-@app.command()
+@app.command(epilog=examples("chart"))
 def chart(
     scene: SceneName,
     preset: PresetName = "quick",
     peers: Annotated[
-        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
+        bool, typer.Option("--peers", help=r"measure the peers too (pip install casadi_contact\[peers])")
     ] = False,
     out: Out = None,
 ) -> None:
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = _project(scene, preset, out)
-    with _bars() as update:
+    with progress_bars(console) as update:
         paths = pipeline.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
     for path in paths:
         console.print(f"written {path}", highlight=False)
 
 
-@app.command()
+@app.command(epilog=examples("speed"))
 def speed(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
-    """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit."""
-    path = benchmark.speed(_project(scene, preset, out))
+    """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit.
+
+    Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
+    """
+    project = _project(scene, preset, out)
+    _say_shipped(project, "timing")
+    path = benchmark.speed(project)
     for table in kernel_speed_tables(read_kernel_speed(path)):
         console.print(table)
     console.print(f"times in {path}", highlight=False)
 
 
-@app.command()
+@app.command(epilog=examples("choose"))
 def choose(
     scene: SceneName,
     force_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the forces [N]")] = None,
@@ -167,9 +168,12 @@ def choose(
     preset: PresetName = "quick",
     out: Out = None,
 ) -> None:
-    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk."""
+    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk.
+
+    Where nothing has been built in the folder, the answer comes from the chart shipped for the scene.
+    """
     names = None if loads is None else [name.strip() for name in loads.split(",")]
-    with _bars() as update:
+    with progress_bars(console) as update:
         choice = benchmark.choose(
             scene,
             force_tolerance_n=force_tol,
@@ -180,16 +184,17 @@ def choose(
             update=update,
         )
     console.print(choice_table(choice))
+    console.print(choice.measured, highlight=False, markup=False, soft_wrap=True)
     console.print(f"in Python: {choice.python}", highlight=False, soft_wrap=True)
 
 
-@app.command()
+@app.command(epilog=examples("info"))
 def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]) -> None:
     """Say what a surrogate was trained on and how wrong it is."""
     console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
 
 
-@app.command()
+@app.command(epilog=examples("cycle"))
 def cycle(
     file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
     maps: Annotated[
@@ -218,7 +223,7 @@ def cycle(
     console.print(f"cycle of {len(written)} frames in {path}", highlight=False)
 
 
-@app.command()
+@app.command(epilog=examples("show"))
 def show(
     scene: SceneName,
     pose: Annotated[str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; just touching if left out")] = None,
@@ -251,6 +256,11 @@ def _numbers(text: str) -> list[float]:
         raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None
 
 
+def _say_shipped(project: Project, doing: str) -> None:
+    if not project.begun:
+        console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)
+
+
 def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> None:
     if table is not None:
         if cycle_files:
@@ -258,17 +268,22 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
         samples = pipeline.take_table(project, table)
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
-    with _bars() as update:
+    with progress_bars(console) as update:
         samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
     if report is not None:
         console.print(str(report), highlight=False)
+    for domain, share in dropped_shares(samples).items():
+        reasons = samples.provenance["dropped"].get(domain, {})
+        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
+        if listed:
+            console.print(f"{domain}: {share:.1%} of the plan dropped: {listed}", highlight=False)
     for domain, reason in samples.provenance.get("left_out", {}).items():
         console.print(f"{domain} left out: {reason}", highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 
 def _train(project: Project) -> None:
-    with _bars() as update:
+    with progress_bars(console) as update:
         paths = pipeline.train(project, update)
     for path in paths:
         console.print(f"surrogate in {path}", highlight=False)
@@ -282,16 +297,27 @@ def _evaluate(project: Project) -> None:
 
 
 def _export(project: Project, *, kernel_only: bool = False) -> None:
+    _say_shipped(project, "exporting")
     for path in pipeline.export(project, kernel_only=kernel_only):
         console.print(f"exported {path}", highlight=False)
 
 
+# An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1, never a traceback."""
+    arguments = sys.argv[1:] or ["--help"]
     try:
-        app()
-    except (ValueError, OSError, ImportError) as error:
-        sys.exit(f"casadi-contact: {printable(str(error))}")
+        sys.exit(app(arguments, standalone_mode=False))
+    except typer.Abort:
+        sys.exit(130)
+    except _UsageError as error:
+        said = error.format_message()  # type: ignore[attr-defined]
+    except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
+        said = str(error)
+    sys.exit(f"casadi-contact: {printable(' '.join(said.split()))}")
 
 
 if __name__ == "__main__":

@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, has_motion, read_motion
+from casadi_contact.sampling import SamplingSettings
+from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, calibrated
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
@@ -42,6 +45,7 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
     Goes on from checkpoints where an earlier run stopped.
     """
     samples = project.samples()
+    around = moved_samples(samples)
     command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
     paths = []
     for structure in structures_for_scene(project):
@@ -49,9 +53,18 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
-        calibrated(surrogate, samples).save(path)
+        calibrated(surrogate, samples, around).save(path)
         paths.append(path)
     return paths
+
+
+def moved_samples(samples: Samples) -> Samples | None:
+    """`samples_around` on the elastic foundation's teacher grid, what a surrogate's trust is calibrated on besides the
+    samples; None for a scene without geometry, or samples that come from a table."""
+    if samples.scene.layer is None or "settings" not in samples.provenance:
+        return None
+    settings = SamplingSettings.from_table(samples.provenance["settings"])
+    return samples_around(samples, ElasticFoundation(samples.scene, settings.teacher_grid))
 
 
 def fit_surrogate(

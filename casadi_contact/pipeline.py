@@ -8,25 +8,29 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_table, write_samples
 from casadi_contact.files import file_stem, replacing, writable_folder, write_npz, write_text
-from casadi_contact.fitting import structures_for_scene, train
+from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
     Project,
     Update,
     has_motion,
+    motion_at_hand,
     project_surrogates,
     read_motion,
     reference_motion_cycles,
+    surrogates_at_hand,
 )
 from casadi_contact.report import draw_charts
 from casadi_contact.sampling import (
@@ -36,13 +40,17 @@ from casadi_contact.sampling import (
     elastic_foundations,
     reference_motion,
 )
+from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
-from casadi_contact.structures import calibrated
+from casadi_contact.sampling.drops import refuse_many_dropped
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate, calibrated
 from casadi_contact.transcription import save_function
 
 __all__ = [
     "PRESETS",
     "Project",
+    "build",
     "calibrate",
     "chart",
     "evaluate",
@@ -53,6 +61,71 @@ __all__ = [
     "take_table",
     "train",
 ]
+
+
+class DrawnModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that samples can be drawn from."""
+
+
+def build(
+    scene: str | Path,
+    preset: str = "quick",
+    *,
+    cycles: Sequence[str | Path] = (),
+    table: str | Path | None = None,
+    model: DrawnModel | None = None,
+    folder: str | Path | None = None,
+    progress: Update | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Surrogate]:
+    """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
+
+    scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
+    contact model to learn from instead of drawing them (`dataset.read_table`). model: samples are drawn from it, in
+    this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
+    results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
+    interruption it goes on where it stopped.
+
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written.
+    """
+    if table is not None and (cycles or model is not None):
+        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
+    project = Project.open(scene, preset, None if folder is None else Path(folder))
+    if table is not None:
+        take_table(project, Path(table))
+    else:
+        _draw(project, [Path(path) for path in cycles], model, progress, executor)
+    train(project, progress, executor)
+    evaluate(project)
+    export(project)
+    return project_surrogates(project)
+
+
+def _draw(
+    project: Project,
+    cycles: Sequence[Path],
+    model: DrawnModel | None,
+    progress: Update | None,
+    executor: Executor | None,
+) -> None:
+    """Draw the samples of the scene's elastic foundation, or of another model."""
+
+    def tell(done: int, total: int) -> None:
+        if progress is not None:
+            progress("samples", done, total, "")
+
+    if model is None:
+        sample(project, cycles, tell, executor)
+        return
+    if model.scene.digest != project.scene.digest:
+        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
+
+    def given(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return model, model
+
+    given.__qualname__ = type(model).__qualname__  # what the samples file says they were drawn from
+    with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
+        sample(project, cycles, tell, here, models=given)
 
 
 def sample(
@@ -66,6 +139,8 @@ def sample(
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
     another contact model than the elastic foundation.
+
+    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` (the file is kept).
     """
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
@@ -81,6 +156,7 @@ def sample(
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
     write_npz(project.motion_path, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
+    refuse_many_dropped(samples, settings.most_dropped)
     return samples, report
 
 
@@ -101,8 +177,9 @@ def take_table(project: Project, table: Path) -> Samples:
 def calibrate(project: Project) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
     samples = project.samples()
+    around = moved_samples(samples)
     for structure, surrogate in project_surrogates(project).items():
-        calibrated(surrogate, samples).save(project.surrogate_path(structure))
+        calibrated(surrogate, samples, around).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 
@@ -124,10 +201,15 @@ def evaluate(project: Project) -> Path:
 
 
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone."""
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
+
+    Where nothing has been built: the scene's shipped surrogates.
+    """
     written = []
-    poses = read_motion(project)[0].poses[0] if has_motion(project) else project.samples().poses
-    for structure, surrogate in project_surrogates(project).items():
+    surrogates = surrogates_at_hand(project)
+    motion = not project.begun or has_motion(project)
+    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+    for structure, surrogate in surrogates.items():
         folder = project.folder / "export" / structure
         writable_folder(folder)
         if not kernel_only:

@@ -15,9 +15,15 @@ from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scen
 from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.presets import PRESETS, Preset
-from casadi_contact.sampling import ReferenceMotion, SamplePoint, found_sensitive_pose
+from casadi_contact.sampling import (
+    ReferenceMotion,
+    SamplePoint,
+    SamplingSettings,
+    found_sensitive_pose,
+    reference_motion,
+)
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
+from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate, ready_surrogates
 
 Update = Callable[[str, float, float, str], None]
 """Called as (what is worked on, done, all there is to do, remark)."""
@@ -48,18 +54,27 @@ class Project:
 
     @property
     def preset(self) -> Preset:
+        """How much is sampled and trained."""
         return PRESETS[self.preset_name]
 
     @property
     def samples_path(self) -> Path:
+        """Where the drawn samples lie."""
         return self.folder / "samples.h5"
 
     @property
     def motion_path(self) -> Path:
+        """Where the reference motion lies that samples were drawn around."""
         return self.folder / "motion.npz"
 
     def surrogate_path(self, structure: str) -> Path:
+        """Where the trained surrogate of a structure lies."""
         return self.folder / f"{structure}.h5"
+
+    @property
+    def begun(self) -> bool:
+        """True where the folder holds samples or a surrogate: then it speaks for itself, and nothing shipped does."""
+        return any(path.is_file() for path in (self.samples_path, *map(self.surrogate_path, STRUCTURES)))
 
     def samples(self) -> Samples:
         """The drawn samples; raises ValueError if they belong to another scene."""
@@ -117,3 +132,28 @@ def project_surrogates(project: Project) -> dict[str, Surrogate]:
     if not paths:
         raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
     return {structure: load_surrogate(path) for structure, path in paths.items()}
+
+
+def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
+    """The surrogates of this very scene that come with the library, by structure."""
+    ready = map(load_surrogate, ready_surrogates())
+    return {surrogate.structure: surrogate for surrogate in ready if surrogate.scene.digest == scene.digest}
+
+
+def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
+    """The project's surrogates, or the shipped ones of its scene where nothing has been built (`Project.begun`).
+
+    Raises FileNotFoundError if there are neither.
+    """
+    shipped = {} if project.begun else shipped_surrogates(project.scene)
+    return shipped or project_surrogates(project)
+
+
+def motion_at_hand(project: Project) -> ReferenceMotion:
+    """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
+    where nothing has been built."""
+    if project.begun:
+        return read_motion(project)[0]
+    scene = project.scene
+    model = ElasticFoundation(scene, scene.grids["settle"])
+    return reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]

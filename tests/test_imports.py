@@ -1,15 +1,22 @@
 """Imports flow one way, from the foundations up; only `training` needs torch, and `benchmark.peers` to compare."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+import casadi_contact
+
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("files", "workers", "terminal", "machine", "conventions", "scenes", "motion", "geometry", "contact", "statics"),
+    *("compilation", "files", "workers", "terminal", "machine", "conventions"),
+    *("scenes", "motion", "geometry", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "structures"),
-    *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline", "cli"),
+    *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline"),
+    *("command_examples", "progress", "cli", "__main__"),
 ]
 
 
@@ -62,6 +69,24 @@ def test_only_training_imports_torch_and_peers_inside_functions():
             assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
         elif room_of(path) != "training":
             assert "import torch" not in text, path
+
+
+def test_importing_the_package_imports_nothing_but_itself():
+    code = "import sys, casadi_contact; print([m for m in sys.modules if m.startswith(('casadi', 'num'))])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert set(ast.literal_eval(out.stdout)) <= {"casadi_contact", "numbers"}
+
+
+def test_every_public_name_comes_from_its_room_and_type_checkers_see_it():
+    tree = ast.parse((PACKAGE / "__init__.py").read_text("utf-8"))
+    (checked,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {a.name: n.module for n in checked.body if isinstance(n, ast.ImportFrom) for a in n.names}
+    assert sorted(seen) == sorted(casadi_contact.__all__)
+    for name, room in seen.items():
+        assert getattr(casadi_contact, name) is getattr(importlib.import_module(room), name)
+        assert name in dir(casadi_contact)
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        casadi_contact.nothing  # noqa: B018
 
 
 def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():

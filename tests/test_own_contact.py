@@ -1,7 +1,6 @@
 """A user's own contact model, as a Python callable or as a table, becomes a surrogate with no elastic foundation."""
 
 import csv
-from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import h5py
@@ -85,31 +84,40 @@ def check_surrogate(project):
 
 
 def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp_path):
+    model = cc.CallableModel(cc.load_scene(scene_file), own_contact.wrenches, own_contact.gaps)
+    seen = set()
+    surrogates = cc.build(
+        scene_file, "small", model=model, folder=tmp_path / "out", progress=lambda what, *_: seen.add(what)
+    )
+    assert set(surrogates) == {"patch"}
+    assert {"samples", "patch root_contact"} <= seen
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
-    with ThreadPoolExecutor(1) as executor:
-        samples, report = pipeline.sample(project, executor=executor, models=own_contact.models)
-    assert report.converged.all()
+    samples = project.samples()
+    assert samples.provenance["models"] == "casadi_contact.pipeline.CallableModel"
     assert (samples.select("D5").wrenches == 0.0).all()
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
-    pipeline.train(project)
-    pipeline.evaluate(project)
-    pipeline.export(project)
     check_surrogate(project)
 
 
 @pytest.mark.parametrize(("name", "write"), [("samples.csv", write_csv), ("samples.h5", write_hdf5)])
 def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name, write):
     table = write(tmp_path / name, table_rows())
+    cc.build(scene_file, "small", table=table, folder=tmp_path / "out")
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
-    samples = pipeline.take_table(project, table)
+    samples = project.samples()
     assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
-    pipeline.train(project)
-    pipeline.evaluate(project)
-    pipeline.export(project)
     check_surrogate(project)
     assert pipeline.take_table(project, table).provenance["table"] == name
     with pytest.raises(ValueError, match="was not made from"):
         pipeline.take_table(project, write(tmp_path / f"other-{name}", table_rows(50)))
+
+
+def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    with pytest.raises(ValueError, match="another scene than knee"):
+        cc.build("knee", model=model, folder=tmp_path / "out")
+    with pytest.raises(ValueError, match="a table of samples and a model, expected one"):
+        cc.build(scene_file, "small", model=model, table="table.csv", folder=tmp_path / "out")
 
 
 def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):

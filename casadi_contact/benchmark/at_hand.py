@@ -18,8 +18,8 @@ from casadi_contact.benchmark.front_file import Point
 from casadi_contact.benchmark.sizes import Sized, on_disk, planned, sized_path, train_sizes
 from casadi_contact.benchmark.timing import compare, one_thread
 from casadi_contact.fitting import train
-from casadi_contact.project import Project, Update, read_motion
-from casadi_contact.structures import STRUCTURES, load_surrogate
+from casadi_contact.project import Project, Update, motion_at_hand
+from casadi_contact.structures import STRUCTURES, load_surrogate, ready_surrogates
 
 TIMED_AGAIN = "timed again for these loads"
 SHARE = "estimated by the share of networks"
@@ -33,7 +33,7 @@ def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[s
     just the networks that the loads need. A surrogate not on disk is estimated by the share of its
     networks; any other model keeps its measured time for all loads.
     """
-    poses = read_motion(project)[0].poses[0]
+    poses = motion_at_hand(project).poses[0]
     names = {point.name for point in points}
     stopwatches = {c.name: c.time_value for c in _candidates(project, names, loads) if c.time_value is not None}
     with one_thread():
@@ -52,8 +52,11 @@ def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[s
     return times
 
 
-def make_surrogate(project: Project, name: str, loads: Sequence[str] | None, update: Update | None) -> Path | None:
-    """The file of a surrogate, trained (for these loads) if it is not on disk; None for other models."""
+def make_surrogate(
+    project: Project, name: str, loads: Sequence[str] | None, update: Update | None
+) -> Path | str | None:
+    """The file of a surrogate, trained (for these loads) if it is not on disk, or its name if it is a shipped one; None
+    for other models."""
     found = surrogate_file(project, name, loads)
     if found is not None:
         return found
@@ -66,17 +69,19 @@ def make_surrogate(project: Project, name: str, loads: Sequence[str] | None, upd
     return None
 
 
-def surrogate_file(project: Project, name: str, loads: Sequence[str] | None) -> Path | None:
-    """The file of a surrogate with all networks, or with those for these loads; None if neither can be read."""
+def surrogate_file(project: Project, name: str, loads: Sequence[str] | None) -> Path | str | None:
+    """The file of a surrogate with all networks (its name if shipped), or with those for these loads; None if neither
+    can be read."""
     base = name.removesuffix(MX_SUFFIX)
-    paths = [project.surrogate_path(s) for s in STRUCTURES if own_name(project, s) == base]
+    paths: list[Path | str] = [ready for ready in ready_surrogates() if ready == base]
+    paths += [project.surrogate_path(s) for s in STRUCTURES if own_name(project, s) == base]
     if base in _sized(project):
         sized = _sized(project)[base]
         paths += [sized_path(project, sized), *([sized_path(project, sized, loads)] if loads else [])]
     return next((path for path in paths if on_disk(project, path) is not None), None)
 
 
-def python_line(scene: str, name: str, loads: Sequence[str], file: Path | None) -> str:
+def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | None) -> str:
     """How to make the model in Python (after ``import casadi_contact as cc``)."""
     if file is not None:
         compiled = "" if name.endswith(MX_SUFFIX) else ", compiled=True"

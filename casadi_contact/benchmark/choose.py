@@ -9,6 +9,7 @@ from pathlib import Path
 
 from casadi_contact.benchmark.at_hand import make_surrogate, python_line, times_for_loads
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
+from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.conventions import is_force
 from casadi_contact.project import Project, Update
 
@@ -51,13 +52,15 @@ class Offer:
 @dataclass(frozen=True)
 class Choice:
     """The cheapest model that meets the tolerance (``model``), the next better one (None if there is none), the loads
-    asked for, the file of a surrogate (None for others) and a line of Python that makes the model."""
+    asked for, the file of a surrogate (the name of a shipped one, None for other models), a line of Python that makes
+    the model, and where times and errors come from (``measured``)."""
 
     model: Offer
     better: Offer | None
     loads: tuple[str, ...]
-    path: Path | None
+    path: Path | str | None
     python: str
+    measured: str
 
 
 def choose(
@@ -72,7 +75,8 @@ def choose(
 ) -> Choice:
     """The cheapest model on the measured front whose RMS error meets the tolerances for just these loads.
 
-    scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read. loads: names, all of
+    scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
+    built, the front that comes with the library for this scene, of models that are at hand. loads: names, all of
     the scene's if None; a surrogate's time is then that of the networks they need. A chosen size that is not on disk
     is trained, with these networks only; update is called as in `fitting.train`.
 
@@ -80,13 +84,7 @@ def choose(
     0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming the nearest).
     """
     project = Project.open(scene, preset, folder)
-    path = project.folder / FILE_NAME
-    if not path.is_file():
-        command = f"casadi-contact chart {project.scene.name} --preset {preset}"
-        raise FileNotFoundError(f"{path} does not exist, so nothing has been measured: run {command} first")
-    front = read_front(path)
-    if front.header["scene_digest"] != project.scene.digest:
-        raise ValueError(f"{path} was measured on another scene than {project.scene.name} as it is now: chart it again")
+    path, front = _front(project)
     names, tolerance = _asked(front, loads, force_tolerance_n, torque_tolerance_nmm)
     offers = meeting(front, tolerance, names)
     if set(names) != set(front.loads):
@@ -95,7 +93,26 @@ def choose(
         offers = [replace(o, time_us=times[o.name][0], timing=times[o.name][1]) for o in offers]
     model, better = cheapest(offers, tolerance)
     file = make_surrogate(project, model.name, None if set(names) == set(front.loads) else names, update)
-    return Choice(model, better, names, file, python_line(str(scene), model.name, names, file))
+    machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
+    measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
+    return Choice(model, better, names, file, python_line(str(scene), model.name, names, file), measured)
+
+
+def _front(project: Project) -> tuple[Path, Front]:
+    """The project's measured front, or the shipped one of its scene where nothing has been built."""
+    path = project.folder / FILE_NAME
+    if path.is_file():
+        front = read_front(path)
+        if front.header["scene_digest"] != project.scene.digest:
+            raise ValueError(
+                f"{path} was measured on another scene than {project.scene.name} as it is now: chart it again"
+            )
+        return path, front
+    shipped = None if project.begun else shipped_front(project.scene)
+    if shipped is None:
+        command = f"casadi-contact chart {project.scene.name} --preset {project.preset_name}"
+        raise FileNotFoundError(f"{path} does not exist, so nothing has been measured: run {command} first")
+    return shipped
 
 
 def _asked(

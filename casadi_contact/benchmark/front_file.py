@@ -60,10 +60,12 @@ class Point:
 
     @property
     def force_rms_n(self) -> float:
+        """RMS over all forces on walking [N]."""
         return self.rms(force=True)
 
     @property
     def torque_rms_nmm(self) -> float:
+        """RMS over all torques on walking [N·mm]."""
         return self.rms(force=False)
 
 

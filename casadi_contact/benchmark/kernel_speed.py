@@ -37,6 +37,7 @@ class MachineLimit:
 
     @property
     def us(self) -> float:
+        """Least time per pose [µs]."""
         return 1e6 * (self.multiply_adds / self.multiply_adds_per_s + self.sigmoids / self.sigmoids_per_s)
 
     def __str__(self) -> str:

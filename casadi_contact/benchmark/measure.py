@@ -28,6 +28,7 @@ from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors, force_and_torque_rms, load_errors
 from casadi_contact.machine import machine_record
 from casadi_contact.project import Project, Update, project_surrogates, read_motion
+from casadi_contact.scenes import Scene
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
 _MEASUREMENT_S = 0.3
@@ -66,23 +67,25 @@ def measure_project(
         candidates += peer_candidates(project)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), read_motion(project)[0])
     path = project.folder / FILE_NAME
-    front = measure(candidates, samples, walking, sweeps, tell)
+    front = measure(candidates, project.scene, walking, samples, sweeps, tell)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
     return path
 
 
 def measure(
     candidates: Iterable[Candidate],
-    samples: Samples,
+    scene: Scene,
     walking: Array,
+    samples: Samples | None = None,
     sweeps: dict[str, str] | None = None,
     tell: Tell | None = None,
 ) -> Front:
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
-    Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads.
+    Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads;
+    without samples there are none per domain.
     """
-    scene, tell = samples.scene, tell or (lambda what: None)
+    tell = tell or (lambda what: None)
     candidates, sweeps = list(candidates), sweeps or {}
     tell("converged EF")
     converged_grid = converged_elements(scene)
@@ -95,7 +98,7 @@ def measure(
             if candidate.name in points:
                 raise ValueError(f"two candidates are called {candidate.name!r}, expected names that differ")
             try:
-                points[candidate.name] = _errors(candidate, samples, walking, converged, sweeps)
+                points[candidate.name] = _errors(candidate, scene, samples, walking, converged, sweeps)
                 if not points[candidate.name].failure:
                     measurements |= _measurements(candidate, walking)
             except _FAILURES as error:
@@ -150,16 +153,24 @@ def _failed(candidate: Candidate, sweeps: dict[str, str], reason: str) -> Point:
     )
 
 
-def _errors(candidate: Candidate, samples: Samples, walking: Array, converged: Array, sweeps: dict[str, str]) -> Point:
+def _errors(
+    candidate: Candidate,
+    scene: Scene,
+    samples: Samples | None,
+    walking: Array,
+    converged: Array,
+    sweeps: dict[str, str],
+) -> Point:
     model = candidate.model
     if model is None or candidate.failure:
         return _failed(candidate, sweeps, candidate.failure or "no model")
-    loads = samples.scene.load_names
+    loads = scene.load_names
     columns = [loads.index(load) for load in model.load_names]
     on_walking = load_errors(model.load_names, model(walking), converged[:, columns])
     if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
         return _failed(candidate, sweeps, "gives NaN or infinity on the walking poses")
-    per_domain = {domain: force_and_torque_rms(errors) for domain, errors in domain_errors(model, samples).items()}
+    errors_by_domain = {} if samples is None else domain_errors(model, samples)
+    per_domain = {domain: force_and_torque_rms(errors) for domain, errors in errors_by_domain.items()}
     return Point(
         candidate.name,
         candidate.family,

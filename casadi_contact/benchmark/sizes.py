@@ -67,8 +67,8 @@ def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = Non
     return project.folder / "sizes" / f"{sized.stem}{only}.h5"
 
 
-def on_disk(project: Project, path: Path) -> Surrogate | None:
-    """The surrogate at a path, or None where there is none of this scene that can be read."""
+def on_disk(project: Project, path: Path | str) -> Surrogate | None:
+    """The surrogate at a path or of a shipped name, or None where there is none of this scene that can be read."""
     try:
         surrogate = load_surrogate(path)
     except (FileNotFoundError, ValueError):  # damaged or of an older format: made again, from its checkpoints

@@ -10,9 +10,12 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from casadi_contact.compilation import announce_compilation
 from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
 from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
+
+announce_compilation()
 
 _RAY_ITERATIONS = 30
 _RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9

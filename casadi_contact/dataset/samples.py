@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,29 @@ TRAIN, VALIDATION, TEST = 0, 1, 2
 ROLES = ("train", "validation", "test")
 
 FORMAT_NAME = "casadi_contact samples"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1 has no dropped poses
 COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Poses (m, 6) [mm, rad] that a plan asked for and that became no samples, with their domain (m,) 1..7.
+
+    Where contact runs off the elements, pulls, or finds no equilibrium (then the pose of the last iteration): regions
+    that a surrogate does not know, however close its samples are. The reasons are counted in the provenance.
+    """
+
+    poses: Array = field(default_factory=lambda: np.empty((0, 6)))
+    domain: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
+
+    def __post_init__(self) -> None:
+        if self.poses.ndim != 2 or self.poses.shape[1] != 6 or self.domain.shape != (len(self.poses),):
+            raise ValueError(
+                f"samples: dropped poses have shapes {self.poses.shape}, {self.domain.shape}, expected (m, 6), (m,)"
+            )
+
+    def __len__(self) -> int:
+        return len(self.poses)
 
 
 @dataclass(frozen=True)
@@ -29,8 +50,8 @@ class Samples:
 
     poses (n, 6) [mm, rad]; wrenches (n, parts, 6) on the fixed body [N, N·mm] and gaps (n, parts) [mm] of the parts of
     the scene's patches (most are one part), gaps NaN where the model knows none; domain (n,) 1..7 for D1..D7; role
-    (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, dropped samples
-    with the reasons).
+    (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, number of dropped
+    samples by reason); dropped holds the poses of these.
     """
 
     scene: Scene
@@ -40,6 +61,7 @@ class Samples:
     domain: np.ndarray
     role: np.ndarray
     provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    dropped: Dropped = field(default_factory=Dropped, compare=False)
 
     def __post_init__(self) -> None:
         count, parts = len(self.poses), len(self.scene.parts)
@@ -70,14 +92,20 @@ class Samples:
             rows &= np.isin(self.domain, [_domain_number(d) for d in wanted])
         if role is not None:
             rows &= np.isin(self.role, role)
-        return Samples(self.scene, **{name: getattr(self, name)[rows] for name in COLUMNS}, provenance=self.provenance)
+        return self.rows(rows)
+
+    def rows(self, chosen: np.ndarray) -> Samples:
+        """The samples of these rows, a mask (n,) or numbers."""
+        columns: dict[str, Any] = {name: getattr(self, name)[chosen] for name in COLUMNS}
+        return replace(self, **columns)
 
     def joined(self, more: Samples) -> Samples:
         """These samples and then more of the same scene; raises ValueError for another scene."""
         if more.scene.digest != self.scene.digest:
             raise ValueError("the samples to join belong to another scene (digests differ)")
-        columns = {name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in COLUMNS}
-        return Samples(self.scene, **columns, provenance=self.provenance)
+        columns: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in COLUMNS}
+        lost = (np.concatenate([getattr(s.dropped, name) for s in (self, more)]) for name in ("poses", "domain"))
+        return replace(self, **columns, dropped=Dropped(*lost))
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""
@@ -106,8 +134,8 @@ def write_samples(path: str | Path, samples: Samples) -> None:
         file.attrs["format_version"] = FORMAT_VERSION
         file.attrs["scene_toml"] = samples.scene.to_toml()
         file.attrs["provenance"] = json.dumps(samples.provenance, sort_keys=True)
-        for name in COLUMNS:
-            column = getattr(samples, name)
+        lost = {f"dropped_{name}": getattr(samples.dropped, name) for name in ("poses", "domain")}
+        for name, column in {**{name: getattr(samples, name) for name in COLUMNS}, **lost}.items():
             # Checksums: a flipped bit is found when the file is read, not in a network's error.
             file.create_dataset(name, data=column, fletcher32=column.size > 0, track_times=False)
 
@@ -135,6 +163,7 @@ def read_samples(path: str | Path) -> Samples:
             scene = Scene.from_toml(str(file.attrs["scene_toml"]))
             provenance = json.loads(str(file.attrs["provenance"]))
             columns = {name: file[name][()] for name in COLUMNS}
-            return Samples(scene, **columns, provenance=provenance)
+            dropped = Dropped(file["dropped_poses"][()], file["dropped_domain"][()]) if version > 1 else Dropped()
+            return Samples(scene, **columns, provenance=provenance, dropped=dropped)
         except (ValueError, RecursionError) as error:
             raise ValueError(f"{path} is damaged ({one_line(error)}): draw the samples again") from None

@@ -19,7 +19,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset.samples import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.files import open_hdf5
+from casadi_contact.files import open_hdf5, short
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.scenes import Scene
 
@@ -90,7 +90,7 @@ def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str
     with open_hdf5(path) as file:
         missing = [column for column in required if column not in file]
         if missing:
-            raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(file)}")
+            raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")
         columns = {}
         for name in (c for c in (*required, *optional) if c in file):
             if not isinstance(file[name], h5py.Dataset) or file[name].dtype.kind not in "biuf":

@@ -1,7 +1,7 @@
 """Files that are never half written, and never trusted before they are checked."""
 
 from casadi_contact.files.hdf5 import new_hdf5, open_hdf5
-from casadi_contact.files.limits import MOST_MESH, MOST_TEXT, MOST_UNPACKED, checked_size, one_line
+from casadi_contact.files.limits import MOST_MESH, MOST_TEXT, MOST_UNPACKED, checked_size, one_line, short
 from casadi_contact.files.names import file_stem
 from casadi_contact.files.npz import read_npz, write_npz
 from casadi_contact.files.replacing import replacing, scratch_folder, writable_folder, write_bytes, write_text
@@ -18,6 +18,7 @@ __all__ = [
     "read_npz",
     "replacing",
     "scratch_folder",
+    "short",
     "writable_folder",
     "write_bytes",
     "write_npz",

@@ -22,4 +22,10 @@ def checked_size(path: Path, most_bytes: int) -> int:
 
 def one_line(error: BaseException) -> str:
     """What an error says in one line, or its kind where it says nothing."""
-    return " ".join(str(error).split()) or type(error).__name__
+    return short(str(error)) or type(error).__name__
+
+
+def short(text: str, most: int = 300) -> str:
+    """A file's text as a message may quote it: in one line of at most so many characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[:most]}..."

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size
+from casadi_contact.files import MOST_TEXT, checked_size, short
 
 
 def read_columns(
@@ -37,7 +37,7 @@ def read_columns(
     header = [name.strip() for name in rows[0][1]]
     missing = [column for column in required if column not in header]
     if missing:
-        raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(header)}")
+        raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(header))}")
     wanted = [column for column in (*required, *optional) if column in header]
     repeated = [column for column in wanted if header.count(column) > 1]
     if repeated:
@@ -51,7 +51,9 @@ def read_columns(
             try:
                 numbers[k, c] = float(row[place])
             except ValueError:
-                raise ValueError(f"{path} line {line}, {column}: got {row[place]!r}, expected a number") from None
+                raise ValueError(
+                    f"{path} line {line}, {column}: got {short(row[place])!r}, expected a number"
+                ) from None
             if not math.isfinite(numbers[k, c]):
                 raise ValueError(f"{path} line {line}, {column}: got {row[place].strip()}, expected a finite number")
     if not len(numbers):

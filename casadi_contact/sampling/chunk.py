@@ -49,13 +49,14 @@ class Chunk:
 
 @dataclass(frozen=True)
 class DrawnChunk:
-    """Samples of one chunk, as in `Samples`, and the number dropped for each reason."""
+    """Samples of one chunk, as in `Samples`; dropped_poses (m, 6) that became none, and their number by reason."""
 
     poses: Array
     wrenches: Array
     gaps: Array
     domain: np.ndarray
     role: np.ndarray
+    dropped_poses: Array
     dropped: Mapping[str, int]
 
 
@@ -91,6 +92,7 @@ def draw_chunk(
     poses, report = settle(settle_model, chunk.starts, chunk.free, chunk.loads, tolerance=tolerance)
     _count(dropped, "not settled", report.reason)
     kept = report.converged
+    lost = [poses[~kept]]
     poses, role = poses[kept], chunk.role[kept]
     domain = DOMAINS[chunk.domain - 1]
     steps = settings.liftoff_steps
@@ -109,20 +111,19 @@ def draw_chunk(
         )
         _count(dropped, "not settled after liftoff", reason.ravel())
         settled = reason.ravel() == ""
+        lost.append(lifted.reshape(-1, 6)[~settled])
         poses, role = lifted.reshape(-1, 6)[settled], np.repeat(role, steps)[settled]
     elif domain == "D5":
         poses = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps).reshape(-1, 6)
         role = np.repeat(role, steps)
     scene = settle_model.scene
-    wrenches, gaps = _by_parts(teacher, poses, len(scene.parts))
+    wrenches, gaps, edge = evaluated(teacher, poses, len(scene.parts))
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
     lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
     touches = touching[:, lifted_patches].any(axis=1) & ~pulls
     dropped["pulls"] += int(pulls.sum())
     dropped["touches though lifted off"] += int(touches.sum())
-    # Contact that runs off the elements is cut where the grid happens to end: no part of the joint (§2.2).
-    edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
     dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
     good = ~(pulls | touches | edge)
     return DrawnChunk(
@@ -131,12 +132,15 @@ def draw_chunk(
         gaps[good],
         np.full(int(good.sum()), chunk.domain, dtype=np.uint8),
         role[good],
+        np.concatenate([*lost, poses[~good]]),
         {reason: count for reason, count in dropped.items() if count},
     )
 
 
-def _by_parts(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array]:
-    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; those of patches from a model without parts.
+def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array, np.ndarray]:
+    """Wrenches (n, parts, 6), gaps (n, parts), NaN where unknown, and whether contact reaches the edge of the elements
+    (n,): it is cut there where the grid happens to end, no part of the joint (§2.2). Parts are patches for a model
+    that does not tell them apart.
 
     Raises ValueError for such a model where the scene cuts patches into parts.
     """
@@ -147,7 +151,8 @@ def _by_parts(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Ar
             "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
         )
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
-    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses)
+    edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
+    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses), edge
 
 
 def _count(dropped: Counter[str], stage: str, reasons: np.ndarray) -> None:

@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.dataset import COLUMNS, DOMAINS, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
@@ -141,7 +141,9 @@ def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identi
     versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.normal_loads, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
-    return Samples(scene, **columns, provenance={**provenance, **found})
+    lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
+    lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
+    return Samples(scene, **columns, provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
 
 
 def _version(name: str) -> str:

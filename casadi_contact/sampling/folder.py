@@ -59,8 +59,8 @@ class ChunkFolder:
 
     def write(self, number: int, chunk: DrawnChunk) -> None:
         """Put chunk `number` in its place; raises OSError in one line."""
-        dropped = np.array(json.dumps(dict(chunk.dropped), sort_keys=True))
-        write_npz(self._file(number), **{name: getattr(chunk, name) for name in COLUMNS}, dropped=dropped)
+        arrays = {name: getattr(chunk, name) for name in (*COLUMNS, "dropped_poses")}
+        write_npz(self._file(number), **arrays, dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)))
 
     def remove(self) -> None:
         """Delete the folder, once the samples file is complete."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.dataset import DOMAINS
+from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.scenes import Scene
 
@@ -25,8 +26,8 @@ class SamplingSettings:
     least in an input [mm, rad or N] (empty in the paper; an input that hardly varies in the reference motion would
     leave other motions and an optimiser's steps outside all domains); fixed_offsets: for an input known
     from a single curve, its offset in D1 and in D2 [mm, rad or N] (the paper gives no number for ry: these are 1.1
-    and 3.4 degrees); settle_tolerance_n: largest force error of a static analysis; inputs: sample-point inputs,
-    the scene's if empty.
+    and 3.4 degrees); settle_tolerance_n: largest force error of a static analysis; most_dropped: share of
+    a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if empty.
     """
 
     counts: Mapping[str, int] = field(default_factory=lambda: dict(PAPER_COUNTS))
@@ -48,6 +49,7 @@ class SamplingSettings:
     teacher_grid: tuple[int, int] = (80, 40)
     settle_tolerance_n: float = 1e-3
     chunk_size: int = 500
+    most_dropped: float = MOST_DROPPED
     inputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -71,6 +73,8 @@ class SamplingSettings:
             _number(name, getattr(self, name), positive=True)
         for name in ("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"):
             _number(name, getattr(self, name))
+        if not 0.0 <= _number("most_dropped", self.most_dropped) <= 1.0:
+            raise _bad("most_dropped", self.most_dropped, "a share from 0 to 1")
         for name in ("test_fraction", "validation_fraction"):
             if not 0.0 <= _number(name, getattr(self, name)) <= 0.5:
                 raise _bad(name, getattr(self, name), "a number from 0 to 0.5")
@@ -117,8 +121,10 @@ class SamplingSettings:
         return point
 
     def to_table(self) -> dict[str, Any]:
-        """Plain numbers, lists and tables, as JSON keeps them."""
-        return json.loads(json.dumps(asdict(self)))
+        """Plain numbers, lists and tables, as JSON keeps them; without `most_dropped`, which changes no sample."""
+        table = json.loads(json.dumps(asdict(self)))
+        del table["most_dropped"]
+        return table
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> SamplingSettings:

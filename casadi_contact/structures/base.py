@@ -153,27 +153,37 @@ class Surrogate(ABC):
         self._check_roots()
         return self.trust
 
+    def trust_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) that validity and expected error go by: those of `root_loads`."""
+        return self.root_loads(poses)[0]
+
+    def trust_claims(self, poses: Array) -> Array | None:
+        """Normal loads (n, P) [N] that `trust_roots` must confirm; None where the loads come from these roots."""
+        return None
+
+    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Validity (1) and expected errors (L) of a pose (6)."""
+        return self.trusted().expressions(pose, self.root_function()(pose))
+
     def validity(self, poses: ArrayLike) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
         trust, poses = self.trusted(), as_poses(poses)
-        return trust.validity(poses, self.root_loads(poses)[0])
+        return trust.validity(poses, self.trust_roots(poses), self.trust_claims(poses))
 
     def expected_error(self, poses: ArrayLike) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
         trust, poses = self.trusted(), as_poses(poses)
-        return trust.expected_errors(poses, self.root_loads(poses)[0])
+        return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
         """casadi.Function pose (6) -> validity (1), twice continuously differentiable: a constraint for IPOPT."""
-        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
-        validity, _ = trust.expressions(pose, self.root_function()(pose))
-        return ca.Function(name, [pose], [validity], ["pose"], ["validity"])
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"])
 
     def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
         """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
-        trust, pose = self.trusted(), ca.MX.sym("pose", 6)
-        _, errors = trust.expressions(pose, self.root_function()(pose))
-        return ca.Function(name, [pose], [errors], ["pose"], ["expected_error"])
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"])
 
     def function(
         self,

@@ -13,9 +13,12 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, eye, hstack
 from scipy.spatial import cKDTree
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
+from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.gaussian_kernels import soft_distance
 from casadi_contact.structures.trust import Trust
 
@@ -28,40 +31,58 @@ MARGIN = 0.2  # of the sampled root loads: so far outside their range validity i
 NEIGHBOURS = 60  # samples around a centre that its error level comes from
 _LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
 _LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
+BOX_MARGIN = 0.015  # of the sampled range of an insensitive pose parameter: twice so far beyond it validity is 0.5
+KEPT = 0.99  # share of kept poses that the border to the dropped ones leaves a validity above 0.9
+CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
+_LEAST_DROPPED = 20  # of fewer no border can be learned
+_LEAST_ROWS = 40  # of fewer no quantile is taken
+_LEAST_GROWTH = 1.0
+_LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
 _EXCESS = 4.0 / 3.0  # at a validity of 0.1; its negative at 0.9
 
 
-def calibrated(surrogate: Surrogate, samples: Samples) -> Surrogate:
+def calibrated(surrogate: Surrogate, samples: Samples, around: Samples | None = None) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
+
+    around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so
+    that the expected error holds off equilibrium too.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate
     without root loads.
     """
-    if samples.scene.digest != surrogate.scene.digest:
+    around = samples.select(role=()) if around is None else around
+    if {samples.scene.digest, around.scene.digest} != {surrogate.scene.digest}:
         raise ValueError("the samples belong to another scene than the surrogate (digests differ): draw them anew")
     training, held_out = samples.select(role=TRAIN), samples.select(role=VALIDATION)
     for what, part in (("training", training), ("validation", held_out)):
         if not len(part):
             raise ValueError(f"samples hold no {what} rows, expected some: draw samples with a validation share")
     trust = _tube(surrogate, training, held_out)
-    trust = _bounded(trust, surrogate, samples.select(role=(TRAIN, VALIDATION)), held_out)
+    known = samples.select(role=(TRAIN, VALIDATION))
+    trust = _with_border(trust, surrogate, known, around.select(role=VALIDATION))
+    trust = _confirmed(trust, surrogate, known.joined(around))
+    trust = _bounded(
+        trust, surrogate, samples.select(role=(TRAIN, VALIDATION)), held_out, around.select(role=VALIDATION)
+    )
     kind = type(surrogate)
-    trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    coverage = trust_coverage(trusted, samples.select(role=TEST))
+    with_trust = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
+    coverage = trust_coverage(with_trust, samples.select(role=TEST), around.select(role=TEST))
     return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "coverage": coverage}, trust)
 
 
 def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
-    """All that validity needs; error levels and shares are still zero."""
+    """What validity needs of the samples themselves; error levels and shares are still zero."""
     scene, loads = surrogate.scene, training.loads(surrogate.load_names)
     scales = np.maximum(np.ptp(training.poses, axis=0), _LEAST_RANGE) / np.sqrt(12.0)
     points = training.poses / scales
-    roots = surrogate.root_loads(training.poses)[0]
+    roots = surrogate.trust_roots(training.poses)
     low, high = roots.min(axis=0), roots.max(axis=0)
     boundary_root = float(np.sqrt(scene.boundary_load / scene.reference_load))
     centres, dense = _centres(_thinned(points), CENTRES), _centres(points, DENSE_CENTRES)
     distance = soft_distance(held_out.poses / scales, centres, BANDWIDTH)
     patches, count = len(surrogate.patch_names), len(surrogate.load_names)
+    insensitive = [pose_index(name) for name in scene.insensitive_pose]
+    box = training.poses[:, insensitive]
     return Trust(
         scales=scales,
         centres=centres,
@@ -79,7 +100,48 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
         boundary_root=boundary_root,
         shares=np.zeros((count, 3 + patches)),
         usual_loads=np.sqrt(np.mean(loads**2, axis=0)),
+        box=Box(
+            columns=np.array(insensitive, dtype=float),
+            low=box.min(axis=0),
+            high=box.max(axis=0),
+            margin=np.maximum(BOX_MARGIN * np.ptp(box, axis=0), _LEAST_RANGE),
+        ),
+        growth=np.ones(count),
+        growth_start=-_EXCESS,
     )
+
+
+def _with_border(trust: Trust, surrogate: Surrogate, known: Samples, around: Samples) -> Trust:
+    """The border between kept and dropped poses, where enough were dropped to tell."""
+    poses = [known.poses, around.poses, known.dropped.poses, around.dropped.poses]
+    count = len(poses[0]) + len(poses[1])
+    everything = np.concatenate(poses)
+    if len(everything) - count < _LEAST_DROPPED:
+        return trust
+    columns = [pose_index(name) for name in surrogate.scene.insensitive_pose]
+    x = np.column_stack([everything[:, columns], surrogate.trust_roots(everything)])
+    centre, scale = x[:count].mean(axis=0), np.maximum(x[:count].std(axis=0), _LEAST_RANGE)
+    # A pose far off says nothing of the border, and its cube would outweigh all others.
+    near = (np.abs((x - centre) / scale) < 6.0).all(axis=1)
+    terms, kept = cubic_terms((x - centre) / scale)[near], (np.arange(len(x)) < count)[near]
+    if (~kept).sum() < _LEAST_DROPPED:
+        return trust
+    coefficients = logistic_coefficients(terms, kept)
+    coefficients[0] += _EXCESS - float(np.quantile(terms[kept] @ coefficients, 1.0 - KEPT))
+    return replace(trust, border=Border(np.array(columns, dtype=float), centre, scale, coefficients))
+
+
+def _confirmed(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
+    """Above which root load contact counts as confirmed, for a structure whose loads come from other networks."""
+    if surrogate.trust_claims(known.poses[:1]) is None:
+        return trust
+    scene, roots = surrogate.scene, surrogate.trust_roots(known.poses)
+    parts = normal_forces([part.normal for part in scene.parts], known.wrenches)
+    apart = ~np.logical_or.reduceat(parts > 0.0, scene.first_parts, axis=1)
+    largest = np.array([max(s[rows].max(initial=0.0), 0.0) for s, rows in zip(roots.T, apart.T, strict=True)])
+    width = np.maximum(largest, _LEAST_ROOT)
+    tolerance = np.full(len(width), CLAIM_SHARE * scene.boundary_load)
+    return replace(trust, confirmation=Confirmation(tolerance, largest + 2.5 * width, width))
 
 
 def _thinned(points: Array) -> Array:
@@ -96,41 +158,67 @@ def _centres(points: Array, count: int) -> Array:
     return centres[np.bincount(member, minlength=count) > 0]
 
 
-def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Samples) -> Trust:
-    """Error levels from the samples around each centre, shares θ by quantile regression on validation rows.
+def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Samples, around: Samples) -> Trust:
+    """Error levels from the samples around each centre, shares θ by quantile regression on validation rows and the
+    valid ones of `around`, growth from those that are not valid.
 
     Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero.
     """
     names = surrogate.load_names
-    errors = [np.abs(surrogate(part.poses) - part.loads(names)) for part in (known, held_out)]
-    loaded = [part.loads(names) != 0.0 for part in (known, held_out)]
-    points = trust.scaled(known.poses)
+    wanted, points = known.loads(names), trust.scaled(known.poses)
+    errors, loaded = np.abs(surrogate(known.poses) - wanted), wanted != 0.0
     levels = np.zeros_like(trust.levels)
     for k in range(len(names)):
-        rows = loaded[0][:, k]
+        rows = loaded[:, k]
         if not rows.any():
             continue
         count = min(NEIGHBOURS, int(rows.sum()))
         _, near = cKDTree(points[rows]).query(trust.centres, k=count)
-        own = errors[0][rows, k]
+        own = errors[rows, k]
         local = np.quantile(own[near.reshape(-1, count)], COVERAGE, axis=1)
         levels[:, k] = np.maximum(local, _LEAST_LEVEL * np.quantile(own, COVERAGE))
     least = 1e-9 * np.maximum(trust.usual_loads, surrogate.scene.boundary_load)
     trust = replace(trust, levels=np.maximum(levels, least))
-    level = trust.level(held_out.poses)
-    features = trust.features(held_out.poses, surrogate.root_loads(held_out.poses)[0])
+    both = held_out.joined(around)
+    wanted = both.loads(names)
+    errors, loaded = np.abs(surrogate(both.poses) - wanted), wanted != 0.0
+    level, roots = trust.level(both.poses), surrogate.trust_roots(both.poses)
+    features = trust.features(both.poses, roots)
+    excess = trust.excess(both.poses, roots, surrogate.trust_claims(both.poses))
+    valid = excess < -_EXCESS
+    off_sample = np.arange(len(both)) >= len(held_out)
+    valid[~off_sample] = True
     shares = np.zeros_like(trust.shares)
     for k in range(len(names)):
-        rows = loaded[1][:, k]
-        shares[k] = _quantile_shares(features[rows], errors[1][rows, k] / level[rows, k]) if rows.any() else 1.0
-    return replace(trust, shares=shares)
+        rows = loaded[:, k] & valid
+        if not rows.any():
+            shares[k] = 1.0
+            continue
+        # Both kinds of rows count alike, however few of one there are.
+        few = off_sample[rows]
+        count = np.where(few, max(few.sum(), 1), max((~few).sum(), 1))
+        shares[k] = _quantile_shares(features[rows], errors[rows, k] / level[rows, k], len(few) / count)
+    trust = replace(trust, shares=shares)
+    inside = level * (features @ shares.T)
+    growing = trust.outside(excess)
+    growth = np.ones(len(names))
+    for k in range(len(names)):
+        rows = loaded[:, k] & (off_sample & (excess < -_EXCESS))
+        if rows.sum() >= _LEAST_ROWS:
+            shares[k] *= max(1.0, float(np.quantile(errors[rows, k] / inside[rows, k], COVERAGE)))
+            inside[:, k] = level[:, k] * (features @ shares[k])
+        rows = loaded[:, k] & (growing > 1e-3)
+        if rows.sum() >= _LEAST_ROWS:
+            missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
+            growth[k] = max(float(np.quantile(missing, COVERAGE)), _LEAST_GROWTH)
+    return replace(trust, shares=shares, growth=growth)
 
 
-def _quantile_shares(features: Array, ratios: Array) -> Array:
-    """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ q·max(r, 0) + (1 - q)·max(-r, 0), r = ratio -
+def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:
+    """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ w·(q·max(r, 0) + (1 - q)·max(-r, 0)), r = ratio -
     features·θ, q = `COVERAGE`, as a linear programme in θ and the parts of r (Koenker and Bassett 1978)."""
     count, columns = features.shape
-    cost = np.concatenate([np.zeros(columns), np.full(count, COVERAGE), np.full(count, 1.0 - COVERAGE)])
+    cost = np.concatenate([np.zeros(columns), COVERAGE * weights, (1.0 - COVERAGE) * weights])
     parts = hstack([csr_matrix(features), eye(count), -eye(count)]).tocsr()
     answer = linprog(cost, A_eq=parts, b_eq=ratios, bounds=(0.0, None), method="highs")
     if answer.x is None:
@@ -141,19 +229,31 @@ def _quantile_shares(features: Array, ratios: Array) -> Array:
     return shares
 
 
-def trust_coverage(surrogate: Surrogate, samples: Samples) -> dict[str, dict[str, float]]:
+def trust_coverage(
+    surrogate: Surrogate, samples: Samples, around: Samples | None = None
+) -> dict[str, dict[str, float]]:
     """By domain: share of poses with validity above 0.9 ("valid") and, by load, share of errors below those
-    expected, over the poses that carry the load."""
-    result = {}
-    for domain in DOMAINS:
-        part = samples.select(domain)
-        if not len(part):
-            continue
-        wanted = part.loads(surrogate.load_names)
-        below = np.abs(surrogate(part.poses) - wanted) <= surrogate.expected_error(part.poses)
-        row = {"valid": float(np.mean(surrogate.validity(part.poses) > 0.9))}
-        for load, column, loaded in zip(surrogate.load_names, below.T, (wanted != 0.0).T, strict=True):
-            if loaded.any():
-                row[load] = float(np.mean(column[loaded]))
-        result[domain] = row
-    return result
+    expected, over the poses that carry the load. Of the poses around: "around" those with validity above 0.5, "edge"
+    those of all with validity between 0.1 and 0.9, "outside" those below 0.1."""
+    groups = {domain: samples.select(domain) for domain in DOMAINS}
+    result = {domain: _coverage(surrogate, part) for domain, part in groups.items() if len(part)}
+    if around is None or not len(around):
+        return result
+    everything = samples.joined(around)
+    validity = [surrogate.validity(part.poses) for part in (around, everything)]
+    parts = {
+        "around": around.rows(validity[0] > 0.5),
+        "edge": everything.rows((validity[1] > 0.1) & (validity[1] <= 0.9)),
+        "outside": around.rows(validity[0] <= 0.1),
+    }
+    return result | {name: _coverage(surrogate, part) for name, part in parts.items() if len(part)}
+
+
+def _coverage(surrogate: Surrogate, part: Samples) -> dict[str, float]:
+    wanted = part.loads(surrogate.load_names)
+    below = np.abs(surrogate(part.poses) - wanted) <= surrogate.expected_error(part.poses)
+    row = {"valid": float(np.mean(surrogate.validity(part.poses) > 0.9))}
+    for load, column, loaded in zip(surrogate.load_names, below.T, (wanted != 0.0).T, strict=True):
+        if loaded.any():
+            row[load] = float(np.mean(column[loaded]))
+    return row

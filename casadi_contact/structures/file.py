@@ -22,10 +22,11 @@ import numpy as np
 from casadi_contact.files import new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 2  # 1 has no trust
+FORMAT = 3  # 1 has no trust, 2 none of the trust's later fields
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,9 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     if trust is not None:
-        for field in fields(trust):
-            array = np.ascontiguousarray(getattr(trust, field.name), dtype="<f8")
-            digest.update(f"{field.name} {array.shape}".encode() + array.tobytes())
+        for name, value in trust.numbers().items():
+            array = np.ascontiguousarray(value, dtype="<f8")
+            digest.update(f"{name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
 
 
@@ -83,8 +84,8 @@ def write_file(path: str | Path, content: Content) -> None:
                 group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
         if content.trust is not None:
             group = file.create_group("trust")
-            for field in fields(content.trust):
-                group[field.name] = np.asarray(getattr(content.trust, field.name), dtype="<f8")
+            for name, value in content.trust.numbers().items():
+                group[name] = np.asarray(value, dtype="<f8")
 
 
 def read_file(path: str | Path) -> Content:
@@ -143,7 +144,13 @@ def _read_network(name: str, group: h5py.Group) -> Network:
     return network
 
 
+_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation}
+
+
 def _read_trust(group: h5py.Group) -> Trust:
-    arrays = {field.name: group[field.name][()] for field in fields(Trust)}
+    arrays = {field.name: group[field.name][()] for field in fields(Trust) if field.name in group.keys() - _PARTS}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+    for name, kind in _PARTS.items():
+        if name in group:
+            values[name] = kind(**{field.name: group[name][field.name][()] for field in fields(kind)})
     return Trust(**values)

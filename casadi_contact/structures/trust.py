@@ -2,8 +2,10 @@
 
 Every cause of distrust is an excess u_i, below zero inside what was sampled and above zero outside:
 
-    u_0 = sharpness·(E - edge),   E = -log Σ_j exp(-|z - c_j|²/2h²)    smooth squared distance from the sampled poses
-    u_p = (s_p - high_p)/margin_p - 2,  (low_p - s_p)/margin_p - 2     root load of patch p beyond the sampled range
+    sharpness·(E - edge),   E = -log Σ_j exp(-|z - c_j|²/2h²)    smooth squared distance from the sampled poses
+    (s_p - high_p)/margin_p - 2,  (low_p - s_p)/margin_p - 2     root load of patch p beyond the sampled range
+    those of `distrust`                                          insensitive pose parameter beyond the sampled range,
+                                                                 dropped samples, contact that is not confirmed
 
 with z the pose over its scales and c_j centres spread over the sampled poses. A scale belongs to a parameter's whole
 sampled range: too coarse to tell depth, which the root loads tell, but no pose far away counts as known because a
@@ -16,28 +18,30 @@ function is flat there: IPOPT, kept by validity >= 1/2, then solved none of the 
 
 The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-out samples:
 
-    e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p) + g(u)·usual load,   all θ >= 0
+    e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p) + growth·g(u - u_0)·usual load,   all θ >= 0
 
 level: weighted mean of the errors around each centre c_j; ρ = log(1 + exp(D - D0)), D the smooth squared distance
 from centres as dense as the samples; r_p = (s_p + √(s_p² + s_b²))/2, smooth where the patch lifts off, s_b the root of
-the boundary load (an error of s counts 2·N0·s times in the load); g = max(u, 0)³/(1 + u²), twice continuously
-differentiable and zero where validity is above a half.
+the boundary load (an error of s counts 2·N0·s times in the load); g(v) = max(v, 0)³/(1 + v²), twice continuously
+differentiable and zero where validity is above 0.9 (a half, in files of before).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
+from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
-_POSITIVE = ("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth")
-_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root")
+_POSITIVE = ("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin")
+_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,9 @@ class Trust:
 
     scales (6,) [mm, rad]; centres (K, 6) and bandwidth, sharpness, edge of the tube; root_low, root_high and their
     margins (P,); levels (K, L) [N, N·mm]; dense_centres (M, 6), dense_bandwidth and dense_start D0; boundary_root s_b;
-    shares θ (L, 3 + P); usual_loads (L,) [N, N·mm].
+    shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows is None in
+    files of before, which know no such cause: box, border and confirmation (only for a structure whose loads do not
+    come from its root loads); growth (L,) and growth_start u_0.
     """
 
     scales: Array
@@ -65,31 +71,59 @@ class Trust:
     boundary_root: float
     shares: Array
     usual_loads: Array
+    box: Box | None = None
+    border: Border | None = None
+    confirmation: Confirmation | None = None
+    growth: Array | None = None
+    growth_start: float | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            numbers = np.asarray(getattr(self, field.name))
+        for name, numbers in self.numbers().items():
             if not np.isfinite(numbers).all():
-                raise ValueError(f"trust: {field.name} holds numbers that are not finite")
-            if field.name in _NOT_NEGATIVE and np.any(numbers < 0.0):
-                raise ValueError(f"trust: {field.name} holds a negative number, which would promise errors below zero")
-            if field.name in _POSITIVE and np.any(numbers <= 0.0):
-                raise ValueError(f"trust: {field.name} is not above zero")
+                raise ValueError(f"trust: {name} holds numbers that are not finite")
+            if name in _NOT_NEGATIVE and np.any(numbers < 0.0):
+                raise ValueError(f"trust: {name} holds a negative number, which would promise errors below zero")
+            if name in _POSITIVE and np.any(numbers <= 0.0):
+                raise ValueError(f"trust: {name} is not above zero")
+            if name.endswith("/columns") and not np.isin(numbers, range(6)).all():
+                raise ValueError(f"trust: {name} are {numbers}, expected columns of a pose, 0 to 5")
+
+    def numbers(self) -> dict[str, Array]:
+        """All that is given, by name; the numbers of parts as "box/low"."""
+        given: dict[str, Array] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if is_dataclass(value):
+                inner = {f"{field.name}/{part.name}": getattr(value, part.name) for part in fields(value)}
+                given |= {name: np.asarray(array) for name, array in inner.items()}
+            elif value is not None:
+                given[field.name] = np.asarray(value)
+        return given
 
     def scaled(self, poses: Array) -> Array:
         """z (n, 6) of poses (n, 6)."""
         return np.clip(poses / self.scales, -_FAR, _FAR)
 
-    def excess(self, poses: Array, roots: Array) -> Array:
-        """u (n,) of poses (n, 6) with root loads (n, P)."""
+    def excess(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
+        """u (n,) of poses (n, 6) with root loads (n, P); claims (n, P): normal loads N of a structure whose loads do
+        not come from the root loads."""
         tube = self.sharpness * (soft_distance(self.scaled(poses), self.centres, self.bandwidth) - self.edge)
-        deep = (roots - self.root_high) / self.margin_high - 2.0
-        far = (self.root_low - roots) / self.margin_low - 2.0
-        return np.asarray(logsumexp(np.column_stack([tube, deep, far]), axis=1))
+        causes = [
+            tube[:, None],
+            (roots - self.root_high) / self.margin_high - 2.0,
+            (self.root_low - roots) / self.margin_low - 2.0,
+        ]
+        if self.box is not None:
+            causes.append(self.box.excess(poses))
+        if self.border is not None:
+            causes.append(self.border.excess(poses, roots))
+        if self.confirmation is not None and claims is not None:
+            causes.append(self.confirmation.excess(roots, claims))
+        return np.asarray(logsumexp(np.column_stack(causes), axis=1))
 
-    def validity(self, poses: Array, roots: Array) -> Array:
+    def validity(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
         """Validity (n,) in 0..1."""
-        u = self.excess(poses, roots)
+        u = self.excess(poses, roots, claims)
         return np.asarray(0.5 - 0.5 * u / np.sqrt(1.0 + u * u))
 
     def features(self, poses: Array, roots: Array) -> Array:
@@ -103,26 +137,45 @@ class Trust:
         """Mean of the error levels around each pose (n, L) [N, N·mm]."""
         return weighted_mean(self.scaled(poses), self.centres, self.bandwidth, self.levels)
 
-    def expected_errors(self, poses: Array, roots: Array) -> Array:
+    def expected_errors(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
         """e (n, L) [N, N·mm]."""
-        out = np.maximum(self.excess(poses, roots), 0.0)
-        growth = out * (out * out / (1.0 + out * out))
+        outside = self.outside(self.excess(poses, roots, claims))
         inside = self.level(poses) * (self.features(poses, roots) @ self.shares.T)
-        return inside + growth[:, None] * self.usual_loads
+        return inside + outside[:, None] * self._growth_loads
 
-    def expressions(self, pose: ca.MX, roots: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Validity (1) and expected errors (L) as CasADi expressions of pose (6) and root loads (P)."""
+    def outside(self, excess: Array) -> Array:
+        """g of an excess u (n,)."""
+        return np.asarray(_growth(np.maximum(excess - (self.growth_start or 0.0), 0.0)))
+
+    @property
+    def _growth_loads(self) -> Array:
+        return self.usual_loads if self.growth is None else self.growth * self.usual_loads
+
+    def expressions(self, pose: ca.MX, roots: ca.MX, claims: ca.MX | None = None) -> tuple[ca.MX, ca.MX]:
+        """Validity (1) and expected errors (L) as CasADi expressions of pose (6), root loads and claims (P)."""
         z = ca.fmin(ca.fmax(pose / ca.DM(self.scales), -_FAR), _FAR)
         distance, weights = kernel_expressions(z, self.centres, self.bandwidth)
-        tube = self.sharpness * (distance - self.edge)
-        deep = (roots - ca.DM(self.root_high)) / ca.DM(self.margin_high) - 2.0
-        far = (ca.DM(self.root_low) - roots) / ca.DM(self.margin_low) - 2.0
-        excess = ca.logsumexp(ca.vertcat(tube, deep, far))
-        out = ca.fmax(excess, 0.0)
-        growth = out * (out * out / (1.0 + out * out))
+        causes = [
+            self.sharpness * (distance - self.edge),
+            (roots - ca.DM(self.root_high)) / ca.DM(self.margin_high) - 2.0,
+            (ca.DM(self.root_low) - roots) / ca.DM(self.margin_low) - 2.0,
+        ]
+        if self.box is not None:
+            causes.append(self.box.expression(pose))
+        if self.border is not None:
+            causes.append(self.border.expression(pose, roots))
+        if self.confirmation is not None and claims is not None:
+            causes.append(self.confirmation.expression(roots, claims))
+        excess = ca.logsumexp(ca.vertcat(*causes))
         dense, _ = kernel_expressions(z, self.dense_centres, self.dense_bandwidth)
         rare = ca.logsumexp(ca.vertcat(0.0, dense - self.dense_start))
         pressed = 0.5 * (roots + ca.sqrt(roots**2 + self.boundary_root**2))
         features = ca.vertcat(1.0, rare, rare**2, pressed)
         inside = ca.mtimes(ca.DM(self.levels.T), weights) * ca.mtimes(ca.DM(self.shares), features)
-        return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), inside + growth * ca.DM(self.usual_loads)
+        errors = inside + _growth(ca.fmax(excess - (self.growth_start or 0.0), 0.0)) * ca.DM(self._growth_loads)
+        return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), errors
+
+
+def _growth(out: Any) -> Any:
+    """g = u³/(1 + u²) of u >= 0, an array or an expression."""
+    return out * (out * out / (1.0 + out * out))

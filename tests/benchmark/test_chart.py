@@ -145,7 +145,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
 
     candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
     poses = pipeline.read_motion(project)[0].poses[0][:10]
-    points = benchmark.measure(candidates, project.samples(), poses).points
+    points = benchmark.measure(candidates, project.scene, poses, project.samples()).points
     assert [point.failure for point in points] == ["did not fit", "out of luck"]
 
 

@@ -91,8 +91,8 @@ def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
 
 
 def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee --preset quick first"):
-        cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick first"):
+        cc.choose("sphere_on_plane", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
     (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
     with pytest.raises(ValueError, match="measured on another scene than knee"):
         cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
@@ -101,7 +101,7 @@ def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tm
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["choose", "knee", "--force-tol", "1"], "run casadi-contact chart knee --preset quick first"),
+        (["choose", "hip", "--force-tol", "1"], "run casadi-contact chart hip --preset quick first"),
         (["chart", "knee"], "samples.h5 does not exist"),
         (["chart", "elbow"], "unknown scene 'elbow'"),
     ],

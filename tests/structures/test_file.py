@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from casadi_contact.network import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
+from casadi_contact.structures.file import FORMAT
 from tests.support.hdf5_files import resealed
 from tests.support.random_surrogates import random_poses, random_surrogate
 
@@ -85,8 +86,8 @@ def test_damaged_files_are_refused(saved):
 
 def test_foreign_and_newer_files_are_refused(saved, tmp_path):
     with resealed(saved) as file:
-        file.attrs["format"] = 3
-    with pytest.raises(ValueError, match="format 3, this version reads up to 2"):
+        file.attrs["format"] = FORMAT + 1
+    with pytest.raises(ValueError, match=f"format {FORMAT + 1}, this version reads up to {FORMAT}"):
         load_surrogate(saved)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1.0

@@ -145,6 +145,7 @@ class TimedAscent:
         self.seconds, self.evaluations = seconds, 0
 
     def __call__(self, objective: Callable[[Array], Any], start: Array, bounds: Array) -> tuple[Array, float]:
+        """Best point found within the bounds, and its objective."""
         deadline = time.perf_counter() + self.seconds
 
         def stop(intermediate_result: OptimizeResult) -> None:

@@ -44,15 +44,18 @@ class TrainingSet:
 
     @property
     def centre(self) -> Array:
+        """Mean pose (6,)."""
         return self.poses.mean(axis=0)
 
     @property
     def spread(self) -> Array:
+        """Standard deviation of each pose parameter (6,), 1 where it does not vary."""
         spread = self.poses.std(axis=0)
         return np.where(spread > 1e-9, spread, 1.0)
 
     @property
     def ceiling(self) -> Array:
+        """Largest value of each load (loads,): 0 for sensitive loads, which never pull."""
         return np.array([0.0 if name in self.scene.sensitive_loads else np.inf for name in self.load_names])
 
     @property

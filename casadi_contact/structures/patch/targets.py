@@ -37,6 +37,11 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
+def root_regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
+    """Those of `patch_regressions` that are of root loads."""
+    return [r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_")]
+
+
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
     """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
 

@@ -5,6 +5,10 @@
 
 The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero (§3.5). Networks
 carry the names of their loads.
+
+Such networks cannot tell a false contact of some newtons from a true one. Where the samples hold gaps, small networks
+of the signed root loads (``root_med``; those of the patch structure) are therefore trained beside them: they give no
+load, but validity asks them to confirm every contact.
 """
 
 from __future__ import annotations
@@ -20,11 +24,14 @@ from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
+from casadi_contact.structures.patch.targets import root_regressions
 from casadi_contact.structures.sample_rows import finite, fitted_rows
 from casadi_contact.structures.two_stage.graph import two_stage_expressions
 from casadi_contact.structures.two_stage.kernel import two_stage_kernel
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.network_graph import network_value
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
 # which changes s by less than 3e-5 (relative) at the boundary load itself.
@@ -44,7 +51,8 @@ class TwoStageSurrogate(Surrogate):
                 "clamps: use the patch structure"
             )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
-        return {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
+        inputs = {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
+        return inputs | {root_name(part.name): 6 for part in scene.parts}
 
     @staticmethod
     def fits(scene: Scene) -> bool:
@@ -64,7 +72,7 @@ class TwoStageSurrogate(Surrogate):
         loads = finite("loads", samples.loads(names))[rows]
         count = len(scene.sensitive_loads)
         with_forces = np.hstack([poses, np.minimum(loads[:, :count], 0.0)])
-        return [
+        of_loads = [
             Regression(
                 name,
                 poses if column < count else with_forces,
@@ -75,6 +83,29 @@ class TwoStageSurrogate(Surrogate):
             )
             for column, name in enumerate(names)
         ]
+        return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
+
+    @property
+    def _confirming(self) -> PatchSurrogate | None:
+        """The root load networks as a surrogate; None where a patch has none."""
+        names = [root_name(part.name) for part in self.scene.parts]
+        if not all(name in self.networks for name in names):
+            return None
+        return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
+
+    def trust_roots(self, poses: Array) -> Array:
+        confirming = self._confirming
+        return (self if confirming is None else confirming).root_loads(poses)[0]
+
+    def trust_claims(self, poses: Array) -> Array | None:
+        return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads)[0]
+
+    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        confirming = self._confirming
+        if confirming is None:
+            return super()._trust_expressions(pose)
+        claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
+        return self.trusted().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
 
     @property
     def _smoothing_load(self) -> float:

@@ -1,0 +1,58 @@
+"""Measured fronts that come with the library: the shipped surrogates and elastic foundations of a scene.
+
+``python -m casadi_contact.benchmark.shipped knee`` measures the one of the knee anew and writes it into this package.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.candidates import foundation_candidates, surrogate_candidates
+from casadi_contact.benchmark.front_file import Front, read_front, write_front
+from casadi_contact.benchmark.measure import measure
+from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.sampling import SamplingSettings, reference_motion
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.structures import load_surrogate, ready_surrogates
+
+_FOLDER = Path(__file__).with_name("ready")
+
+
+def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
+    """The file of the front shipped for this very scene, and the front; None if there is none."""
+    path = _FOLDER / f"{Path(scene.name).name}.csv"
+    if not path.is_file():
+        return None
+    front = read_front(path)
+    return (path, front) if front.header["scene_digest"] == scene.digest else None
+
+
+def measured_front(scene: Scene) -> Front:
+    """Measure elastic foundations and the scene's shipped surrogates, as kernels and graphs, on unseen walking."""
+    model = ElasticFoundation(scene, scene.grids["settle"])
+    motion, _ = reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))
+    return measure(_candidates(scene), scene, unseen_walking(model, motion))
+
+
+def _candidates(scene: Scene) -> Iterator[Candidate]:
+    yield from foundation_candidates(scene)
+    for name in ready_surrogates():
+        surrogate = load_surrogate(name)
+        if surrogate.scene.digest == scene.digest:
+            yield from surrogate_candidates(name, surrogate, graph=True)
+
+
+def main(scene: str) -> None:
+    """Measure and write the shipped front of a ready scene."""
+    path = _FOLDER / f"{scene}.csv"
+    write_front(path, measured_front(load_scene(scene)))
+    print(f"written {path}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

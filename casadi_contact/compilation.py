@@ -1,0 +1,41 @@
+"""What a first evaluation waits for: numba compiles the loops of the contact models, and keeps them on disk.
+
+Compiled loops lie beside the source (``__pycache__``), or in numba's folder of the user's cache where that cannot be
+written, or in ``$NUMBA_CACHE_DIR``.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+from pathlib import Path
+
+from numba.core import event
+
+_PACKAGE = __name__.partition(".")[0]
+
+
+class _Notice(event.Listener):
+    """Says once per process, on stderr, that a loop of this package is being compiled and where it will lie."""
+
+    def __init__(self) -> None:
+        self.said = False
+
+    def on_start(self, event: event.Event) -> None:
+        """Called before a compilation, and not where the loop is read from disk."""
+        dispatcher = event.data["dispatcher"]
+        if self.said or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
+            return
+        self.said = True
+        folder = dispatcher.stats.cache_path
+        kept = f"kept in {Path(folder)}" if folder else "not kept: this function has no cache"
+        print(f"{_PACKAGE}: compiling the contact model, about 15 s, once ({kept})", file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        """Nothing to say."""
+
+
+def announce_compilation() -> None:
+    """Say what the first evaluation waits for, if it compiles; worker processes stay silent."""
+    if multiprocessing.parent_process() is None:
+        event.register("numba:compile", _Notice())

@@ -1,0 +1,35 @@
+"""Progress bars on the terminal for long work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+
+@contextmanager
+def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str], None]]:
+    """A callback (what, done, all, remark) that keeps one progress bar for each `what`."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[remark]}"),
+    )
+    with Progress(*columns, console=console) as progress:
+        tasks: dict[str, int] = {}
+
+        def update(what: str, done: float, total: float, remark: str = "") -> None:
+            if what not in tasks:
+                tasks[what] = progress.add_task(what, total=round(total), remark=remark)
+            progress.update(tasks[what], completed=round(done), total=round(total), remark=remark)  # type: ignore[arg-type]
+
+        try:
+            yield update
+        except KeyboardInterrupt:
+            console.print("interrupted: run the same command again to go on")
+            raise

@@ -1,0 +1,44 @@
+"""How much of a sampling plan became no samples, and when that is too much to learn from."""
+
+from __future__ import annotations
+
+from casadi_contact.dataset import DOMAINS, Samples
+
+MOST_DROPPED = 0.3
+
+
+def dropped_shares(samples: Samples) -> dict[str, float]:
+    """Share of the plan that was dropped, by domain that has samples or dropped poses; empty for samples of a table."""
+    shares = {}
+    for number, domain in enumerate(DOMAINS, start=1):
+        kept, lost = int((samples.domain == number).sum()), int((samples.dropped.domain == number).sum())
+        if kept + lost and len(samples.dropped):
+            shares[domain] = lost / (kept + lost)
+    return shares
+
+
+def refuse_many_dropped(samples: Samples, most: float = MOST_DROPPED) -> None:
+    """Raises ValueError for a domain of which more than the share `most` was dropped, with the reasons and the cure."""
+    for domain, share in dropped_shares(samples).items():
+        if share > most:
+            reasons = samples.provenance.get("dropped", {}).get(domain, {})
+            listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
+            raise ValueError(
+                f"{share:.0%} of the samples of {domain} were dropped, expected at most {most:.0%}: {listed}. "
+                + _cure(max(reasons, key=reasons.get, default=""))
+                + " To learn from what is left all the same, set most_dropped in the scene's [sampling]"
+            )
+
+
+def _cure(reason: str) -> str:
+    if "edge" in reason:
+        return (
+            "Contact runs off the fixed surface: enlarge its patches where the part really goes on, or draw closer to "
+            "the reference motion (smaller d3_fraction, d2_offset or d3_minimum_widths in the scene's [sampling])."
+        )
+    if "settle" in reason:
+        return (
+            "Few of the wanted loads have an equilibrium: check the directions of the loads and of loads.sensitive "
+            "with casadi-contact show, or draw closer to the reference motion (smaller d3_fraction or d2_offset)."
+        )
+    return "Check the scene's surfaces and patches with casadi-contact show."

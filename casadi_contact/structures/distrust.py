@@ -1,0 +1,88 @@
+"""Causes of distrust besides distance from the samples: each an excess, below zero where all is well (see `trust`).
+
+    Box             (x_i - high_i)/margin_i - 2, (low_i - x_i)/margin_i - 2   beyond the sampled range
+    Border          -κ·φ(x, s)                                                where samples were dropped
+    Confirmation    min(4·(N_p/τ_p - 1), (m_p - s_p)/w_p), rounded off        contact that no root load confirms
+
+x are the insensitive pose parameters, s the root loads, N the normal loads of a structure whose loads come from other
+networks than its root loads: it claims more than τ_p where no sample without contact had so large a root load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.structures.cubic_logistic import cubic_expression, cubic_terms
+
+_FAR = 1e8  # pose parameters are cut off here, so that every finite pose has finite numbers
+
+
+@dataclass(frozen=True)
+class Box:
+    """Sampled range low..high of the pose's columns (k,) [mm, rad]: validity is a half two margins beyond it."""
+
+    columns: Array
+    low: Array
+    high: Array
+    margin: Array
+
+    def excess(self, poses: Array) -> Array:
+        """Two columns for each pose parameter (n, 2k)."""
+        x = np.clip(poses[:, self.columns.astype(int)], -_FAR, _FAR)
+        return np.hstack([(x - self.high) / self.margin, (self.low - x) / self.margin]) - 2.0
+
+    def expression(self, pose: ca.MX) -> ca.MX:
+        """The same (2k) of a pose (6)."""
+        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]], -_FAR), _FAR)
+        above, below = (x - ca.DM(self.high)) / ca.DM(self.margin), (ca.DM(self.low) - x) / ca.DM(self.margin)
+        return ca.vertcat(above, below) - 2.0
+
+
+@dataclass(frozen=True)
+class Border:
+    """Between kept and dropped samples: κ (terms,) of the variables (x, s) over centre and scale (k + P,).
+
+    In these coordinates the border, such as contact that reaches the rim of an insert, is a smooth surface; in the
+    sensitive pose parameters it would have to be resolved to microns.
+    """
+
+    columns: Array
+    centre: Array
+    scale: Array
+    coefficients: Array
+
+    def excess(self, poses: Array, roots: Array) -> Array:
+        """One column (n, 1)."""
+        x = np.clip(poses[:, self.columns.astype(int)], -_FAR, _FAR)
+        scaled = (np.hstack([x, roots]) - self.centre) / self.scale
+        return -(cubic_terms(scaled) @ self.coefficients)[:, None]
+
+    def expression(self, pose: ca.MX, roots: ca.MX) -> ca.MX:
+        """The same (1) of a pose (6) and root loads (P)."""
+        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]], -_FAR), _FAR)
+        scaled = (ca.vertcat(x, roots) - ca.DM(self.centre)) / ca.DM(self.scale)
+        return -ca.dot(ca.DM(self.coefficients), cubic_expression(scaled))
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """tolerance τ [N], root m and width w of each patch (P,)."""
+
+    tolerance: Array
+    root: Array
+    width: Array
+
+    def excess(self, roots: Array, claims: Array) -> Array:
+        """One column for each patch (n, P) of root loads (n, P) and claimed normal loads (n, P) [N]."""
+        claimed, apart = 4.0 * (claims / self.tolerance - 1.0), (self.root - roots) / self.width
+        return -np.logaddexp(-claimed, -apart)
+
+    def expression(self, roots: ca.MX, claims: ca.MX) -> ca.MX:
+        """The same (P) of root loads (P) and claims (P)."""
+        claimed = 4.0 * (claims / ca.DM(self.tolerance) - 1.0)
+        apart = (ca.DM(self.root) - roots) / ca.DM(self.width)
+        return ca.vertcat(*(-ca.logsumexp(ca.vertcat(-claimed[p], -apart[p])) for p in range(len(self.root))))

@@ -1,0 +1,94 @@
+"""Before anything is built, the shipped surrogates of a scene and their measured front serve it."""
+
+from importlib import import_module
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import pipeline
+from casadi_contact.benchmark.kernel_speed import KernelSpeed, MachineLimit
+from casadi_contact.benchmark.shipped import shipped_front
+from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
+from casadi_contact.report import read_kernel_speed
+
+speed_room = import_module("casadi_contact.benchmark.speed")  # the room's name is the function's in the package
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A knee in an empty folder."""
+    return Project.open("knee", "quick", tmp_path_factory.mktemp("fresh"))
+
+
+@pytest.fixture(scope="module")
+def motion(project):
+    return motion_at_hand(project)
+
+
+def test_its_errors_are_those_of_the_surrogates_that_are_shipped_today(project, motion):
+    _, front = shipped_front(project.scene)
+    walking = unseen_walking(cc.ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
+    assert front.header["walking_poses"] == str(len(walking))
+    assert front.header["processor"]
+    loads = cc.ElasticFoundation(project.scene, (320, 160))(walking)
+    points = {point.name: point for point in front.points}
+    for name in ("knee", "knee_two_stage"):
+        surrogate = cc.load_surrogate(name)
+        forces = [i for i, load in enumerate(surrogate.load_names) if load.startswith("F")]
+        rms = np.sqrt(np.mean((surrogate(walking) - loads)[:, forces] ** 2))
+        assert points[name].force_rms_n == pytest.approx(rms, rel=0.05), f"measure the front of {name} again"
+
+
+def test_no_scene_but_the_very_same_has_the_shipped_front(project):
+    assert shipped_front(cc.load_scene("knee", settle=(40, 20))) is None
+    assert shipped_front(cc.load_scene("hip")) is None
+
+
+@pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"]])
+def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion, loads, monkeypatch):
+    monkeypatch.setattr("casadi_contact.benchmark.at_hand.motion_at_hand", lambda project: motion)
+    choice = cc.choose("knee", force_tolerance_n=0.3, torque_tolerance_nmm=10.0, loads=loads, folder=project.folder)
+    _, front = shipped_front(project.scene)
+    assert choice.model.name.startswith("knee")
+    assert front.header["processor"] in choice.measured
+    function = eval(choice.python, {"cc": cc})
+    pose = [0.5, 27.35, 0.1, 0.0, -0.05, -0.3]
+    wanted = cc.load_surrogate("knee")([pose])[0][: len(choice.loads)]
+    np.testing.assert_allclose(function(pose).full().ravel(), wanted, rtol=1e-9)
+
+
+def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
+    monkeypatch.setattr(pipeline, "motion_at_hand", lambda project: motion)
+    paths = pipeline.export(project)
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
+    pose = motion.poses[0, 25]
+    np.testing.assert_allclose(function(pose).full().ravel(), cc.load_surrogate("knee")([pose])[0], rtol=1e-9)
+    assert function(pose).full()[0] < -50.0
+    assert {path.parent.name for path in paths} == {"patch", "two_stage"}
+
+
+def test_a_folder_with_samples_speaks_for_itself(tmp_path):
+    project = Project.open("knee", "quick", tmp_path)
+    assert set(surrogates_at_hand(project)) == {"patch", "two_stage"}
+    project.samples_path.write_bytes(b"begun")
+    with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
+        surrogates_at_hand(project)
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee"):
+        cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
+
+
+def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(project, motion, monkeypatch):
+    timed = {}
+
+    def kernel_speed(surrogate, poses):
+        timed[surrogate.structure] = surrogate.scene.digest, len(poses)
+        return KernelSpeed({}, MachineLimit(1, 1, 1.0, 1.0))
+
+    monkeypatch.setattr(speed_room, "kernel_speed", kernel_speed)
+    monkeypatch.setattr(speed_room, "motion_at_hand", lambda project: motion)
+    content = read_kernel_speed(speed_room.speed(project))
+    assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
+    assert set(content["surrogates"]) == set(timed)

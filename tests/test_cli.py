@@ -1,0 +1,89 @@
+"""The command line: versions, help and mistakes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact
+from casadi_contact.cli import app
+from casadi_contact.command_examples import _EXAMPLES
+
+ROOT = Path(__file__).parents[1]
+
+
+def output(*arguments):
+    result = CliRunner().invoke(app, arguments, terminal_width=120)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_the_package_runs_as_a_module_and_says_its_version():
+    done = subprocess.run(
+        [sys.executable, "-m", "casadi_contact", "--version"], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout.strip() == f"casadi_contact {casadi_contact.__version__}" == output("--version").strip()
+
+
+def test_every_command_shows_examples_that_it_accepts(monkeypatch):
+    """Each example is parsed by its command as the shell would hand it over; nothing is run."""
+    group = typer_group()
+    assert set(_EXAMPLES) - {""} == set(group.commands)
+    for lines in _EXAMPLES.values():
+        for line in lines:
+            name, *arguments = line.split()
+            group.commands[name].make_context(name, arguments)
+    for name in group.commands:
+        assert f"casadi-contact {name}" in " ".join(output(name, "--help").split())
+
+
+def typer_group():
+    from typer.main import get_group
+
+    return get_group(app)
+
+
+def test_help_shows_brackets_of_extras():
+    assert "casadi_contact[peers]" in " ".join(output("chart", "--help").replace("\u2502", " ").split())
+
+
+def test_shell_completion_can_be_installed():
+    assert "--install-completion" in output("--help")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("choose knee --force-tol abc", "Invalid value for '--force-tol'"),
+        ("choose knee --force-tol -1 --torque-tol 5", "force tolerance is -1.0"),
+        ("choose knee", "no force tolerance given"),
+        ("show knee --pose 1,2", "expected"),
+        ("show knee --pose a,b", "expected six numbers"),
+        ("show knee --poses none.csv", "none.csv"),
+        ("info none.h5", "none.h5"),
+        ("info /", "/"),
+        ("cycle none.mot --map a=b", "none.mot"),
+        ("build knee --table none.csv", "none.csv"),
+        ("build knee --cycles none.csv", "none.csv"),
+        ("build none.toml", "none.toml"),
+        ("export hip", "run casadi-contact train first"),
+        ("speed hip", "run casadi-contact train first"),
+        ("evaluate knee", "samples.h5 does not exist"),
+        ("nothing", "nothing"),
+        ("build", "scene"),
+        ("build knee --colour", "--colour"),
+    ],
+)
+def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments, said, tmp_path, monkeypatch, capsys):
+    from casadi_contact.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments.split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code not in (0, None)
+    message = f"{ended.value.code} {capsys.readouterr().err}"
+    assert said in message
+    assert len(message.splitlines()) == 1
