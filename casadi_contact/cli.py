@@ -13,7 +13,7 @@ from casadi_contact import __version__, benchmark, pipeline
 from casadi_contact.command_examples import examples
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.files import file_stem
+from casadi_contact.files import file_stem, short
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
@@ -317,7 +317,7 @@ def main() -> None:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
         said = str(error)
-    sys.exit(f"casadi-contact: {printable(' '.join(said.split()))}")
+    sys.exit(f"casadi-contact: {printable(short(said, 2000))}")
 
 
 if __name__ == "__main__":

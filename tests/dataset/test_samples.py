@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
 
-from casadi_contact.dataset import COLUMNS, TEST, TRAIN, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.dataset import COLUMNS, TEST, TRAIN, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.scenes import load_scene
 from tests.support.hdf5_files import resealed
 
@@ -67,6 +69,18 @@ def test_samples_of_one_scene_are_joined():
         samples.joined(other)
 
 
+def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
+    dropped = Dropped(np.arange(12.0).reshape(2, 6), np.array([1, 3], dtype=np.uint8))
+    samples = replace(some_samples(), dropped=dropped)
+    write_samples(tmp_path / "s.h5", samples)
+    for kept in (read_samples(tmp_path / "s.h5"), samples.select(role=TRAIN)):
+        np.testing.assert_array_equal(kept.dropped.poses, dropped.poses)
+        np.testing.assert_array_equal(kept.dropped.domain, dropped.domain)
+    assert len(samples.joined(samples).dropped) == 4
+    with pytest.raises(ValueError, match=r"dropped poses have shapes"):
+        Dropped(np.zeros((2, 5)), np.zeros(2))
+
+
 def test_mismatched_columns_are_refused():
     with pytest.raises(ValueError, match=r"wrenches has shape \(3, 1, 6\), expected \(3, 2, 6\)"):
         Samples(load_scene("knee"), np.zeros((3, 6)), np.zeros((3, 1, 6)), np.zeros((3, 2)), np.ones(3), np.zeros(3))
@@ -113,7 +127,7 @@ def test_foreign_hdf5(tmp_path):
 def test_newer_format(file):
     with resealed(file) as samples:
         samples.attrs["format_version"] = 99
-    refused(file, "samples format 99, expected at most 1")
+    refused(file, "samples format 99, expected at most 2")
 
 
 def test_missing_column(file):

@@ -35,7 +35,6 @@ def test_mutated(name, tmp_path, pytestconfig):
         refused += 1
         assert isinstance(error, ValueError | OSError), f"mutation {number} raises {error!r}"
         assert len(str(error).splitlines()) == 1, f"mutation {number} raises {error!r}, expected one line"
-        assert len(str(error)) < 2000, f"mutation {number} raises {len(str(error))} characters, expected a message"
     assert refused or count < 5, "no mutation was refused: are they any?"
 
 

@@ -1,11 +1,14 @@
 """Calibration on a made-up truth: a known surrogate plus known noise on a known region of poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import calibrated, load_surrogate
+from casadi_contact.structures.distrust import Confirmation
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -70,3 +73,52 @@ def test_what_cannot_be_calibrated_is_named(surrogate):
     other = random_surrogate(load_scene("sphere_on_plane", radius=20.0), "patch")
     with pytest.raises(ValueError, match="another scene"):
         calibrated(other, samples)
+
+
+def test_nothing_is_valid_where_samples_were_dropped(surrogate):
+    """A plane through the sampled region, beyond which everything was dropped: most there is not valid, most of what
+    was kept is, and the file keeps the border."""
+    samples = made_up_samples(surrogate)
+    beyond = samples.poses[:, 5] > POSE_CENTRE[5] + 0.5 * POSE_SPREAD[5]
+    kept = replace(samples.rows(~beyond), dropped=Dropped(samples.poses[beyond], samples.domain[beyond]))
+    trusted = calibrated(surrogate, kept)
+    validity = trusted.validity(samples.poses)
+    assert np.mean(validity[beyond] < 0.5) > 0.95
+    assert np.mean(validity[~beyond] > 0.9) > 0.95
+
+
+def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_valid(surrogate):
+    samples = made_up_samples(surrogate)
+    trusted = calibrated(surrogate, samples)
+    inside = samples.poses[np.argmax(samples.poses[:, 2])]
+    outside = inside + 0.05 * np.ptp(samples.poses[:, 2]) * np.eye(6)[2]
+    root = 0.5 * (trusted.trust.root_low + trusted.trust.root_high)[None]
+    assert trusted.trust.validity(inside[None], root)[0] > 0.5
+    assert trusted.trust.validity(outside[None], root)[0] < 0.1
+
+
+def test_contact_that_no_root_load_confirms_is_not_valid(surrogate):
+    """Claims of 10 N count where the root load says contact, and not where it says that the surfaces are apart."""
+    confirmation = Confirmation(tolerance=np.array([0.5]), root=np.array([0.05]), width=np.array([0.02]))
+    trust = replace(calibrated(surrogate, made_up_samples(surrogate)).trust, confirmation=confirmation)
+    pose, roots = POSE_CENTRE[None], np.array([[0.1], [-0.2], [-0.2]])
+    assert trust.validity(np.repeat(pose, 3, axis=0), roots, np.array([[10.0], [10.0], [0.1]])).round(1).tolist() == [
+        pytest.approx(v, abs=0.11) for v in (1.0, 0.0, 1.0)
+    ]
+
+
+def test_the_expected_error_covers_moved_poses_too(surrogate):
+    """Away from the samples the truth bends off, growing with the distance: most of these errors are expected."""
+    samples = made_up_samples(surrogate)
+    rng = np.random.default_rng(5)
+    moved = samples.rows(rng.integers(len(samples), size=2000))
+    moves = 0.4 * POSE_SPREAD * rng.standard_normal((2000, 6))
+    poses = moved.poses + moves
+    far = 1.0 + np.linalg.norm(moves / POSE_SPREAD, axis=1)[:, None, None]
+    off = moved.wrenches * 0.0 + surrogate.wrenches(poses) * (1.0 + 3.0 * NOISE * far * rng.standard_normal(far.shape))
+    role = np.where(np.arange(2000) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
+    around = replace(moved, poses=poses, wrenches=off, role=role)
+    coverage = calibrated(surrogate, samples, around).info().coverage
+    for row in ("around", "outside"):
+        shares = [share for load, share in coverage[row].items() if load != "valid"]
+        assert min(shares) > 0.9, row

@@ -1,11 +1,13 @@
 """The paper's structure, Eqs. (1)-(7): the clamp, the chain rule, its root loads and its training targets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from casadi_contact.dataset import TEST, TRAIN
 from casadi_contact.scenes.scene import load_scene
-from casadi_contact.structures import TwoStageSurrogate
+from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
 from tests.structures.test_patch import samples
 from tests.support.random_surrogates import random_poses, random_surrogate
 
@@ -70,11 +72,23 @@ def test_regressions_are_raw_loads_on_all_fitted_samples():
     drawn = samples(200)
     fitted = drawn.role != TEST
     regressions = {r.name: r for r in TwoStageSurrogate.regressions(drawn)}
-    assert list(regressions) == list(KNEE.load_names)
-    for name, regression in regressions.items():
+    assert list(regressions) == [*KNEE.load_names, "root_med", "root_lat"]
+    for name in KNEE.load_names:
+        regression = regressions[name]
         np.testing.assert_array_equal(regression.targets, drawn.loads([name])[fitted, 0])
         np.testing.assert_array_equal(regression.weights, 1.0)
         np.testing.assert_array_equal(regression.validation, drawn.role[fitted] != TRAIN)
         assert regression.tolerance == KNEE.tolerances[name]
     np.testing.assert_array_equal(regressions["Fy_lat"].inputs, drawn.poses[fitted])
     np.testing.assert_array_equal(regressions["Tz"].inputs[:, 6:], drawn.loads(["Fy_med", "Fy_lat"])[fitted])
+
+
+def test_root_loads_that_only_confirm_are_those_of_the_patch_structure():
+    """Where no gap is known there is nothing to confirm with."""
+    drawn = samples(200)
+    of_patch = {r.name: r for r in PatchSurrogate.regressions(drawn)}
+    confirming = [r for r in TwoStageSurrogate.regressions(drawn) if r.name.startswith("root")]
+    for regression in confirming:
+        np.testing.assert_array_equal(regression.targets, of_patch[regression.name].targets)
+    without = replace(drawn, gaps=np.full_like(drawn.gaps, np.nan))
+    assert [r.name for r in TwoStageSurrogate.regressions(without)] == list(KNEE.load_names)

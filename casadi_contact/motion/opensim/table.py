@@ -97,6 +97,7 @@ def read_table(path: str | Path) -> Table:
     if not path.is_file():
         what = "is a folder, expected a .mot or .sto file" if path.is_dir() else "does not exist"
         raise FileNotFoundError(f"file {path} {what}")
+    checked_size(path, MOST_TEXT)
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:

@@ -1,0 +1,49 @@
+"""Samples that a plan asked for and did not get are counted, and too many of them stop a build."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.dataset import Dropped, Samples
+from casadi_contact.sampling import SamplingSettings
+from casadi_contact.sampling.drops import dropped_shares, refuse_many_dropped
+from casadi_contact.scenes import load_scene
+
+
+def samples(kept, lost, reason):
+    scene = load_scene("sphere_on_plane")
+    counts = {"dropped": {"D3": {reason: lost}}}
+    drawn = Samples(
+        scene,
+        np.zeros((kept, 6)),
+        np.zeros((kept, 1, 6)),
+        np.zeros((kept, 1)),
+        np.full(kept, 3),
+        np.zeros(kept, dtype=np.uint8),
+        provenance=counts,
+    )
+    return replace(drawn, dropped=Dropped(np.zeros((lost, 6)), np.full(lost, 3)))
+
+
+def test_the_share_is_of_the_plan_of_its_domain():
+    assert dropped_shares(samples(75, 25, "not settled: no contact")) == {"D3": 0.25}
+    assert dropped_shares(samples(75, 0, "")) == {}
+
+
+@pytest.mark.parametrize(
+    ("reason", "cure"), [("contact reaches the edge of the elements", "enlarge"), ("not settled: x", "equilibrium")]
+)
+def test_more_than_the_stated_share_is_refused_with_reason_and_cure(reason, cure):
+    refuse_many_dropped(samples(75, 25, reason))
+    with pytest.raises(
+        ValueError, match=rf"40% of the samples of D3 were dropped, expected at most 30%: {reason} \(40\).*{cure}"
+    ):
+        refuse_many_dropped(samples(60, 40, reason))
+    refuse_many_dropped(samples(60, 40, reason), most=0.5)
+
+
+def test_the_limit_is_a_setting_of_the_scene_and_changes_no_sample():
+    assert SamplingSettings(most_dropped=0.6).to_table() == SamplingSettings().to_table()
+    with pytest.raises(ValueError, match="most_dropped"):
+        SamplingSettings(most_dropped=1.5)
