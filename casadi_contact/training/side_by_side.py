@@ -87,9 +87,9 @@ def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint
         if time.monotonic() - told < _TELL_EVERY_S:
             return
         told = time.monotonic()
-        with suppress(OSError):  # progress is a courtesy: a full or unreachable disc must not end hours of training
-            with replacing(report, durable=False) as beside:
-                beside.write_text(json.dumps([name, used_s, allotted_s, rms, hidden]), "utf-8")
+        # Progress is a courtesy: a full or unreachable disc must not end hours of training.
+        with suppress(OSError), replacing(report, durable=False) as beside:
+            beside.write_text(json.dumps([name, used_s, allotted_s, rms, hidden]), "utf-8")
 
     try:
         return fit(regression, settings, checkpoint, tell)
