@@ -23,7 +23,7 @@ from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_e
 from casadi_contact.report.choice_table import choice_table
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
-from casadi_contact.show import draw_contact, draw_fit, neutral_pose, surface_fits
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
 
@@ -226,7 +226,9 @@ def cycle(
 @app.command(epilog=examples("show"))
 def show(
     scene: SceneName,
-    pose: Annotated[str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; just touching if left out")] = None,
+    pose: Annotated[
+        str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; 0.1 mm of overlap if left out")
+    ] = None,
     poses: Annotated[
         Path | None, typer.Option(help="CSV, .sto or .mot of poses (tx ... rz): a strip of small pictures")
     ] = None,
@@ -239,10 +241,11 @@ def show(
     if poses is not None:
         shown = read_poses(poses)
     else:
-        shown = np.array([neutral_pose(model) if pose is None else _numbers(pose)])
+        shown = np.array([contact_pose(model) if pose is None else _numbers(pose)])
     path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
     draw_contact(model, shown, path)
-    console.print(f"picture in {path}", highlight=False)
+    at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
+    console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
     if fits := surface_fits(model):
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)

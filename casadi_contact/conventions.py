@@ -1,5 +1,8 @@
 """Names, units, frames and rotations shared by every room.
 
+[EF15] everywhere is the paper whose method this is: I. Eskinazi and B. J. Fregly, "Surrogate modeling of deformable
+joint contact using artificial neural networks", Medical Engineering & Physics 37 (2015) 885-891.
+
 Inside the library: mm, N, N·mm, MPa, rad, s. A *pose* (tx, ty, tz, rx, ry, rz) places the moving body
 in the fixed body's frame, with R = Rx(rx)·Ry(ry)·Rz(rz) (x-y-z body-fixed). *Loads* act on the fixed body,
 in its frame, about its origin. For the knee: x posterior, y superior, z medial (right knee), the femoral
@@ -13,22 +16,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from casadi_contact.quantities import FORCE, quantity
+
 Array = NDArray[np.float64]
 
 POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
-POSE_UNITS = ("mm", "mm", "mm", "rad", "rad", "rad")
+POSE_UNITS = tuple(quantity(name).unit for name in POSE_NAMES)
 WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+# Where each axis of a joint's frame grows towards, and where it comes from.
+ANATOMY = {"x": ("posterior", "anterior"), "y": ("superior", "inferior"), "z": ("medial", "lateral")}
 POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
 
 
 def load_unit(name: str) -> str:
-    """Unit of a load by its name: ``"N"`` for forces (F...), ``"N·mm"`` for torques (T...)."""
-    return "N" if name.startswith("F") else "N·mm"
+    """Unit of a load by its name."""
+    return quantity(name).unit
 
 
 def is_force(name: str) -> bool:
     """True for a force (``Fy_med``, ``Fx``), False for a torque (``Tx``)."""
-    return name.startswith("F")
+    return quantity(name).kind == FORCE
 
 
 def pose_index(name: str) -> int:
@@ -87,7 +94,7 @@ def angular_velocity_map(angles: ArrayLike) -> Array:
 def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
     """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches.
 
-    ``Fy_med`` is Fy of the patch ``med``; ``Fx`` without a patch name is the sum over patches (Eqs. 1-7):
+    ``Fy_med`` is Fy of the patch ``med``; ``Fx`` without a patch name is the sum over patches [EF15 Eqs. 1-7]:
     loads = einsum("lpk,npk->nl", S, wrenches). Raises ValueError for an unknown load, naming the possible ones.
     """
     selection = np.zeros((len(load_names), len(patch_names), 6))

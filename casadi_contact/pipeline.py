@@ -18,7 +18,7 @@ from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel
-from casadi_contact.dataset import Samples, read_table, write_samples
+from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.files import file_stem, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
@@ -81,8 +81,8 @@ def build(
     """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
-    contact model to learn from instead of drawing them (`dataset.read_table`). model: samples are drawn from it, in
-    this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
+    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: samples are drawn from it,
+    in this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
@@ -161,11 +161,11 @@ def sample(
 
 
 def take_table(project: Project, table: Path) -> Samples:
-    """Make the samples file from a table of samples (`dataset.read_table`) instead of drawing them.
+    """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
     Raises ValueError for a table that cannot serve, or a folder that holds other samples.
     """
-    samples = read_table(table, project.scene)
+    samples = read_sample_table(table, project.scene)
     if project.samples_path.is_file():
         there = project.samples().provenance.get("table_digest")
         if there != samples.provenance["table_digest"]:

@@ -12,8 +12,8 @@ import casadi_contact
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("compilation", "files", "workers", "terminal", "machine", "conventions"),
-    *("scenes", "motion", "geometry", "contact", "statics"),
+    *("compilation", "files", "workers", "terminal", "machine", "quantities", "conventions"),
+    *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline"),
     *("command_examples", "progress", "cli", "__main__"),
@@ -75,6 +75,14 @@ def test_importing_the_package_imports_nothing_but_itself():
     code = "import sys, casadi_contact; print([m for m in sys.modules if m.startswith(('casadi', 'num'))])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
     assert set(ast.literal_eval(out.stdout)) <= {"casadi_contact", "numbers"}
+
+
+def test_reading_a_scene_needs_neither_numba_nor_a_solver():
+    code = (
+        "import sys, casadi_contact as cc; cc.load_scene('knee'); print({'numba', 'scipy', 'casadi'} & {*sys.modules})"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert out.stdout.strip() == "set()"
 
 
 def test_every_public_name_comes_from_its_room_and_type_checkers_see_it():

@@ -10,8 +10,8 @@ from pathlib import Path
 from casadi_contact.benchmark.at_hand import make_surrogate, python_line, times_for_loads
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
-from casadi_contact.conventions import is_force
 from casadi_contact.project import Project, Update
+from casadi_contact.quantities import FORCE, TORQUE, of_kind
 
 MEASURED = "measured"
 
@@ -125,9 +125,12 @@ def _asked(
         got = f"unknown load {unknown[0]!r}" if unknown else "no loads asked for"
         raise ValueError(f"{got}, expected some of {', '.join(front.loads)}")
     tolerance = Tolerance(force_n, torque_nmm)
-    for wanted, force, kind in ((force_n, True, "force"), (torque_nmm, False, "torque")):
-        if wanted is None and any(is_force(name) == force for name in names):
-            raise ValueError(f"no {kind} tolerance given, expected one because {kind}s are asked for")
+    for kind, wanted in ((FORCE, force_n), (TORQUE, torque_nmm)):
+        if wanted is None and of_kind(names, kind):
+            raise ValueError(f"no {kind.name} tolerance given, expected one because {kind.name}s are asked for")
+    others = [name for name in names if name not in (*of_kind(names, FORCE), *of_kind(names, TORQUE))]
+    if others:
+        raise ValueError(f"no tolerance can be given for {', '.join(others)}, expected forces and torques only")
     return names, tolerance
 
 
@@ -142,7 +145,7 @@ def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Of
     for point in front.models:
         if point.value is None or any(load not in point.load_rms for load in loads):
             continue
-        force, torque = (point.rms(force=kind, loads=loads) for kind in (True, False))
+        force, torque = (point.rms(kind, loads) for kind in (FORCE, TORQUE))
         offers.append(Offer(point.name, point.family, point.value.median_us, MEASURED, force, torque))
     if not offers:
         raise ValueError("the front holds no timed model with these loads: chart it again")

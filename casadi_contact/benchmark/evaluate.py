@@ -12,7 +12,7 @@ from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
-from casadi_contact.dataset.errors import LoadModel, domain_errors, force_and_torque_rms, load_errors
+from casadi_contact.dataset.errors import LoadModel, domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
 from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.scenes import Scene
@@ -62,8 +62,8 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
         errors = load_errors(names, loads, converged[:, columns])
         rows[name] = {
             "timing": asdict(timings[name]),
-            "converged": force_and_torque_rms(errors),
-            "fine": force_and_torque_rms(load_errors(names, loads, fine[:, columns])),
+            "converged": rms_by_kind(errors),
+            "fine": rms_by_kind(load_errors(names, loads, fine[:, columns])),
             "loads": errors,
         }
     return {

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.benchmark.timing import Timing
-from casadi_contact.conventions import is_force
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.files import replacing
+from casadi_contact.quantities import FORCE, TORQUE, Kind, of_kind, quantity
 
 FILE_NAME = "speed_accuracy.csv"
 FORMAT = "casadi_contact speed-accuracy 1"
@@ -52,21 +52,21 @@ class Point:
     remark: str = ""
     failure: str = ""
 
-    def rms(self, *, force: bool, loads: Sequence[str] | None = None) -> float:
-        """RMS over the forces [N] (or torques [N·mm]) among the given loads on walking; NaN if there is none."""
-        names = self.load_rms if loads is None else loads
-        chosen = [self.load_rms.get(name, math.nan) for name in names if is_force(name) == force]
+    def rms(self, kind: Kind, loads: Sequence[str] | None = None) -> float:
+        """RMS over those of the given loads on walking that are of a kind, in its unit; NaN if there is none."""
+        names = list(self.load_rms) if loads is None else loads
+        chosen = [self.load_rms.get(name, math.nan) for name in of_kind(names, kind)]
         return math.sqrt(sum(rms**2 for rms in chosen) / len(chosen)) if chosen else math.nan
 
     @property
     def force_rms_n(self) -> float:
         """RMS over all forces on walking [N]."""
-        return self.rms(force=True)
+        return self.rms(FORCE)
 
     @property
     def torque_rms_nmm(self) -> float:
         """RMS over all torques on walking [N·mm]."""
-        return self.rms(force=False)
+        return self.rms(TORQUE)
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def _rms_column(load: str) -> str:
-    return f"rms_{load}_{'n' if is_force(load) else 'nmm'}"
+    return f"rms_{load}_{quantity(load).kind.plain_unit.lower()}"
 
 
 def _columns(loads: Sequence[str]) -> list[str]:

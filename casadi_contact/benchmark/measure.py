@@ -25,7 +25,7 @@ from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples
-from casadi_contact.dataset.errors import domain_errors, force_and_torque_rms, load_errors
+from casadi_contact.dataset.errors import domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
 from casadi_contact.project import Project, Update, project_surrogates, read_motion
 from casadi_contact.scenes import Scene
@@ -170,7 +170,7 @@ def _errors(
     if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
         return _failed(candidate, sweeps, "gives NaN or infinity on the walking poses")
     errors_by_domain = {} if samples is None else domain_errors(model, samples)
-    per_domain = {domain: force_and_torque_rms(errors) for domain, errors in errors_by_domain.items()}
+    per_domain = {domain: rms_by_kind(errors) for domain, errors in errors_by_domain.items()}
     return Point(
         candidate.name,
         candidate.family,

@@ -6,7 +6,8 @@ import numba
 import numpy as np
 
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
-from casadi_contact.geometry.surfaces import MESH_FIELD, signed_distance
+from casadi_contact.geometry.moving_surface import MESH_FIELD
+from casadi_contact.geometry.surfaces import signed_distance
 
 _STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 

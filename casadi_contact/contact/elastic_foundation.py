@@ -1,4 +1,4 @@
-"""The elastic foundation (EF): the original contact model that samples come from (§3.1, Bei and Fregly 2004)."""
+"""The elastic foundation (EF): the original contact model that samples come from ([EF15 §3.1], Bei and Fregly 2004)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from casadi_contact.conventions import (
     load_selection,
     rotation,
 )
-from casadi_contact.geometry import ElementGrid, MovingSurface, build_elements, build_part_elements, build_surfaces
+from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
+from casadi_contact.shapes.checks import grid_size
 
 
 class _Bed(NamedTuple):
@@ -46,21 +47,15 @@ class ElasticFoundation:
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
         material = scene.material
-        grid = scene.grids["fine"] if grid is None else grid
-        if (
-            not isinstance(grid, tuple | list)
-            or len(grid) != 2
-            or not all(isinstance(n, int | np.integer) and n > 0 for n in grid)
-        ):
-            raise ValueError(f"grid is {grid!r}, expected two positive whole numbers (nx, nz)")
+        grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         self.scene = scene
-        self.grid = (int(grid[0]), int(grid[1]))
+        self.grid = grid
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
         self._selection = load_selection(self.load_names, self.patch_names)
-        grids = build_elements(scene, self.grid)
+        grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._patches = [_Bed.of(s, e) for s, e in zip(build_surfaces(scene), grids, strict=True)]
+        self._patches = [_Bed.of(s, e) for s, e in zip(scene.surfaces(), grids, strict=True)]
         self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -143,7 +138,7 @@ class ElasticFoundation:
         parts = self.scene.parts
         if len(parts) == len(self.patch_names):
             return self._patches
-        grids = build_part_elements(self.scene, self.grid)
+        grids = self.scene.part_elements(self.grid)
         return [_Bed.of(self._patches[part.patch].surface, e) for part, e in zip(parts, grids, strict=True)]
 
     def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:

@@ -120,7 +120,7 @@ class CallableModel:
         free = normal_forces(normals, self.wrenches(poses)) <= 0.0
         rows, patches = np.nonzero(free)
 
-        def loaded(which: np.ndarray, travel: Array) -> np.ndarray:
+        def carries_load(which: np.ndarray, travel: Array) -> np.ndarray:
             moved = poses[rows[which]]
             moved[:, :3] += travel[:, None] * directions[patches[which]]
             return np.asarray(normal_forces(normals, self.wrenches(moved))[np.arange(len(which)), patches[which]] > 0.0)
@@ -129,12 +129,12 @@ class CallableModel:
         searching = np.arange(len(rows))
         while len(searching):
             far[searching] += self._approach_mm
-            on = ~loaded(searching, far[searching]) & (far[searching] < self._reach_mm)
+            on = ~carries_load(searching, far[searching]) & (far[searching] < self._reach_mm)
             searching = searching[on]
         near, all_of_them = far - self._approach_mm, np.arange(len(rows))
         for _ in range(_BISECTIONS if len(rows) else 0):
             middle = 0.5 * (near + far)
-            touching = loaded(all_of_them, middle)
+            touching = carries_load(all_of_them, middle)
             near, far = np.where(touching, near, middle), np.where(touching, middle, far)
         travel = np.zeros(free.shape)
         travel[free] = far

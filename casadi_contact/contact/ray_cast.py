@@ -15,9 +15,9 @@ import numpy as np
 from casadi_contact.contact.model import CallableModel
 from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
 from casadi_contact.conventions import Array, as_poses, rotation
-from casadi_contact.geometry.mesh_bodies import body_mesh, patch_mesh
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.scenes import Scene
+from casadi_contact.shapes.mesh_bodies import body_mesh, patch_mesh
 
 LARGEST_DEPTH_MM = 20.0
 
@@ -46,10 +46,10 @@ class RayCastFoundation(CallableModel):
     def __init__(self, scene: Scene, *, largest_depth_mm: float = LARGEST_DEPTH_MM) -> None:
         super().__init__(scene, self._all_wrenches)
         self.largest_depth_mm = largest_depth_mm
-        self._caster = RayCaster(body_mesh(scene, "moving"))
+        self._caster = RayCaster(body_mesh(scene.geometry, "moving"))
         self._patches = []
         for patch in scene.patch_names:
-            mesh = patch_mesh(scene, patch)
+            mesh = patch_mesh(scene.geometry, patch)
             areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
             self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
         material = scene.material

@@ -13,7 +13,7 @@ from casadi_contact.dataset.samples import (
     read_samples,
     write_samples,
 )
-from casadi_contact.dataset.table import read_table
+from casadi_contact.dataset.table import read_sample_table
 
 __all__ = [
     "COLUMNS",
@@ -25,7 +25,7 @@ __all__ = [
     "Dropped",
     "Samples",
     "partial_folder",
+    "read_sample_table",
     "read_samples",
-    "read_table",
     "write_samples",
 ]

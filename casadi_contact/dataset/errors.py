@@ -1,4 +1,4 @@
-"""Errors of a model's loads against a reference, per load and per domain (§2.7, Tables 2 and 3)."""
+"""Errors of a model's loads against a reference, per load and per domain [EF15 §2.7, Tables 2 and 3]."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import Array, is_force
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
+from casadi_contact.quantities import FORCE, TORQUE, of_kind, quantity
 
 LoadErrors = dict[str, dict[str, float]]
 
@@ -47,8 +48,9 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
     return errors
 
 
-def force_and_torque_rms(errors: LoadErrors) -> dict[str, float]:
-    """{"force": RMS over all forces [N], "torque": RMS over all torques [N·mm]}; 0 where there is none."""
-    kinds = {"force": [e["rms"] for n, e in errors.items() if is_force(n)]}
-    kinds["torque"] = [e["rms"] for n, e in errors.items() if not is_force(n)]
-    return {kind: float(np.sqrt(np.mean(np.square(values)))) if values else 0.0 for kind, values in kinds.items()}
+def rms_by_kind(errors: LoadErrors) -> dict[str, float]:
+    """{"force": RMS over all forces [N], "torque": over all torques [N·mm]}, 0 where there is none, and likewise for
+    each other kind of quantity among the errors, in its unit."""
+    kinds = dict.fromkeys((FORCE, TORQUE, *(quantity(name).kind for name in errors)))
+    squares = {kind: [errors[name]["rms"] ** 2 for name in of_kind(list(errors), kind)] for kind in kinds}
+    return {kind.name: float(np.sqrt(np.mean(values))) if values else 0.0 for kind, values in squares.items()}

@@ -99,7 +99,7 @@ class Samples:
         columns: dict[str, Any] = {name: getattr(self, name)[chosen] for name in COLUMNS}
         return replace(self, **columns)
 
-    def joined(self, more: Samples) -> Samples:
+    def join_samples(self, more: Samples) -> Samples:
         """These samples and then more of the same scene; raises ValueError for another scene."""
         if more.scene.digest != self.scene.digest:
             raise ValueError("the samples to join belong to another scene (digests differ)")

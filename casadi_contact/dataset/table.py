@@ -26,7 +26,7 @@ from casadi_contact.scenes import Scene
 _LEAST_ROWS = 10
 
 
-def read_table(
+def read_sample_table(
     path: str | Path,
     scene: Scene,
     *,

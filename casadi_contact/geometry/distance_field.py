@@ -4,10 +4,14 @@ g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/sp
 coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node. Outside the grid,
 which reaches MARGIN_MM beyond the mesh, g is the value at the nearest grid point plus the distance to it.
 
-Beside the coefficients each node keeps a bound M on how hollow g is (∇²g >= -M) within CURVATURE_REACH_MM of it
-and outside the body, so that g(q + δ) >= g(q) + ∇g·δ - M|δ|²/2 as long as the way from q to q + δ stays
-outside; where the right side is positive the way does, for it is concave along it. So the elastic foundation knows
-which elements cannot touch.
+Beside the coefficients each node keeps a curvature bound M: the least eigenvalue of ∇²g is at least -M everywhere
+within CURVATURE_REACH_MM of the node and outside the body. By Taylor's theorem, while the segment from q to q + δ
+stays outside,
+
+    g(q + δ) >= g(q) + ∇g(q)·δ - M|δ|²/2.
+
+If the right side is positive, the segment does stay outside: the right side is a concave function along it, positive
+at both ends and so between them. The elastic foundation skips elements by this bound without evaluating g there.
 """
 
 from __future__ import annotations
@@ -26,7 +30,9 @@ SPACING_MM = 0.75
 MARGIN_MM = 4.0
 _MOST_NODES = 40_000_000  # 320 MB of coefficients
 CURVATURE_REACH_MM = 2.2
-_NEAR_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)  # g of the nodes that a way from outside to the surface can pass
+# Nodes at which the curvature bound is taken, by their distance g: those outside within reach of the surface, and those
+# up to 1 mm inside, whose coefficients still shape g just outside.
+_BOUNDED_RANGE_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)
 _VALUE, _SECOND = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([1.0, -2.0, 1.0])  # of a cubic B-spline at the nodes
 _FIRST = np.array([-0.5, 0.0, 0.5])
 _HEAD = 7  # numbers before the coefficients: origin x, y, z; spacing; nodes along x, y, z
@@ -75,7 +81,9 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     values = SmoothSurface(mesh).distance(nodes).reshape(counts)
     coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
-    bound = _curvature_bound(coefficients, (values > _NEAR_MM[0]) & (values < _NEAR_MM[1]), spacing_mm)
+    bound = _curvature_bound(
+        coefficients, (values > _BOUNDED_RANGE_MM[0]) & (values < _BOUNDED_RANGE_MM[1]), spacing_mm
+    )
     parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
     rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
@@ -83,7 +91,7 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
 
 
 def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:
-    """Largest hollow curvature (minus the least eigenvalue of ∇²g, 1/mm) at any node near the surface within reach."""
+    """M (nx, ny, nz) [1/mm]: the largest -λ_min(∇²g), or 0, of the `near` nodes within reach of each node."""
     count = int(near.sum())
     hessians = np.empty((count, 3, 3))
     for first in range(3):
@@ -93,10 +101,10 @@ def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -
                 times = (axis == first) + (axis == second)
                 part = ndimage.correlate1d(part, (_VALUE, _FIRST, _SECOND)[times], axis, mode="mirror")
             hessians[:, first, second] = hessians[:, second, first] = part[near]
-    hollow = np.zeros_like(coefficients)
-    hollow[near] = np.maximum(-np.linalg.eigvalsh(hessians)[:, 0], 0.0)
+    concavity = np.zeros_like(coefficients)
+    concavity[near] = np.maximum(-np.linalg.eigvalsh(hessians)[:, 0], 0.0)
     reach = int(np.ceil(CURVATURE_REACH_MM / spacing_mm))
-    return ndimage.maximum_filter(hollow, 2 * reach + 1) / spacing_mm**2
+    return ndimage.maximum_filter(concavity, 2 * reach + 1) / spacing_mm**2
 
 
 @numba.njit(cache=True, inline="always")
@@ -184,7 +192,7 @@ def field_value(parameters, x, y, z):
 
 @numba.njit(cache=True)
 def field_curvature(parameters, x, y, z):
-    """Bound M [1/mm] on how hollow the field is within CURVATURE_REACH_MM of a point; infinite outside the grid."""
+    """The curvature bound M [1/mm] of the node nearest to a point; infinite outside the grid."""
     at = 0
     for axis, coordinate in enumerate((x, y, z)):
         node = (coordinate - parameters[axis]) / parameters[3] + 0.5

@@ -18,12 +18,13 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.files import MOST_MESH, checked_size, one_line
 from casadi_contact.geometry.vtp import read_vtp
-from casadi_contact.scenes.mesh_files import FILE_AXES, MM_PER_UNIT, axes_rotation
 
+MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
+FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
-_NEAR_MM = 3.0  # of contact: a vertex's normal is fitted over two edges
+_MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices two edges away
 _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
 
 
@@ -50,13 +51,13 @@ class TriangleMesh:
     @cached_property
     def nonmanifold_edges(self) -> np.ndarray:
         """Edges (e, 2) that join more than two triangles."""
-        edges, count = np.unique(_undirected(self.faces), axis=0, return_counts=True)
+        edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)
         return edges[count > 2]
 
     @property
     def boundary_edges(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
-        edges, count = np.unique(_undirected(self.faces), axis=0, return_counts=True)
+        edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)
         return edges[count == 1]
 
     def inside_box(self, low: Array, high: Array, *, reaching: bool = False) -> TriangleMesh:
@@ -71,6 +72,23 @@ class TriangleMesh:
             )
         used, renumbered = np.unique(faces, return_inverse=True)
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
+
+
+def axes_rotation(axes: Sequence[str]) -> Array:
+    """R (3, 3) with (x, y, z) = R·(file coordinates); raises ValueError for axes that are no rotation."""
+    named = [str(axis) for axis in axes] if isinstance(axes, list | tuple) else []
+    rows = [
+        (-1.0 if axis.startswith("-") else 1.0) * np.eye(3)[FILE_AXES.index(axis.removeprefix("-"))]
+        for axis in named
+        if axis.removeprefix("-") in FILE_AXES
+    ]
+    rotation = np.array(rows)
+    if rotation.shape != (3, 3) or len(named) != 3 or np.linalg.det(rotation) < 0.5:
+        raise ValueError(
+            f"scene: geometry.axes = {axes!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
+            "['-x', 'y', '-z']"
+        )
+    return rotation
 
 
 def load_mesh(
@@ -118,7 +136,7 @@ def checked_mesh(
             f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {_SMALLEST_MM:g} to "
             f"{_LARGEST_MM:g} mm: is the file in {other}?"
         )
-    vertices, faces = _merged(vertices, faces)
+    vertices, faces = _merge_vertices(vertices, faces)
     sound = _heights(vertices, faces) > _LEAST_HEIGHT
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()))
     if not sound.any():
@@ -158,7 +176,7 @@ def _check_stl_size(content: bytes) -> None:
         raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
 
 
-def _merged(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
+def _merge_vertices(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
     """One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal."""
     unique, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
     faces = index.reshape(-1)[faces]
@@ -174,12 +192,12 @@ def _heights(vertices: Array, faces: np.ndarray) -> Array:
     return doubled / np.maximum(edges, 1e-300) ** 2
 
 
-def _directed(faces: np.ndarray) -> np.ndarray:
+def _directed_edges(faces: np.ndarray) -> np.ndarray:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
-def _undirected(faces: np.ndarray) -> np.ndarray:
-    return np.sort(_directed(faces), axis=1)
+def _undirected_edges(faces: np.ndarray) -> np.ndarray:
+    return np.sort(_directed_edges(faces), axis=1)
 
 
 def _check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
@@ -187,7 +205,9 @@ def _check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
     ends = mesh.vertices_mm[mesh.nonmanifold_edges]
     near = np.full(len(ends), contact is None)
     for low, high in contact or ():
-        reaches = (ends.max(axis=1) >= np.subtract(low, _NEAR_MM)) & (ends.min(axis=1) <= np.add(high, _NEAR_MM))
+        reaches = (ends.max(axis=1) >= np.subtract(low, _MANIFOLD_MARGIN_MM)) & (
+            ends.min(axis=1) <= np.add(high, _MANIFOLD_MARGIN_MM)
+        )
         near |= reaches.all(axis=1)
     if near.any():
         where = "" if contact is None else " near contact"
@@ -199,7 +219,7 @@ def _check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
 
 def _check_orientation(mesh: TriangleMesh) -> None:
     """The two triangles of every manifold edge run through it in opposite directions."""
-    directed, count = np.unique(_directed(mesh.faces), axis=0, return_counts=True)
+    directed, count = np.unique(_directed_edges(mesh.faces), axis=0, return_counts=True)
     size = len(mesh.vertices_mm)
     twice = directed[(count > 1) & ~np.isin(np.sort(directed, axis=1) @ [size, 1], mesh.nonmanifold_edges @ [size, 1])]
     if len(twice):

@@ -65,10 +65,10 @@ def _array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.n
     if array.get("format") != "binary":
         raise ValueError(f"its data is {array.get('format')!r}")
     header = np.dtype(order + _TYPES[root.get("header_type", "UInt32")])
-    return np.frombuffer(_decoded("".join(text.split()), header, "compressor" in root.attrib), dtype=dtype)
+    return np.frombuffer(_decode("".join(text.split()), header, "compressor" in root.attrib), dtype=dtype)
 
 
-def _decoded(text: str, header: np.dtype, compressed: bool) -> bytes:
+def _decode(text: str, header: np.dtype, compressed: bool) -> bytes:
     """Bytes of an inline array: (size, data), or zlib blocks behind a header of its own base64."""
     if not compressed:
         return base64.b64decode(text)[header.itemsize :]

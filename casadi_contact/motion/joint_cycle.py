@@ -19,10 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.columns import read_columns
+from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.shapes.checks import fail, number
 
+MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
 _FRAMES = 101
 _SEED = 2015
 
@@ -53,8 +56,7 @@ class JointCycle:
 
 def column_names(load_names: Sequence[str]) -> dict[str, str]:
     """Name of a pose parameter or load -> its column in a CSV file, with the unit: tx_mm, rz_rad, Fy_med_N, Tx_Nmm."""
-    poses = {name: f"{name}_{unit}" for name, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)}
-    return poses | {name: f"{name}_{load_unit(name).replace('·', '')}" for name in load_names}
+    return {name: quantity(name).column for name in (*POSE_NAMES, *load_names)}
 
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
@@ -90,9 +92,13 @@ def scene_cycles(scene: Scene) -> list[JointCycle]:
             "[motion.harmonics]"
         )
     columns = {column: name for name, column in column_names(scene.load_names).items()}
-    count, duration, deviation = motion.get("cycles", 10), motion.get("duration_s", 1.0), motion.get("deviation", 0.05)
-    if not isinstance(count, int) or count < 2 or not duration > 0.0 or deviation < 0.0:
-        raise ValueError(f"scene {scene.name}: [motion] needs cycles >= 2, duration_s > 0 and deviation >= 0")
+    count = motion.get("cycles", 10)
+    if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_CYCLES:
+        raise fail("motion.cycles", count, f"a whole number from 2 to {MOST_CYCLES}")
+    duration = number("motion.duration_s", motion.get("duration_s", 1.0), low=0.0)
+    deviation = number("motion.deviation", motion.get("deviation", 0.05))
+    if deviation < 0.0:
+        raise fail("motion.deviation", deviation, "a number of 0 or more")
     rng = np.random.default_rng(_SEED)
     time = np.linspace(0.0, float(duration), _FRAMES)
     cycles = []
@@ -103,9 +109,12 @@ def scene_cycles(scene: Scene) -> list[JointCycle]:
                 raise ValueError(
                     f"scene {scene.name}: unknown curve motion.harmonics.{column}, expected {', '.join(columns)}"
                 )
-            mean = np.asarray(coefficients, dtype=float)
-            if mean.ndim != 1 or len(mean) % 2 == 0:
-                raise ValueError(f"scene {scene.name}: motion.harmonics.{column} needs 1, 3, 5, ... numbers")
+            key = f"motion.harmonics.{column}"
+            if not isinstance(coefficients, list | tuple) or len(coefficients) not in range(
+                1, MOST_COEFFICIENTS + 1, 2
+            ):
+                raise fail(key, coefficients, f"1, 3, 5, ... numbers, {MOST_COEFFICIENTS} at most")
+            mean = np.array([number(key, value) for value in coefficients])
             spread = deviation * np.abs(mean[1:] if len(mean) > 1 else mean).max()
             curves[columns[column]] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
         pose = {name: curve for name, curve in curves.items() if name in POSE_NAMES}

@@ -89,10 +89,10 @@ class LoadCycle:
         }
 
     def measured_pose(self) -> dict[str, Array]:
-        """Pose parameters that fluoroscopy gives well enough to lock them (§3.3)."""
+        """Pose parameters that fluoroscopy gives well enough to lock them [EF15 §3.3]."""
         return {"ry": self.ry, "rz": self.rz}
 
-    def resampled(self, frames: int) -> LoadCycle:
+    def resample(self, frames: int) -> LoadCycle:
         """The cycle at `frames` equal steps of its time, linearly interpolated."""
         time = np.linspace(self.time_s[0], self.time_s[-1], frames)
         curves = {key: np.interp(time, self.time_s, getattr(self, key)) for key in COLUMNS if key != "time_s"}

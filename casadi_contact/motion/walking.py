@@ -4,7 +4,7 @@ Each curve of a cycle is c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over
 coefficients drawn about their mean with their deviation between measured cycles. Forces are described by the
 logarithm of their compression, so that none pulls; the medial-lateral centre of pressure by its distance from the
 point that the two condyles' forces at z = ±22 mm give, so that it stays reachable. The rotation ry is one curve for
-all cycles (§3.3). The figures stand in ``walking.toml``, with their source; this command derives them:
+all cycles [EF15 §3.3]. The figures stand in ``walking.toml``, with their source; this command derives them:
 
     python -m casadi_contact.motion.walking CYCLE.csv [CYCLE.csv ...] > walking.toml
 """
@@ -43,7 +43,7 @@ def _split_point(fy_med: Array, fy_lat: Array) -> Array:
     return CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat)
 
 
-def _described(cycle: LoadCycle) -> dict[str, Array]:
+def _harmonic_curves(cycle: LoadCycle) -> dict[str, Array]:
     return {
         "rz": cycle.rz,
         "ry": cycle.ry,
@@ -64,7 +64,10 @@ def harmonic_description(cycles: Sequence[LoadCycle]) -> dict[str, Any]:
     }
     for name, order in ORDERS.items():
         fits = np.stack(
-            [np.linalg.lstsq(_basis(c.percent / 100.0, order), _described(c)[name], rcond=None)[0] for c in cycles]
+            [
+                np.linalg.lstsq(_basis(c.percent / 100.0, order), _harmonic_curves(c)[name], rcond=None)[0]
+                for c in cycles
+            ]
         )
         figures[name] = {
             "mean": [round(float(v), 5) for v in fits.mean(axis=0)],
@@ -79,7 +82,7 @@ def walking_description() -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-def _drawn(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Array:
+def _random_curve(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Array:
     coefficients = np.array(figures[name]["mean"])
     if rng is not None and name != "ry":
         coefficients = coefficients + rng.standard_normal(len(coefficients)) * figures[name]["deviation"]
@@ -98,7 +101,7 @@ def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> li
 
 
 def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> LoadCycle:
-    curves = {key: _drawn(figures, key, frames, rng) for key in ORDERS}
+    curves = {key: _random_curve(figures, key, frames, rng) for key in ORDERS}
     mean, deviation = figures["duration_s"]
     duration = mean + (rng.standard_normal() * deviation if rng is not None else 0.0)
     fy_med, fy_lat = -np.exp(curves["log_fy_med"]), -np.exp(curves["log_fy_lat"])

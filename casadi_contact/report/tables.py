@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from casadi_contact.conventions import load_unit
+from casadi_contact.quantities import quantity
 from casadi_contact.report.result_file import read_result
 
 
@@ -26,7 +26,7 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
         for column in ("model", "domain", "samples"):
             table.add_column(column)
         for load in loads:
-            table.add_column(f"{load} ({load_unit(load)})", justify="right")
+            table.add_column(f"{load} ({quantity(load).unit})", justify="right")
         for model, domains in content["domain_errors"].items():
             for domain, errors in domains.items():
                 cells = [f"{errors[load][key]:.3g}" if load in errors else "-" for load in loads]
@@ -38,20 +38,16 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     walking = content["walking"]
     table = Table(title=f"Speed and accuracy on {walking['poses']} unseen walking poses inside D1 (Table 4)")
     table.add_column("model")
-    for column in (
-        "time (µs)",
-        "low-high",
-        "RMS force (N)",
-        "RMS torque (N·mm)",
-        f"against EF {walking['fine']}: force",
-        "torque",
-    ):
+    units = {quantity(load).kind.name: quantity(load).unit for load in loads}
+    kinds = [kind for kind in next(iter(walking["models"].values()))["converged"] if kind in units]
+    against_fine = [f"against EF {walking['fine']}: {kinds[0]}", *kinds[1:]]
+    for column in ("time (µs)", "low-high", *(f"RMS {kind} ({units[kind]})" for kind in kinds), *against_fine):
         table.add_column(column, justify="right")
     for model, row in walking["models"].items():
         timing = row["timing"]
         span = f"{timing['low_us']:.1f}-{timing['high_us']:.1f}"
         time = f"{timing['median_us']:.1f}"
-        cells = [f"{row[against][kind]:.3g}" for against in ("converged", "fine") for kind in ("force", "torque")]
+        cells = [f"{row[against][kind]:.3g}" for against in ("converged", "fine") for kind in kinds]
         table.add_row(model, time, span, *cells)
     tables.append(table)
     return tables

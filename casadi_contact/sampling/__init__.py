@@ -1,4 +1,4 @@
-"""Sampling: envelopes, domains D1 to D7, and drawing samples of a contact model (§2.2-2.4, §3.3)."""
+"""Sampling: envelopes, domains D1 to D7, and drawing samples of a contact model [EF15 §2.2-2.4, §3.3]."""
 
 from casadi_contact.sampling.chunk import plan_chunks
 from casadi_contact.sampling.domains import Block, plan_domains

@@ -1,4 +1,4 @@
-"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid (§2.4, §3.3)."""
+"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid [EF15 §2.4, §3.3]."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def draw_chunk(
 
 def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array, np.ndarray]:
     """Wrenches (n, parts, 6), gaps (n, parts), NaN where unknown, and whether contact reaches the edge of the elements
-    (n,): it is cut there where the grid happens to end, no part of the joint (§2.2). Parts are patches for a model
+    (n,): it is cut there where the grid happens to end, no part of the joint [EF15 §2.2]. Parts are patches for a model
     that does not tell them apart.
 
     Raises ValueError for such a model where the scene cuts patches into parts.

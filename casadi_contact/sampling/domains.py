@@ -1,4 +1,4 @@
-"""The seven domains as plans of sample-point inputs (§3.3, Table 1), deterministic for a seed.
+"""The seven domains as plans of sample-point inputs [EF15 §3.3, Table 1], deterministic for a seed.
 
     D1, D2  per time frame: the 2^k vertices of the expanded envelope's box, filled up with Hammersley points
     D3      one big box: Hammersley points
@@ -51,23 +51,23 @@ def plan_domains(
     ValueError where D4 to D7 are wanted and a normal load is no input.
     """
     fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
-    tight = envelopes.expanded(settings.d1_fraction, settings.d1_offset, fixed[0])
-    loose = envelopes.expanded(settings.d2_fraction, settings.d2_offset, fixed[1])
+    tight = envelopes.expand(settings.d1_fraction, settings.d1_offset, fixed[0])
+    loose = envelopes.expand(settings.d2_fraction, settings.d2_offset, fixed[1])
     box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
-    box = box.pushing(normals, boundary_load)
+    box = box.without_pull(normals, boundary_load)
     patches = len(normals)
     missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
     skipped = left_out(normals, settings)
     blocks = []
     for domain, name in enumerate(DOMAINS, start=1):
-        count = _scaled(name, settings)
+        count = _scale(name, settings)
         if not count or name in skipped:
             continue
         if domain >= 4 and missing:
             raise ValueError(f"{name} needs {', '.join(missing)} as an input, expected it there or counts.{name} = 0")
         if domain in (1, 2):
-            boxes = (tight if domain == 1 else loose).pushing(normals, boundary_load)
-            parts = [(-1, _clustered(boxes, domain, count, settings))]
+            boxes = (tight if domain == 1 else loose).without_pull(normals, boundary_load)
+            parts = [(-1, _cluster(boxes, domain, count, settings))]
         elif domain == 3:
             parts = [(-1, _fill(box, [], count, None))]
         elif domain in (4, 6):
@@ -97,7 +97,7 @@ def _rng(settings: SamplingSettings, *stream: int) -> np.random.Generator:
     return np.random.default_rng([settings.seed, *stream])
 
 
-def _scaled(name: str, settings: SamplingSettings) -> int:
+def _scale(name: str, settings: SamplingSettings) -> int:
     """Rows of a domain's plan: its count times the scale, over liftoff_steps in D4 and D5, whose rows give as many.
 
     A small scale leaves at least 10 rows (or all), so that every domain can still be tested.
@@ -119,7 +119,7 @@ def _vertices(lower: Array, upper: Array) -> Array:
     return np.where(bits == 1, upper, lower)
 
 
-def _clustered(boxes: Envelopes, domain: int, count: int, settings: SamplingSettings) -> Array:
+def _cluster(boxes: Envelopes, domain: int, count: int, settings: SamplingSettings) -> Array:
     """D1, D2: the vertices of each frame's box and a filling, each frame with another Cranley-Patterson shift.
 
     At scale 1 each frame has all its vertices. A smaller plan keeps the proportion of vertices to filling, with
@@ -158,12 +158,12 @@ def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: 
     inputs = _fill(box, [n.loads[0] for n in held if n.component is not None], count, shift)
     for normal in held:
         columns = [box.names.index(name) for name in normal.loads]
-        inputs[:, columns] = normal.sized(inputs[:, columns], boundary_load)
+        inputs[:, columns] = normal.with_size(inputs[:, columns], boundary_load)
     return inputs
 
 
 def _roles(count: int, domain: int, settings: SamplingSettings) -> np.ndarray:
-    """Test rows held back from the whole domain, validation rows from what is left (§3.3, §2.6).
+    """Test rows held back from the whole domain, validation rows from what is left [EF15 §3.3, §2.6].
 
     Any domain of at least three rows has one of each, so that no row of an error table stays empty.
     """

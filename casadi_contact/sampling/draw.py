@@ -1,4 +1,4 @@
-"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks (§2.4, §3.3).
+"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks [EF15 §2.4, §3.3].
 
 Chunks go through any `concurrent.futures.Executor`. A chunk's samples depend on nothing but its inputs, so the
 samples are the same for every executor and number of workers, and after a kill and a rerun.
@@ -97,7 +97,7 @@ def draw_samples(
                 for future in futures:
                     future.cancel()
                 raise
-    samples = _gathered(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
+    samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()
     return samples
@@ -130,7 +130,7 @@ def _draw(job: _Job, chunk: Chunk) -> DrawnChunk:
         numba.set_num_threads(threads)
 
 
-def _gathered(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
+def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
     """All chunks as one set of samples, with provenance."""
     dropped: dict[str, Counter[str]] = {}
     for asked, got in zip(chunks, drawn, strict=True):

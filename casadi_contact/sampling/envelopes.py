@@ -1,4 +1,4 @@
-"""Reference envelopes: lower and upper bounds of each input at each time frame, and their expansions (§2.2, §3.3)."""
+"""Reference envelopes: bounds of each input at each time frame, and their expansions [EF15 §2.2, §3.3]."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Envelopes:
         """upper - lower (frames, inputs)."""
         return self.upper - self.lower
 
-    def expanded(self, fraction: float, offset_factor: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
-        """Every frame's box, expanded on both sides (D1: fraction 0.2, offset factor 0.5; D2: 1 and 2; §3.3).
+    def expand(self, fraction: float, offset_factor: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
+        """Every frame's box, expanded on both sides (D1: fraction 0.2, offset factor 0.5; D2: 1 and 2; [EF15 §3.3]).
 
         By fraction·width; where the frame is narrower than the mean width over the frames, by
         offset_factor·mean width; for an input with a fixed offset, by that offset in every frame.
@@ -57,7 +57,7 @@ class Envelopes:
         return Envelopes(self.names, self.lower - offsets, self.upper + offsets)
 
     def extremes(self, fraction: float, fixed_offsets: Mapping[str, float]) -> Envelopes:
-        """One box: the extremes over all frames, expanded by fraction·range on both sides (D3, §3.3).
+        """One box: the extremes over all frames, expanded by fraction·range on both sides (D3, [EF15 §3.3]).
 
         An input that never changes has no range: its fixed offset, if it has one, stands in.
         """
@@ -77,8 +77,8 @@ class Envelopes:
             upper[:, column] += 0.5 * grow
         return Envelopes(self.names, lower, upper)
 
-    def pushing(self, normals: Sequence[NormalLoad], boundary_load: float) -> Envelopes:
-        """The same boxes without pulling surfaces: bounds of normal loads end at the boundary load [N] (§2.2).
+    def without_pull(self, normals: Sequence[NormalLoad], boundary_load: float) -> Envelopes:
+        """The same boxes without pulling surfaces: bounds of normal loads end at the boundary load [N] [EF15 §2.2].
 
         The forces of a normal load without direction stay as they are: a contact can carry each.
         """

@@ -1,4 +1,4 @@
-"""Hammersley points: an evenly spread, deterministic filling of a box (§2.2)."""
+"""Hammersley points: an evenly spread, deterministic filling of a box [EF15 §2.2]."""
 
 from __future__ import annotations
 

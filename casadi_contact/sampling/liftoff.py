@@ -1,4 +1,4 @@
-"""Out-of-contact poses made from poses at the contact boundary: one patch lifted off (D4), all patches (D5) (§3.3)."""
+"""Out-of-contact poses from poses at the contact boundary: one patch lifted off (D4), all patches (D5) [EF15 §3.3]."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def lift_one(
     per_mm = np.abs(ds[:, lifted, pose_index(rise)])
     total: Array = -(per_mm * liftoff_mm + np.maximum(s[:, lifted], 0.0)) / slope
 
-    def tilted(rows: Array, change: Array, drift: Array, loads: Mapping[str, Array]) -> tuple[Array, np.ndarray]:
+    def tilt_poses(rows: Array, change: Array, drift: Array, loads: Mapping[str, Array]) -> tuple[Array, np.ndarray]:
         start = rows.copy()
         start[:, tilt] += change
         start[:, others] += drift * change[:, None]
@@ -59,13 +59,13 @@ def lift_one(
 
     gaps = getattr(model, "gaps", None)
     if gaps is not None:
-        trial, _ = tilted(poses, total, along, held)
+        trial, _ = tilt_poses(poses, total, along, held)
         before = gaps(poses)[:, lifted]
         reached = gaps(trial)[:, lifted] - before
         total = np.where(reached > 0.0, total * (liftoff_mm - before) / np.where(reached > 0.0, reached, 1.0), total)
     fractions: Array = np.tile(np.arange(1, steps + 1) / steps, len(poses))
     repeated = {name: np.repeat(load, steps) for name, load in held.items()}
-    lifted_poses, reason = tilted(
+    lifted_poses, reason = tilt_poses(
         np.repeat(poses, steps, axis=0),
         np.repeat(total, steps) * fractions,
         np.repeat(along, steps, axis=0),

@@ -1,4 +1,4 @@
-"""The reference motion: cycles of pose parameters and loads that the envelopes are drawn around (§3.3)."""
+"""The reference motion: cycles of pose parameters and loads that the envelopes are drawn around [EF15 §3.3]."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ _TOUCH_STEPS = 200
 
 
 class Cycle(Protocol):
-    """A measured or synthetic cycle: curves (n,) over time; `scenes.LoadCycle` is one."""
+    """A measured or synthetic cycle: curves (n,) over time; `motion.load_cycle.LoadCycle` is one."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What messages call it."""
 
     @property
-    def time_s(self) -> Array: ...
+    def time_s(self) -> Array:
+        """Times of its frames (n,) [s], rising."""
 
     def measured_pose(self) -> Mapping[str, Array]:
         """Measured pose parameters by name, each (n,) [mm, rad]; the knee's are ry and rz."""
@@ -125,7 +127,7 @@ def reference_poses(
     start: Array | None = None,
     tolerance_n: float = 1e-3,
 ) -> tuple[Array, ReferenceReport]:
-    """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads (§3.3).
+    """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads [EF15 §3.3].
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
@@ -147,19 +149,19 @@ def reference_poses(
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     if start is None:
-        poses = _touching(model, poses, wanted)
+        poses = _first_touch(model, poses, wanted)
     sensitive = {name: wanted[name] for name in scene.sensitive_loads if name in wanted}
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
     report = _report(cycles, settled)
-    interpolated = _interpolated(poses.reshape(len(cycles), frames, 6), report)
+    interpolated = _interpolate(poses.reshape(len(cycles), frames, 6), report)
     if report.converged.all():
         return interpolated, report
     # Once more from between the neighbours that did converge.
     poses, settled = settle(model, interpolated.reshape(-1, 6), free, wanted, tolerance=tolerance_n)
     report = _report(cycles, settled)
-    return _interpolated(poses.reshape(len(cycles), frames, 6), report), report
+    return _interpolate(poses.reshape(len(cycles), frames, 6), report), report
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
@@ -177,7 +179,7 @@ def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
     return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
 
 
-def _touching(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
+def _first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
     """Move the body towards the patches until the first touch: from far away along the direction in which they are
     pressed, or, where a normal load has none, from the start pose along the wanted force.
 
@@ -206,7 +208,7 @@ def _touching(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) ->
     return poses
 
 
-def _interpolated(poses: Array, report: ReferenceReport) -> Array:
+def _interpolate(poses: Array, report: ReferenceReport) -> Array:
     frames = np.arange(poses.shape[1])
     for name, cycle, converged, reason in zip(report.names, poses, report.converged, report.reason, strict=True):
         if not converged.any():

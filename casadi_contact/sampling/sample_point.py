@@ -1,4 +1,4 @@
-"""Sample-point definitions: which pose parameters and loads are given, which pose parameters follow (§2.1, §3.2)."""
+"""Sample-point definitions: which pose parameters and loads are given, and which follow [EF15 §2.1, §3.2]."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class SamplePoint:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
-        """§3.2: the pose parameters, each sensitive one replaced by a sensitive load."""
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load."""
         if not scene.sensitive_pose:
             raise ValueError(
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "

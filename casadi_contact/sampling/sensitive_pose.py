@@ -1,4 +1,4 @@
-"""The sensitive pose parameters of a scene that leaves them out, found at its reference motion (§2.1)."""
+"""The sensitive pose parameters of a scene that leaves them out, found at its reference motion [EF15 §2.1]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of a sampling plan; the defaults are the paper's (§3.3, Table 1)."""
+"""Settings of a sampling plan; the defaults are the paper's [EF15 §3.3, Table 1]."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.scenes import Scene
+from casadi_contact.shapes.checks import grid_size
 
+MOST_SAMPLES = 10_000_000  # of a domain: hundreds of times the paper's
 PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
 
 
@@ -56,14 +58,17 @@ class SamplingSettings:
         if not isinstance(self.counts, Mapping) or set(self.counts) - set(DOMAINS):
             raise _bad("counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
         for domain, count in self.counts.items():
-            _whole(f"counts.{domain}", count, least=0)
+            _whole(f"counts.{domain}", count, least=0, most=MOST_SAMPLES)
         object.__setattr__(self, "counts", {d: self.counts.get(d, 0) for d in DOMAINS})
         if not isinstance(self.fixed_offsets, Mapping):
             raise _bad("fixed_offsets", self.fixed_offsets, "pairs (D1, D2) of offsets by input")
+        offsets: dict[str, tuple[float, float]] = {}
         for name, pair in self.fixed_offsets.items():
-            if not isinstance(pair, list | tuple) or len(pair) != 2 or not 0.0 < float(pair[0]) <= float(pair[1]):
-                raise _bad(f"fixed_offsets.{name}", pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
-        offsets = {name: (float(a), float(b)) for name, (a, b) in self.fixed_offsets.items()}
+            key = f"fixed_offsets.{name}"
+            numbers = [_number(key, value) for value in pair] if isinstance(pair, list | tuple) else []
+            if len(numbers) != 2 or not 0.0 < numbers[0] <= numbers[1]:
+                raise _bad(key, pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
+            offsets[name] = (numbers[0], numbers[1])
         object.__setattr__(self, "fixed_offsets", offsets)
         if not isinstance(self.d3_minimum_widths, Mapping):
             raise _bad("d3_minimum_widths", self.d3_minimum_widths, "widths by input")
@@ -78,13 +83,14 @@ class SamplingSettings:
         for name in ("test_fraction", "validation_fraction"):
             if not 0.0 <= _number(name, getattr(self, name)) <= 0.5:
                 raise _bad(name, getattr(self, name), "a number from 0 to 0.5")
-        for name, least in (("seed", 0), ("frames", 2), ("liftoff_steps", 1), ("chunk_size", 1)):
-            _whole(name, getattr(self, name), least=least)
+        limits = {"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)}
+        for name, (least, most) in limits.items():
+            _whole(name, getattr(self, name), least=least, most=most)
+        if self.scale * max(self.counts.values()) > MOST_SAMPLES:
+            raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
         for name in ("settle_grid", "teacher_grid"):
             grid = getattr(self, name)
-            if not isinstance(grid, list | tuple) or len(grid) != 2:
-                raise _bad(name, grid, "two whole numbers of elements")
-            object.__setattr__(self, name, tuple(_whole(name, n, least=1) for n in grid))
+            object.__setattr__(self, name, grid_size(f"sampling.{name}", grid))
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
             raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
         object.__setattr__(self, "inputs", tuple(self.inputs))
@@ -112,7 +118,7 @@ class SamplingSettings:
         return cls(**values)
 
     def sample_point(self, scene: Scene) -> SamplePoint:
-        """The sample-point definition: these settings' inputs, or the scene's (§3.2)."""
+        """The sample-point definition: these settings' inputs, or the scene's [EF15 §3.2]."""
         point = SamplePoint.of_inputs(self.inputs) if self.inputs else SamplePoint.of_scene(scene)
         for setting in ("fixed_offsets", "d3_minimum_widths"):
             for name in getattr(self, setting):
@@ -136,9 +142,9 @@ def _bad(name: str, got: object, expected: str) -> ValueError:
     return ValueError(f"sampling setting {name} = {got!r}, expected {expected}")
 
 
-def _whole(name: str, value: object, *, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise _bad(name, value, f"a whole number >= {least}")
+def _whole(name: str, value: object, *, least: int, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise _bad(name, value, f"a whole number from {least} to {most}")
     return value
 
 

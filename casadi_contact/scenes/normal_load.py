@@ -55,7 +55,7 @@ class NormalLoad:
             return np.einsum("...i,...ij->...j", unit, slopes[..., :3, :])
         return self.sign * slopes[..., self.index, :]
 
-    def sized(self, forces: Array, size: Array | float) -> Array:
+    def with_size(self, forces: Array, size: Array | float) -> Array:
         """Values (n, len(loads)) of the named loads with N = size, (n,) or one number; a force keeps its direction."""
         size = np.broadcast_to(size, len(forces))[:, None]
         if self.index is not None:
@@ -65,7 +65,7 @@ class NormalLoad:
     def at_least(self, forces: Array, least: float) -> Array:
         """Values (n, len(loads)) of the named loads with N brought up to `least` where it is smaller, or pulls."""
         size = self.sign * forces[:, 0] if self.index is not None else np.linalg.norm(forces, axis=1)
-        return self.sized(forces, np.maximum(size, least))
+        return self.with_size(forces, np.maximum(size, least))
 
 
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:

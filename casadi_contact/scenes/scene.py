@@ -18,40 +18,27 @@ from typing import Any
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
-from casadi_contact.scenes.checks import distinct_names, fail, grid_size, number, table_of
-from casadi_contact.scenes.joint_shapes import joint_start
-from casadi_contact.scenes.mesh_files import with_files, without_places
+from casadi_contact.geometry import ElementGrid, MovingSurface
+from casadi_contact.geometry.elements import EVERYWHERE
+from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
-from casadi_contact.scenes.own_model import OWN_MODEL
 from casadi_contact.scenes.parts import Part, parts_of
-from casadi_contact.scenes.shapes import SHAPE_PARAMETERS, SIDES, anchors_of, check_geometry, patches_of
+from casadi_contact.shapes import shape_named
+from casadi_contact.shapes.checks import (
+    distinct_names,
+    fail,
+    grid_size,
+    identifier,
+    number,
+    plain_values,
+    scene_name,
+    table_of,
+)
 
 FORMAT = 1
-LAWS = ("linear", "log")
-
+MOST_CHARACTERS = 1_000_000  # of a scene's text
+MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
-
-
-@dataclass(frozen=True)
-class Material:
-    """Elastic layer of the fixed body: Young's modulus [MPa], Poisson's ratio, thickness [mm], pressure law."""
-
-    youngs_modulus: float
-    poissons_ratio: float
-    thickness: float
-    law: str = "linear"
-
-    @classmethod
-    def from_table(cls, table: object) -> Material:
-        values = table_of("material", table, ("youngs_modulus", "poissons_ratio", "thickness", "law"), complete=True)
-        if values["law"] not in LAWS:
-            raise fail("material.law", values["law"], " or ".join(LAWS))
-        return cls(
-            youngs_modulus=number("material.youngs_modulus", values["youngs_modulus"], low=0.0),
-            poissons_ratio=number("material.poissons_ratio", values["poissons_ratio"], low=-1.0, high=0.5),
-            thickness=number("material.thickness", values["thickness"], low=0.0),
-            law=values["law"],
-        )
 
 
 @dataclass(frozen=True)
@@ -96,14 +83,14 @@ class Scene:
             "sampling",
             "motion",
         )
+        plain_values("", tables)
         table_of("scene", tables, known, complete=False)
         if tables.get("format") != FORMAT:
             raise fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
-        shape = tables.get("shape")
-        if shape not in SHAPE_PARAMETERS:
-            raise fail("shape", shape, f"one of {', '.join(SHAPE_PARAMETERS)}")
-        geometry = check_geometry(shape, tables.get("geometry", {}))
-        patch_names = patches_of(shape, geometry)
+        shape = shape_named(tables.get("shape"))
+        name = scene_name(tables.get("name", shape.name))
+        geometry = shape.check(tables.get("geometry", {}))
+        patch_names = shape.patches(geometry)
         loads = table_of(
             "loads",
             tables.get("loads", {}),
@@ -111,23 +98,27 @@ class Scene:
             complete=True,
             optional=("sensitive_pose",),
         )
-        load_names = distinct_names("loads.names", loads["names"])
+        load_names = tuple(identifier("loads.names", load) for load in distinct_names("loads.names", loads["names"]))
         pressed = normal_loads(distinct_names("loads.sensitive", loads["sensitive"]), patch_names)
         load_selection(load_names, patch_names)
-        anchors_mm = anchors_of(shape, geometry)
+        anchors_mm = shape.anchors(geometry)
         sensitive_pose = (
             distinct_names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
         )
-        for name in sensitive_pose:
-            pose_index(name)
+        for parameter in sensitive_pose:
+            pose_index(parameter)
         tolerances = {
-            name: number(f"tolerances.{name}", value, low=0.0)
-            for name, value in table_of("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
+            load: number(f"tolerances.{load}", value, low=0.0)
+            for load, value in table_of("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
         }
         grids = {
-            name: grid_size(f"grids.{name}", value)
-            for name, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape != OWN_MODEL).items()
+            grid: grid_size(f"grids.{grid}", value)
+            for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
         }
+        parts = parts_of(geometry, pressed, anchors_mm)
+        if len(parts) > MOST_PARTS:
+            raise ValueError(f"scene: {len(parts)} patches or parts of patches, expected {MOST_PARTS} at most")
+        distinct_names("geometry.patches (and their parts)", [part.name for part in parts])
         sampling = tables.get("sampling", {})
         motion = tables.get("motion", {})
         for key, table in (("sampling", sampling), ("motion", motion)):
@@ -135,17 +126,17 @@ class Scene:
                 raise fail(key, table, "a table")
         return cls(
             tables=dict(tables),
-            name=str(tables.get("name", shape)),
-            shape=shape,
+            name=name,
+            shape=shape.name,
             geometry=geometry,
-            layer=None if shape == OWN_MODEL else Material.from_table(tables.get("material", {})),
+            layer=Material.from_table(tables.get("material", {})) if shape.has_layer else None,
             patch_names=patch_names,
             anchors_mm=anchors_mm,
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
             normal_loads=pressed,
-            parts=parts_of(geometry, pressed, anchors_mm),
+            parts=parts,
             reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
             gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
             boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
@@ -157,10 +148,15 @@ class Scene:
     @classmethod
     def from_toml(cls, text: str) -> Scene:
         """Read a scene from TOML text; raises ValueError for text that is not TOML or not a scene."""
+        if len(text) > MOST_CHARACTERS:
+            raise ValueError(f"scene: the text has {len(text)} characters, expected at most {MOST_CHARACTERS}")
         try:
-            return cls.from_tables(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
+            tables = tomllib.loads(text)
+        except RecursionError:
+            raise ValueError("scene: tables or lists are nested too deep, expected a few levels") from None
+        except ValueError as error:  # not TOML, or an integer of thousands of digits
             raise ValueError(f"scene: not valid TOML ({error})") from None
+        return cls.from_tables(tables)
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -169,8 +165,8 @@ class Scene:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the scene's TOML text: two scenes with one digest are the same scene, wherever meshes lie."""
-        tables = without_places(self.tables) if self.shape == "mesh" else self.tables
-        return hashlib.sha256(tomli_w.dumps(tables).encode()).hexdigest()
+        geometry = shape_named(self.shape).identity(self.tables["geometry"])
+        return hashlib.sha256(tomli_w.dumps({**self.tables, "geometry": geometry}).encode()).hexdigest()
 
     @property
     def material(self) -> Material:
@@ -200,11 +196,34 @@ class Scene:
     @property
     def start_pose(self) -> Array:
         """A pose (6,) from which the moving body can be brought into contact."""
-        return joint_start(self.geometry)
+        return shape_named(self.shape).start_pose(self.geometry)
+
+    def surfaces(self) -> list[MovingSurface]:
+        """The moving surface that faces each patch, in patch order."""
+        return shape_named(self.shape).surfaces(self.geometry)
+
+    def elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
+        """The elements (nx along x, nz along z) of each patch of the fixed surface, in patch order.
+
+        A mesh scene whose elements are its triangles has these instead, whatever the grid.
+        """
+        return shape_named(self.shape).elements(self.geometry, grid, [[EVERYWHERE]] * len(self.patch_names))
+
+    def part_elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
+        """The elements of each part, in part order: those of its patch, shared out by their z.
+
+        Raises ValueError for a part without elements.
+        """
+        ranges = [[part.z_mm for part in self.parts if part.patch == p] for p in range(len(self.patch_names))]
+        found = shape_named(self.shape).elements(self.geometry, grid, ranges)
+        for part, elements in zip(self.parts, found, strict=True):
+            if not len(elements.areas_mm2):
+                raise ValueError(f"scene {self.name}: the part {part.name} holds no element: check split_z")
+        return found
 
     @property
     def insensitive_pose(self) -> tuple[str, ...]:
-        """The pose parameters that are not sensitive (§2.1), in pose order."""
+        """The pose parameters that are not sensitive [EF15 §2.1], in pose order."""
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
 
     def with_overrides(self, **overrides: Any) -> Scene:
@@ -226,10 +245,9 @@ class Scene:
         loads = {**self.tables["loads"], "sensitive_pose": list(names)}
         return Scene.from_tables({**self.tables, "loads": loads})
 
-    def geometry_of(self, side: str) -> dict[str, Any]:
-        """The geometry of one side of a knee: the common values, with that side's own values in their place."""
-        common = {key: value for key, value in self.geometry.items() if key not in SIDES}
-        return common | dict(self.geometry.get(side, {}))
+    def patch_geometry(self, patch: str) -> dict[str, Any]:
+        """The numbers of [geometry] that hold for one patch: a knee's side may have its own."""
+        return shape_named(self.shape).patch_geometry(self.geometry, patch)
 
 
 def ready_scenes() -> list[str]:
@@ -237,6 +255,18 @@ def ready_scenes() -> list[str]:
     folder = resources.files("casadi_contact.scenes") / "ready"
     texts = {p.name[:-5]: p.read_text("utf-8") for p in folder.iterdir() if p.name.endswith(".toml")}
     return sorted(name for name, text in texts.items() if "shape = " in text)
+
+
+def _scene_text(path: Path) -> str:
+    """The text of a scene file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
+    if not path.is_file():
+        raise FileNotFoundError(f"scene file {path} does not exist")
+    if path.stat().st_size > 4 * MOST_CHARACTERS:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, expected a scene of at most {4 * MOST_CHARACTERS}")
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected a scene .toml") from None
 
 
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
@@ -249,10 +279,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """
     text_name = str(name_or_path)
     if text_name.endswith(".toml"):
-        path = Path(name_or_path)
-        if not path.is_file():
-            raise FileNotFoundError(f"scene file {path} does not exist")
-        text = path.read_text("utf-8")
+        text = _scene_text(Path(name_or_path))
     elif text_name in ready_scenes():
         text = (resources.files("casadi_contact.scenes") / "ready" / f"{text_name}.toml").read_text("utf-8")
     else:
@@ -260,8 +287,10 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
         raise ValueError(f"unknown scene {text_name!r}, expected one of {possible}, or a path to a .toml file")
     try:
         scene = Scene.from_toml(text)
-        if scene.shape == "mesh":
-            scene = Scene.from_tables(with_files(scene.tables, Path(name_or_path).resolve().parent))
+        given = scene.tables["geometry"]
+        located = shape_named(scene.shape).locate_files(given, Path(name_or_path).resolve().parent)
+        if located is not given:
+            scene = Scene.from_tables({**scene.tables, "geometry": located})
     except ValueError as error:
         raise ValueError(f"{text_name}: {error}") from None
     return scene.with_overrides(**overrides) if overrides else scene

@@ -4,18 +4,19 @@ A wrong sign or frame shows here first.
 """
 
 from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.show.contact_picture import MOST_FRAMES, draw_contact
+from casadi_contact.show.contact_picture import MOST_FRAMES, draw_contact, loads_text
+from casadi_contact.show.contact_pose import contact_pose
 from casadi_contact.show.fit_picture import draw_fit, surface_fits
-from casadi_contact.show.neutral_pose import neutral_pose
 from casadi_contact.show.view import PictureAxis, View, view_of
 
 __all__ = [
     "MOST_FRAMES",
     "PictureAxis",
     "View",
+    "contact_pose",
     "draw_contact",
     "draw_fit",
-    "neutral_pose",
+    "loads_text",
     "read_poses",
     "surface_fits",
     "view_of",

@@ -10,8 +10,9 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.pressure_map import PressureMap
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_unit
-from casadi_contact.show.figure import discs, name_axes, new_figure, save
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_selection
+from casadi_contact.quantities import quantity
+from casadi_contact.show.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save
 from casadi_contact.show.section import draw_section
 from casadi_contact.show.view import View, view_of
 
@@ -34,18 +35,16 @@ def _one(model: ElasticFoundation, pose: Array) -> Any:
     rows = -(-panels // columns)
     figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    drawn = _pressed(axes[0], maps, view, _largest([maps]))
+    drawn = _draw_pressure(axes[0], maps, view, _largest([maps]))
     figure.colorbar(drawn, ax=axes[0], label="pressure [MPa]", shrink=0.8)
-    axes[0].set_title(f"fixed surface, seen along {view.name}", fontsize=9)
+    axes[0].set_title(f"fixed surface, seen towards {view.name}", fontsize=9)
     draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
     for axis, pressed in zip(axes[2:], maps, strict=False):
         draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
     for axis in axes[panels:]:
         axis.set_axis_off()
-    loads = zip(model.load_names, model(pose[None])[0], strict=True)
-    said = ", ".join(f"{name} {round(value) + 0:d} {load_unit(name)}" for name, value in loads)
     at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
-    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)
+    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{loads_text(model, pose, model.load_names)}", fontsize=9)
     return figure
 
 
@@ -53,21 +52,29 @@ def _strip(model: ElasticFoundation, poses: Array, numbers: np.ndarray) -> Any:
     frames, view = [model.pressure_maps(pose) for pose in poses], view_of(model)
     figure = new_figure(2.2 * len(frames) + 1.0, 2.6)
     axes = figure.subplots(1, len(frames), sharex=True, sharey=True)
-    for axis, maps, number in zip(axes, frames, numbers, strict=True):
-        drawn = _pressed(axis, maps, view, _largest(frames))
-        axis.set_title(f"frame {number}", fontsize=9)
+    for place, (axis, maps, number) in enumerate(zip(axes, frames, numbers, strict=True)):
+        drawn = _draw_pressure(axis, maps, view, _largest(frames))
+        said = loads_text(model, poses[place], model.scene.sensitive_loads, between="\n")
+        axis.set_title(f"frame {number}\n{said}", fontsize=8)
         axis.label_outer()
     figure.colorbar(drawn, ax=axes, label="pressure [MPa]", shrink=0.8)
-    figure.suptitle(f"{model.scene.name}: fixed surface, seen along {view.name}", fontsize=9)
+    figure.suptitle(f"{model.scene.name}: fixed surface, seen towards {view.name}", fontsize=9)
     return figure
+
+
+def loads_text(model: ElasticFoundation, pose: Array, names: Sequence[str], *, between: str = ", ") -> str:
+    """Named loads of a pose (6,) in words: Fy_med -829 N, Tz 15221 N·mm."""
+    loads = model.wrenches(pose[None])[0]
+    values = np.einsum("lpk,pk->l", load_selection(names, model.patch_names), loads)
+    return between.join(f"{n} {round(v) + 0:d} {quantity(n).unit}" for n, v in zip(names, values, strict=True))
 
 
 def _largest(frames: Sequence[Sequence[PressureMap]]) -> float:
     return max((float(m.pressures_mpa.max(initial=0.0)) for maps in frames for m in maps), default=0.0) or 1.0
 
 
-def _pressed(axis: Any, maps: Sequence[PressureMap], view: View, largest: float) -> Any:
-    """Every element in its colour (grey: no contact); + at each patch's centre of pressure."""
+def _draw_pressure(axis: Any, maps: Sequence[PressureMap], view: View, largest: float) -> Any:
+    """Every element in its colour (grey: no contact); a ring at each patch's centre of pressure."""
     for pressed in maps:
         width = _DISC * np.sqrt(pressed.areas_mm2)
         discs(axis, pressed.centres_mm, width, view, facecolors="0.88")
@@ -82,17 +89,18 @@ def _pressed(axis: Any, maps: Sequence[PressureMap], view: View, largest: float)
         )
     for pressed in maps:
         if (centre := pressed.centre_mm) is not None:
-            axis.plot(view.right.of(centre), view.up.of(centre), "+", color="red", markersize=10)
+            axis.plot(view.right.of(centre), view.up.of(centre), **CENTRE_OF_PRESSURE)
         if len(maps) > 1:
-            _name(axis, pressed, view)
+            _label_patch(axis, pressed, view)
     name_axes(axis, view)
     return drawn
 
 
-def _name(axis: Any, pressed: PressureMap, view: View) -> None:
+def _label_patch(axis: Any, pressed: PressureMap, view: View) -> None:
     """The patch's name above it."""
     up = view.up.of(pressed.centres_mm)
     top = up.min() if view.up.reversed else up.max()
     place = (view.right.of(pressed.centres_mm).mean(), top)
-    axis.annotate(pressed.patch, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
+    title = patch_title(pressed.patch)
+    axis.annotate(title, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
     axis.margins(y=0.15)

@@ -12,6 +12,21 @@ from casadi_contact.files import replacing
 from casadi_contact.show.view import View
 
 _DOTS_PER_INCH = 130
+# An open ring, through which the contact shows.
+CENTRE_OF_PRESSURE: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 6,
+    "markerfacecolor": "none",
+    "markeredgewidth": 1.0,
+    "color": "red",
+    "linestyle": "none",
+}
+_PATCH_TITLES = {"med": "medial", "lat": "lateral"}
+
+
+def patch_title(patch: str) -> str:
+    """A patch's name spelled out where it is a common one."""
+    return _PATCH_TITLES.get(patch, patch)
 
 
 def new_figure(width: float, height: float) -> Any:

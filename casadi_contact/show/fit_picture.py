@@ -9,7 +9,9 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.geometry import TriangleMesh, body_field, body_mesh
+from casadi_contact.geometry import TriangleMesh
+from casadi_contact.shapes import shape_named
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh
 from casadi_contact.show.figure import discs, name_axes, new_figure, save
 from casadi_contact.show.view import View, view_of
 
@@ -18,10 +20,9 @@ _COLOURED_SHARE = 0.98  # of the vertices lie within the colour bar; those on sh
 
 
 def surface_fits(model: ElasticFoundation) -> list[str]:
-    """A line for each body of a mesh scene; none for other scenes."""
-    if model.scene.shape != "mesh":
-        return []
-    return [f"{body}: {body_field(model.scene, body).fit}" for body in ("moving", "fixed")]
+    """A line for each body of the scene that is a mesh."""
+    scene = model.scene
+    return [f"{body}: {body_field(scene.geometry, body).fit}" for body in shape_named(scene.shape).mesh_bodies]
 
 
 def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
@@ -31,8 +32,8 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
     Raises ValueError for a scene that is not made of meshes.
     """
     scene, view = model.scene, view_of(model)
-    meshes = {body: body_mesh(scene, body) for body in ("moving", "fixed")}
-    fields = {body: body_field(scene, body) for body in meshes}
+    meshes = {body: body_mesh(scene.geometry, body) for body in ("moving", "fixed")}
+    fields = {body: body_field(scene.geometry, body) for body in meshes}
     off_um = {body: _UM_PER_MM * fields[body](mesh.vertices_mm)[0] for body, mesh in meshes.items()}
     largest = max(float(np.quantile(np.abs(off), _COLOURED_SHARE)) for off in off_um.values()) or 1.0
     figure = new_figure(11.0, 4.8)
@@ -41,7 +42,7 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
         drawn = _vertices(axis, meshes[body], off_um[body], seen, largest)
         fit = fields[body].fit
         rms, most = _UM_PER_MM * fit.rms_mm, _UM_PER_MM * fit.largest_mm
-        axis.set_title(f"{body} body, seen along {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
+        axis.set_title(f"{body} body, seen towards {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
     figure.colorbar(drawn, ax=axes, label="signed distance [µm], outside > 0", shrink=0.8, extend="both")
     figure.suptitle(f"{scene.name}: how far the meshes' vertices lie from the smooth surfaces", fontsize=10)
     save(figure, path)

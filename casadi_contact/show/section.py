@@ -10,11 +10,13 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array
+from casadi_contact.show.figure import CENTRE_OF_PRESSURE, patch_title
 from casadi_contact.show.view import PictureAxis
 
 _POINTS = 300  # of the plane, each way
 _MARGIN_MM = 6.0  # beyond the elements
 _LEAST_HEIGHT = 0.45  # of the picture over its width
+_SHARE_OF_WAY = 0.3  # between neighbouring patches
 _GAP = 4.0  # element sides without an element: the line is broken there
 
 
@@ -34,20 +36,21 @@ def draw_section(
     at = float(across.of(_centre(maps)))
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
     low, high = _window(np.concatenate(profiles), along, toward)
-    right, up = np.meshgrid(*(np.linspace(a, b, _POINTS) for a, b in zip(low, high, strict=True)))
-    points = right[..., None] * along.direction + up[..., None] * toward.direction + at * across.direction
-    flat = points.reshape(-1, 3)
-    distance = np.min([model.distances(flat, pose, pressed.patch) for pressed in maps], axis=0).reshape(right.shape)
-    axis.contourf(right, up, distance, levels=[-1e3, 0.0], colors=["tab:blue"], alpha=0.25)
-    axis.contour(right, up, distance, levels=[0.0], colors=["tab:blue"], linewidths=1.2)
-    for pressed, profile in zip(maps, profiles, strict=True):
+    reaches = _reaches([along.of(profile) for profile in profiles], low[0], high[0])
+    for pressed, profile, (left, right) in zip(maps, profiles, reaches, strict=True):
+        # Each patch's own surface, where this patch lies: what two of them enclose between them is no contact.
+        u, v = np.meshgrid(np.linspace(left, right, _POINTS), np.linspace(low[1], high[1], _POINTS))
+        points = u[..., None] * along.direction + v[..., None] * toward.direction + at * across.direction
+        distance = model.distances(points.reshape(-1, 3), pose, pressed.patch).reshape(u.shape)
+        axis.contourf(u, v, distance, levels=[-1e3, 0.0], colors=["tab:blue"], alpha=0.25)
+        axis.contour(u, v, distance, levels=[0.0], colors=["tab:blue"], linewidths=1.2)
         _line(axis, along.of(profile), toward.of(profile), _GAP * np.sqrt(np.median(pressed.areas_mm2)))
         if (centre := pressed.centre_mm) is not None:
-            axis.plot(along.of(centre), toward.of(centre), "+", color="red", markersize=10)
-    axis.set(aspect="equal", xlabel=along.label, ylabel=toward.label)
+            axis.plot(along.of(centre), toward.of(centre), **CENTRE_OF_PRESSURE)
+    axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel=along.label, ylabel=toward.label)
     axis.xaxis.set_inverted(along.reversed)
     axis.yaxis.set_inverted(toward.reversed)
-    patches = ", ".join(pressed.patch for pressed in maps)
+    patches = ", ".join(patch_title(pressed.patch) for pressed in maps)
     axis.set_title(f"{patches}: section at {across.name} = {round(at, 1) + 0.0:g} mm", fontsize=9)
 
 
@@ -63,6 +66,20 @@ def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: Pictur
     away = np.abs(across.of(pressed.centres_mm) - at)
     column = pressed.centres_mm[away <= away.min() + 0.5 * np.sqrt(np.median(pressed.areas_mm2))]
     return column[np.argsort(along.of(column))]
+
+
+def _reaches(coordinates: Sequence[Array], low: float, high: float) -> list[tuple[float, float]]:
+    """How far to both sides each profile's moving surface is drawn: a share of the way to the next one, or to the
+    ends low and high."""
+    ends = [(float(c.min()), float(c.max())) for c in coordinates]
+    found = []
+    for first, last in ends:
+        before = max((b for _, b in ends if b < first), default=None)
+        behind = min((a for a, _ in ends if a > last), default=None)
+        left = low if before is None else first - _SHARE_OF_WAY * (first - before)
+        right = high if behind is None else last + _SHARE_OF_WAY * (behind - last)
+        found.append((left, right))
+    return found
 
 
 def _window(profile: Array, along: PictureAxis, toward: PictureAxis) -> tuple[Array, Array]:

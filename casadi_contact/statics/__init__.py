@@ -1,4 +1,4 @@
-"""Statics: the pose at which a contact model carries wanted loads (§2.4), by Newton's method or by damped dynamics."""
+"""Statics: the pose at which a contact model carries wanted loads [EF15 §2.4] by Newton's method or damped dynamics."""
 
 from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.relax import relax

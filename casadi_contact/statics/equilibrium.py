@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, as_poses, is_force, pose_index
+from casadi_contact.conventions import Array, as_poses, pose_index
+from casadi_contact.quantities import newton_scales
 
 LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
 
@@ -49,14 +50,14 @@ class Equilibrium:
         return cls(model, tuple(pose_index(name) for name in free), tuple(targets), wanted)
 
     @property
-    def _directed(self) -> dict[int, int]:
+    def _directed_targets(self) -> dict[int, int]:
         """Patch of each target (by column) that is its normal load."""
         normals = self.model.scene.normal_loads
         patches = {load.loads[0]: p for p, load in enumerate(normals) if load.component is not None}
         return {column: patches[name] for column, name in enumerate(self.names) if name in patches}
 
     @property
-    def _vectors(self) -> dict[int, list[int]]:
+    def _vector_targets(self) -> dict[int, list[int]]:
         """Columns of the three targets whose magnitude is a patch's normal load, by patch."""
         normals = self.model.scene.normal_loads
         return {
@@ -68,7 +69,7 @@ class Equilibrium:
     def pulls(self) -> np.ndarray:
         """True (n,) where a wanted normal load would pull, which no contact can."""
         normals = self.model.scene.normal_loads
-        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in self._directed.items()]
+        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in self._directed_targets.items()]
         return np.any(pulling, axis=0) if pulling else np.zeros(len(self.wanted), dtype=bool)
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
@@ -78,8 +79,7 @@ class Equilibrium:
 
     def in_newtons(self, misfit: Array) -> Array:
         """Largest misfit of each row (rows,) [N], torques over LEVER_MM."""
-        scale = np.array([1.0 if is_force(name) else LEVER_MM for name in self.names])
-        return np.abs(misfit / scale).max(axis=1)
+        return np.abs(misfit / newton_scales(self.names, LEVER_MM)).max(axis=1)
 
     def residuals(self, poses: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
         """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]."""
@@ -87,10 +87,9 @@ class Equilibrium:
         loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
         r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
-        directed, vectors = self._directed, self._vectors
+        directed, vectors = self._directed_targets, self._vector_targets
         roots = model.root_loads(poses) if directed or vectors else (np.empty(0), np.empty(0))
-        for column, name in enumerate(self.names):
-            scale = n0 if is_force(name) else n0 * LEVER_MM
+        for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
             r[:, column] = misfit[:, column] / scale
             slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
         for column, patch in directed.items():
@@ -128,6 +127,6 @@ def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> 
     return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
 
 
-def checked_start(poses: ArrayLike) -> Array:
+def start_copy(poses: ArrayLike) -> Array:
     """A writable copy of checked poses."""
     return as_poses(poses).copy()

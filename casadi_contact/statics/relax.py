@@ -1,4 +1,4 @@
-"""Settling by damped dynamics (§2.4, "forward dynamic simulation"): apply the loads, damp, integrate implicitly."""
+"""Settling by damped dynamics ([EF15 §2.4], "forward dynamic simulation"): apply loads, damp, integrate implicitly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, rotation
-from casadi_contact.statics.equilibrium import Equilibrium, checked_start
+from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 from casadi_contact.statics.settle import SettleReport
 
 _MASS = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
@@ -56,7 +56,7 @@ def relax(
 
     Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`.
     """
-    poses = checked_start(poses)
+    poses = start_copy(poses)
     equations = Equilibrium.of(model, len(poses), free, targets)
     columns, scales = list(equations.free), equations.free_scales
     if len(columns) != len(equations.names):
@@ -67,31 +67,31 @@ def relax(
 
     for k in range(len(poses)):
 
-        def posed(state: Array, k: int = k) -> Array:
+        def pose_at(state: Array, k: int = k) -> Array:
             pose = poses[k].copy()
             pose[columns] = state[:size] * scales
             return pose
 
-        def unbalanced(state: Array, k: int = k) -> tuple[Array, Array]:
+        def imbalance(state: Array, k: int = k) -> tuple[Array, Array]:
             """Generalised forces (free,) and their derivatives by q (free, free)."""
-            pose = posed(state)
+            pose = pose_at(state)
             loads, jacobian = model.jacobian(pose[None])
             motion = _conjugate_motion(model, equations.names, pose)[:, columns] * scales
             slope = jacobian[0, loads_of][:, columns] * scales
             return motion.T @ (equations.wanted[k] - loads[0, loads_of]), -motion.T @ slope
 
         def rate(_: float, state: Array) -> Array:
-            return np.concatenate([state[size:], (unbalanced(state)[0] - damping * state[size:]) / _MASS])
+            return np.concatenate([state[size:], (imbalance(state)[0] - damping * state[size:]) / _MASS])
 
         def rate_slope(_: float, state: Array) -> Array:
             slope = np.zeros((2 * size, 2 * size))
             slope[:size, size:] = np.eye(size)
-            slope[size:, :size] = unbalanced(state)[1] / _MASS
+            slope[size:, :size] = imbalance(state)[1] / _MASS
             slope[size:, size:] = -damping / _MASS * np.eye(size)
             return slope
 
         def unrest(_: float, state: Array, k: int = k) -> float:
-            misfit = equations.misfit(model(posed(state)[None]), np.array([k]))
+            misfit = equations.misfit(model(pose_at(state)[None]), np.array([k]))
             moving = damping * float(np.abs(state[size:]).max())
             return float(np.log(max(equations.in_newtons(misfit)[0], moving, 1e-300) / tolerance))
 
@@ -100,7 +100,7 @@ def relax(
         solution = solve_ivp(
             rate, (0.0, end_time), start, method=method, jac=rate_slope, events=unrest, rtol=1e-8, atol=1e-10
         )
-        poses[k] = posed(solution.y[:, -1])
+        poses[k] = pose_at(solution.y[:, -1])
         steps[k] = len(solution.t) - 1
 
     misfit = equations.misfit(model(poses), np.arange(len(poses)))

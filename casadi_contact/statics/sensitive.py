@@ -1,4 +1,4 @@
-"""Sensitive directions of a contact model: which pose changes change its loads most (§2.1)."""
+"""Sensitive directions of a contact model: which pose changes change its loads most [EF15 §2.1]."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, is_force
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.quantities import newton_scales
 from casadi_contact.statics.equilibrium import LEVER_MM
 
 
@@ -43,7 +44,7 @@ def sensitive_directions(model: ContactModel, pose: ArrayLike, *, lever_mm: floa
     poses = as_poses(np.atleast_2d(np.asarray(pose, dtype=float)))
     if len(poses) != 1:
         raise ValueError(f"got {len(poses)} poses, expected one: tx ty tz [mm] rx ry rz [rad]")
-    of_load = np.array([1.0 if is_force(name) else lever_mm for name in model.load_names])
+    of_load = newton_scales(model.load_names, lever_mm)
     of_pose = np.array([1.0] * 3 + [lever_mm] * 3)
     scaled = model.jacobian(poses)[1][0] / of_load[:, None] / of_pose
     if not scaled.any():

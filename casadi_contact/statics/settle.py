@@ -1,4 +1,4 @@
-"""Settling by a damped Newton method, all poses at once (§2.4, "via optimization")."""
+"""Settling by a damped Newton method, all poses at once ([EF15 §2.4], "via optimization")."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.statics.equilibrium import Equilibrium, checked_start
+from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
 _STEP_LIMIT_MM = 2.0
 _SMALLEST_STEP_MM = 1e-12
@@ -58,7 +58,7 @@ def settle(
     Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets; a pose that
     does not converge is reported, not raised.
     """
-    poses = checked_start(poses)
+    poses = start_copy(poses)
     count = len(poses)
     equations = Equilibrium.of(model, count, free, targets)
     if count == 0:

@@ -60,7 +60,7 @@ def calibrated(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     trust = _tube(surrogate, training, held_out)
     known = samples.select(role=(TRAIN, VALIDATION))
     trust = _with_border(trust, surrogate, known, around.select(role=VALIDATION))
-    trust = _confirmed(trust, surrogate, known.joined(around))
+    trust = _confirmed(trust, surrogate, known.join_samples(around))
     trust = _bounded(
         trust, surrogate, samples.select(role=(TRAIN, VALIDATION)), held_out, around.select(role=VALIDATION)
     )
@@ -179,7 +179,7 @@ def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Sampl
         levels[:, k] = np.maximum(local, _LEAST_LEVEL * np.quantile(own, COVERAGE))
     least = 1e-9 * np.maximum(trust.usual_loads, surrogate.scene.boundary_load)
     trust = replace(trust, levels=np.maximum(levels, least))
-    both = held_out.joined(around)
+    both = held_out.join_samples(around)
     wanted = both.loads(names)
     errors, loaded = np.abs(surrogate(both.poses) - wanted), wanted != 0.0
     level, roots = trust.level(both.poses), surrogate.trust_roots(both.poses)
@@ -239,7 +239,7 @@ def trust_coverage(
     result = {domain: _coverage(surrogate, part) for domain, part in groups.items() if len(part)}
     if around is None or not len(around):
         return result
-    everything = samples.joined(around)
+    everything = samples.join_samples(around)
     validity = [surrogate.validity(part.poses) for part in (around, everything)]
     parts = {
         "around": around.rows(validity[0] > 0.5),

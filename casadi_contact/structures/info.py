@@ -18,9 +18,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.conventions import POSE_NAMES, load_unit
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
+from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 
 _TABLES = ("samples", "training_errors", "test_errors", "coverage")
@@ -71,7 +72,7 @@ class SurrogateInfo:
         parameters = sum(network.parameters for network in self.networks.values())
         lines = [
             f"{self.structure} surrogate of scene {self.scene} ({self.scene_digest[:12]})",
-            f"loads: {', '.join(f'{load} [{load_unit(load)}]' for load in self.loads)}",
+            f"loads: {', '.join(quantity(load).label for load in self.loads)}",
             f"networks: {len(self.networks)}, {parameters} parameters",
         ]
         for name, network in self.networks.items():

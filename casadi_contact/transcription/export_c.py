@@ -9,8 +9,9 @@ from string import Template
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, load_unit
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.files import write_text
+from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
@@ -41,7 +42,7 @@ def export_c(
         "version": version("casadi_contact"),
         "pose": ", ".join(POSE_NAMES),
         "loads": ", ".join(load_names),
-        "units": ", ".join(load_unit(load) for load in load_names),
+        "units": ", ".join(quantity(load).unit for load in load_names),
         "names": ", ".join(f'"{load}"' for load in load_names),
         "example_pose": ", ".join(repr(float(np.float64(value))) for value in example_pose),
     }

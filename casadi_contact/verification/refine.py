@@ -91,7 +91,7 @@ def refine(
         check = _verified(better, solve, model)
         result = Refinement(
             better,
-            result.samples.joined(new),
+            result.samples.join_samples(new),
             [*result.verifications, check],
             [*result.added, len(new)],
             [*result.seconds, spent],
@@ -126,7 +126,7 @@ def _drawn_around(
         if set(normal.loads) <= set(point.load_inputs):
             columns = [point.load_inputs.index(name) for name in normal.loads]
             pressed = normal.at_least(loads[:, columns], scene.boundary_load)
-            loads[:, columns] = np.where(lifted[:, None], normal.sized(pressed, scene.boundary_load), pressed)
+            loads[:, columns] = np.where(lifted[:, None], normal.with_size(pressed, scene.boundary_load), pressed)
     parts = []
     for domain, rows in ((1, ~lifted), (5, lifted)):
         wanted = dict(zip(point.load_inputs, loads[rows].T, strict=True))
@@ -148,13 +148,13 @@ def _trained_on(
     kept = np.sort(rng.permutation(len(known))[:count])
     some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS})
     networks, errors = {}, {}
-    for regression in surrogate.regressions(some.joined(new)):
+    for regression in surrogate.regressions(some.join_samples(new)):
         start = surrogate.networks[regression.name]
         settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_time_s=seconds, restarts=0)
         wanted = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
         result = fit(wanted, settings, start=start)
         networks[regression.name], errors[regression.name] = result.network, result.rms
-    everything, kind = known.joined(new), type(surrogate)
+    everything, kind = known.join_samples(new), type(surrogate)
     record = {**surrogate.record, **samples_record(everything), "training_errors": errors}
     record["refined"] = int(record.get("refined", 0)) + 1
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)

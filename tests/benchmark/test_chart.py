@@ -13,9 +13,9 @@ from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.benchmark.sizes import fewer, planned, sized_path
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import is_force
 from casadi_contact.dataset import TEST
 from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
+from casadi_contact.quantities import FORCE, quantity
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -131,7 +131,7 @@ def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place,
     made = eval(choice.python, {"cc": cc})
     got = made(poses) if choice.path is None else np.array(made.map(len(poses))(poses.T)).T
     squares = np.mean((got - converged) ** 2, axis=0)
-    forces = np.array([is_force(load) for load in measured.loads])
+    forces = np.array([quantity(load).kind == FORCE for load in measured.loads])
     assert np.sqrt(squares[forces].mean()) <= 1.001 * force_n
     assert np.sqrt(squares[~forces].mean()) <= 1.001 * torque_nmm
 

@@ -10,7 +10,7 @@ import casadi_contact as cc
 from casadi_contact import cli
 from casadi_contact.benchmark.choose import Tolerance, cheapest, meeting
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.conventions import is_force
+from casadi_contact.quantities import FORCE, quantity
 
 STORED = Path(__file__).with_name("speed_accuracy.csv")
 TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
@@ -24,7 +24,7 @@ def folder(tmp_path):
 
 
 def rms(point, loads, force):
-    squares = [point.load_rms[load] ** 2 for load in loads if is_force(load) == force]
+    squares = [point.load_rms[load] ** 2 for load in loads if (quantity(load).kind == FORCE) == force]
     return np.sqrt(np.mean(squares)) if squares else 0.0
 
 

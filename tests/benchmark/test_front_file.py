@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from casadi_contact.benchmark.front_file import Front, Point, pareto, read_front, write_front
 from casadi_contact.benchmark.timing import Timing
+from casadi_contact.quantities import FORCE, TORQUE
 
 STORED = Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv"
 
@@ -53,8 +54,8 @@ def test_force_and_torque_are_root_mean_squares_over_their_loads():
     point = Point("a", "A", load_rms={"Fx": 3.0, "Fz": 4.0, "Tx": 7.0})
     assert point.force_rms_n == pytest.approx(np.sqrt(12.5))
     assert point.torque_rms_nmm == 7.0
-    assert point.rms(force=True, loads=["Fz"]) == 4.0
-    assert np.isnan(point.rms(force=False, loads=["Fz"]))
+    assert point.rms(FORCE, ["Fz"]) == 4.0
+    assert np.isnan(point.rms(TORQUE, ["Fz"]))
 
 
 @pytest.mark.parametrize(

@@ -61,12 +61,12 @@ def test_selection_by_domain_and_role():
 
 def test_samples_of_one_scene_are_joined():
     samples = some_samples()
-    both = samples.joined(samples.select(role=TRAIN))
+    both = samples.join_samples(samples.select(role=TRAIN))
     assert len(both) == 20 + len(samples.select(role=TRAIN))
     np.testing.assert_array_equal(both.poses[:20], samples.poses)
     other = Samples(load_scene("knee", youngs_modulus=400.0), *(getattr(samples, n) for n in COLUMNS))
     with pytest.raises(ValueError, match="another scene"):
-        samples.joined(other)
+        samples.join_samples(other)
 
 
 def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
@@ -76,7 +76,7 @@ def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
     for kept in (read_samples(tmp_path / "s.h5"), samples.select(role=TRAIN)):
         np.testing.assert_array_equal(kept.dropped.poses, dropped.poses)
         np.testing.assert_array_equal(kept.dropped.domain, dropped.domain)
-    assert len(samples.joined(samples).dropped) == 4
+    assert len(samples.join_samples(samples).dropped) == 4
     with pytest.raises(ValueError, match=r"dropped poses have shapes"):
         Dropped(np.zeros((2, 5)), np.zeros(2))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.dataset import TEST, TRAIN, VALIDATION, read_table
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, read_sample_table
 from tests.support.own_contact import SCENE
 from tests.test_own_contact import table_rows, write_csv, write_hdf5
 
@@ -12,18 +12,18 @@ from tests.test_own_contact import table_rows, write_csv, write_hdf5
 @pytest.mark.parametrize(("name", "write"), [("t.csv", write_csv), ("t.h5", write_hdf5)])
 def test_rows_come_back_by_name_in_any_order(tmp_path, name, write):
     columns = table_rows(40)
-    samples = read_table(write(tmp_path / name, dict(reversed(columns.items()))), SCENE)
+    samples = read_sample_table(write(tmp_path / name, dict(reversed(columns.items()))), SCENE)
     np.testing.assert_array_equal(samples.poses[:, 1], columns["ty"])
     np.testing.assert_array_equal(samples.loads(["Tz"])[:, 0], columns["Tz"])
     np.testing.assert_array_equal(samples.gaps[:, 0], columns["gap"])
     assert [int((samples.role == role).sum()) for role in (TRAIN, VALIDATION, TEST)] == [32, 4, 4]
-    np.testing.assert_array_equal(read_table(tmp_path / name, SCENE).role, samples.role)
+    np.testing.assert_array_equal(read_sample_table(tmp_path / name, SCENE).role, samples.role)
 
 
 def test_roles_and_domains_of_the_table_are_kept(tmp_path):
     columns = table_rows(40)
     columns |= {"role": np.arange(40) % 3, "domain": 1 + np.arange(40) % 7}
-    samples = read_table(write_csv(tmp_path / "t.csv", columns), SCENE)
+    samples = read_sample_table(write_csv(tmp_path / "t.csv", columns), SCENE)
     np.testing.assert_array_equal(samples.role, columns["role"])
     np.testing.assert_array_equal(samples.domain, columns["domain"])
 
@@ -34,7 +34,7 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
     columns |= {
         f"{k}_{p}": np.full(20, 1.0 + i) for i, k in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty")) for p in ("med", "lat")
     }
-    samples = read_table(write_csv(tmp_path / "t.csv", columns), scene)
+    samples = read_sample_table(write_csv(tmp_path / "t.csv", columns), scene)
     np.testing.assert_array_equal(samples.loads(["Fx_med", "Fz"])[0], [1.0, 6.0])
     assert np.isnan(samples.gaps).all()
 
@@ -56,15 +56,15 @@ def test_mistakes_are_named(tmp_path, name, write, change, said):
     columns = table_rows(20)
     change(columns)
     with pytest.raises(ValueError, match=said):
-        read_table(write(tmp_path / name, columns), SCENE)
+        read_sample_table(write(tmp_path / name, columns), SCENE)
 
 
 def test_files_that_are_no_tables(tmp_path):
     with pytest.raises(FileNotFoundError, match="does not exist"):
-        read_table(tmp_path / "none.csv", SCENE)
+        read_sample_table(tmp_path / "none.csv", SCENE)
     for name in ("t.csv", "t.h5"):
         (tmp_path / name).write_bytes(b"\x93\x00\xff")
         with pytest.raises(ValueError, match=r"is not a|not an HDF5"):
-            read_table(tmp_path / name, SCENE)
+            read_sample_table(tmp_path / name, SCENE)
     with pytest.raises(ValueError, match=r"test_fraction is 0\.9"):
-        read_table(write_csv(tmp_path / "t.csv", table_rows(20)), SCENE, test_fraction=0.9)
+        read_sample_table(write_csv(tmp_path / "t.csv", table_rows(20)), SCENE, test_fraction=0.9)

@@ -13,7 +13,7 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.dataset import read_samples, read_table, write_samples
+from casadi_contact.dataset import read_sample_table, read_samples, write_samples
 from casadi_contact.files import read_npz, write_npz
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.motion.joint_cycle import column_names, read_joint_cycle
@@ -172,9 +172,9 @@ READERS = {
         slow=True,
     ),
     "table.h5": Reader(
-        lambda path: write_hdf5(path, table_rows(30)), lambda path: len(read_table(path, SCENE)), slow=True
+        lambda path: write_hdf5(path, table_rows(30)), lambda path: len(read_sample_table(path, SCENE)), slow=True
     ),
-    "table.csv": Reader(lambda path: write_csv(path, table_rows(30)), lambda path: len(read_table(path, SCENE))),
+    "table.csv": Reader(lambda path: write_csv(path, table_rows(30)), lambda path: len(read_sample_table(path, SCENE))),
     "chunk.npz": Reader(
         lambda path: write_npz(path, poses=POSES, dropped=np.array("{}")),
         lambda path: {name: array.tolist() for name, array in read_npz(path).items()},

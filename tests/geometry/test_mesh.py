@@ -9,10 +9,10 @@ import pytest
 
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
-from casadi_contact.geometry.mesh_bodies import body_mesh
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from casadi_contact.scenes import load_scene
+from casadi_contact.shapes.mesh_bodies import body_mesh
 from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
 
 TETRAHEDRON = (
@@ -136,10 +136,10 @@ def test_a_scene_bears_them_on_its_fixed_body_away_from_the_patches_only(tmp_pat
     write_obj(tmp_path / "moving.obj", *cap_mesh(20.0, 2.0, 0.6))
     bounds = "[geometry.patches.contact]\nx = [-10.0, 10.0]\n"
     (tmp_path / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", extra=bounds))
-    assert len(body_mesh(load_scene(tmp_path / "scene.toml"), "fixed").nonmanifold_edges) == 1
+    assert len(body_mesh(load_scene(tmp_path / "scene.toml").geometry, "fixed").nonmanifold_edges) == 1
     (tmp_path / "turned.toml").write_text(mesh_scene_text("fixed.obj", "fixed.obj", extra=bounds))
     with pytest.raises(ValueError, match="is not manifold: "):
-        body_mesh(load_scene(tmp_path / "turned.toml"), "moving")
+        body_mesh(load_scene(tmp_path / "turned.toml").geometry, "moving")
 
 
 def test_files_that_are_no_mesh_are_refused(tmp_path):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.geometry import build_elements, build_surfaces
 from casadi_contact.geometry.surfaces import signed_distance
 
 
@@ -19,7 +18,7 @@ def near_the_condyle(rng, n):
 
 
 def test_condyle_distance_has_unit_gradient_that_matches_differences():
-    surface = build_surfaces(cc.load_scene("knee"))[0]
+    surface = cc.load_scene("knee").surfaces()[0]
     points = near_the_condyle(np.random.default_rng(1), 500)
     values = distance(surface, points)
     np.testing.assert_allclose(np.linalg.norm(values[:, 1:], axis=1), 1.0, atol=1e-12)
@@ -31,7 +30,7 @@ def test_condyle_distance_has_unit_gradient_that_matches_differences():
 
 
 def test_condyle_distance_is_convex_as_culling_needs():
-    surface = build_surfaces(cc.load_scene("knee"))[0]
+    surface = cc.load_scene("knee").surfaces()[0]
     rng = np.random.default_rng(2)
     a, b = near_the_condyle(rng, 4000), near_the_condyle(rng, 4000)
     middle = distance(surface, 0.5 * (a + b))[:, 0]
@@ -40,7 +39,7 @@ def test_condyle_distance_is_convex_as_culling_needs():
 
 def test_condyle_arcs_meet_without_a_step_or_a_kink():
     scene = cc.load_scene("knee")
-    surface = build_surfaces(scene)[0]
+    surface = scene.surfaces()[0]
     for junction in np.deg2rad(scene.geometry["sagittal_junctions_deg"]):
         sides = [junction - 1e-9, junction + 1e-9]
         near = distance(surface, [[30 * np.sin(f), -30 * np.cos(f), 25.0] for f in sides])
@@ -48,7 +47,7 @@ def test_condyle_arcs_meet_without_a_step_or_a_kink():
 
 
 def test_main_arc_of_the_knee_has_its_axis_at_the_moving_origin():
-    surface = build_surfaces(cc.load_scene("knee"))[0]
+    surface = cc.load_scene("knee").surfaces()[0]
     flexion = np.deg2rad(40.0)
     point = [27.3 * np.sin(flexion), -27.3 * np.cos(flexion), 22.0]
     assert distance(surface, [point])[0, 0] == pytest.approx(0.0, abs=1e-12)
@@ -60,14 +59,14 @@ def test_element_areas_sum_to_the_area_of_the_dish():
     x, weights = np.polynomial.legendre.leggauss(60)
     X, Z = np.meshgrid(half * x, half * x)
     exact = half**2 * (np.outer(weights, weights) * R / np.sqrt(R**2 - X**2 - Z**2)).sum()
-    assert build_elements(scene, (200, 200))[0].areas_mm2.sum() == pytest.approx(exact, rel=1e-4)
+    assert scene.elements((200, 200))[0].areas_mm2.sum() == pytest.approx(exact, rel=1e-4)
 
 
 @pytest.mark.parametrize("patch", [0, 1])
 def test_knee_elements_lie_on_the_dish_with_unit_normals_upwards(patch):
     scene = cc.load_scene("knee")
-    elements = build_elements(scene, (31, 17))[patch]
-    g = scene.geometry_of(scene.patch_names[patch])
+    elements = scene.elements((31, 17))[patch]
+    g = scene.patch_geometry(scene.patch_names[patch])
     x, y, z = (elements.centres_mm - [0.0, 0.0, scene.anchors_mm[patch, 2]]).T
     rho = np.hypot(x, g["dish_sagittal_radius"] - y)
     offset = g["dish_sagittal_radius"] - g["dish_frontal_radius"]

@@ -75,7 +75,7 @@ def test_files_that_are_no_cycles_are_refused(tmp_path):
 
 
 def test_resampling_keeps_the_ends_and_interpolates_between(tmp_path):
-    cycle = reference_cycle().resampled(11)
+    cycle = reference_cycle().resample(11)
     assert len(cycle) == 11
     np.testing.assert_allclose(cycle.fy_med[::5], reference_cycle().fy_med[::50])
 

@@ -47,7 +47,7 @@ def test_paper_counts_at_scale_one():
 def test_every_frame_has_its_64_vertices_and_a_filling_inside(domain, rule, offset):
     """5 frames, 1000 samples: 320 vertices and 680 fillings; two vertex coordinates in each frame are its bounds."""
     inputs = inputs_of(plan(counts={f"D{domain}": 1000}), domain)
-    boxes = REFERENCE.expanded(*rule, {"ry": offset}).pushing(NORMALS, 5.0)
+    boxes = REFERENCE.expand(*rule, {"ry": offset}).without_pull(NORMALS, 5.0)
     for f, rows in enumerate(np.split(inputs, 5)):
         at_bound = (rows == boxes.lower[f]) | (rows == boxes.upper[f])
         assert len(np.unique(rows[at_bound.all(axis=1)], axis=0)) == 64
@@ -58,13 +58,13 @@ def test_every_frame_has_its_64_vertices_and_a_filling_inside(domain, rule, offs
 
 def test_frames_are_filled_with_different_points():
     first, second = np.split(inputs_of(plan(counts={"D1": 1000}), 1), 5)[:2]
-    boxes = REFERENCE.expanded(0.2, 0.5, {"ry": 0.02}).pushing(NORMALS, 5.0)
+    boxes = REFERENCE.expand(0.2, 0.5, {"ry": 0.02}).without_pull(NORMALS, 5.0)
     unit = [(rows[64:] - boxes.lower[f]) / boxes.widths[f] for f, rows in enumerate((first, second))]
     assert np.abs(unit[0] - unit[1]).max() > 0.1
 
 
 def test_a_small_plan_keeps_the_proportion_of_vertices():
-    boxes = REFERENCE.expanded(0.2, 0.5, {"ry": 0.02}).pushing(NORMALS, 5.0)
+    boxes = REFERENCE.expand(0.2, 0.5, {"ry": 0.02}).without_pull(NORMALS, 5.0)
     inputs = inputs_of(plan(counts={"D1": 1000}, scale=0.25), 1)
     vertices = [
         ((rows == boxes.lower[f]) | (rows == boxes.upper[f])).all(1) for f, rows in enumerate(np.split(inputs, 5))
@@ -75,7 +75,7 @@ def test_a_small_plan_keeps_the_proportion_of_vertices():
 
 def test_d3_fills_one_box():
     inputs = inputs_of(plan(counts={"D3": 2000}), 3)
-    box = REFERENCE.extremes(0.25, {}).pushing(NORMALS, 5.0)
+    box = REFERENCE.extremes(0.25, {}).without_pull(NORMALS, 5.0)
     assert (inputs >= box.lower).all()
     assert (inputs <= box.upper).all()
     np.testing.assert_allclose(inputs.mean(0), 0.5 * (box.lower + box.upper)[0], atol=0.01 * box.widths.max(1)[0])
@@ -85,7 +85,7 @@ def test_d3_fills_one_box():
 def test_boundary_domains_hold_five_newtons():
     blocks = plan(counts={"D4": 300, "D5": 30, "D6": 200, "D7": 40})
     med, lat = INPUTS.index("Fy_med"), INPUTS.index("Fy_lat")
-    box = REFERENCE.extremes(0.25, {}).pushing(NORMALS, 5.0)
+    box = REFERENCE.extremes(0.25, {}).without_pull(NORMALS, 5.0)
     for domain in (4, 6):
         of_med, of_lat = (b for b in blocks if b.domain == domain)
         assert (of_med.lifted, of_lat.lifted) == (0, 1)

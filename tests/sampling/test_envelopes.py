@@ -20,14 +20,14 @@ def test_bounds_over_the_cycles():
 
 def test_d1_by_hand():
     """±20 % of the width; frames narrower than the mean width: ±0.5 times the mean width."""
-    d1 = REFERENCE.expanded(0.2, 0.5, {})
+    d1 = REFERENCE.expand(0.2, 0.5, {})
     np.testing.assert_allclose(d1.lower, [[0 - 1.0, -100 - 8.0], [0 - 0.6, -20 - 10.0]])
     np.testing.assert_allclose(d1.upper, [[1 + 1.0, -60 + 8.0], [3 + 0.6, -20 + 10.0]])
 
 
 def test_d2_by_hand():
     """±100 % of the width; narrow frames: ±2 times the mean width."""
-    d2 = REFERENCE.expanded(1.0, 2.0, {})
+    d2 = REFERENCE.expand(1.0, 2.0, {})
     np.testing.assert_allclose(d2.lower, [[0 - 4.0, -100 - 40.0], [0 - 3.0, -20 - 40.0]])
     np.testing.assert_allclose(d2.upper, [[1 + 4.0, -60 + 40.0], [3 + 3.0, -20 + 40.0]])
 
@@ -41,7 +41,7 @@ def test_d3_by_hand():
 
 def test_no_bound_pulls():
     """Fy_med of D2 reaches +20 N in frame 2 and -20 N in frame 1; 5 N of compression is the boundary."""
-    pushing = REFERENCE.expanded(1.0, 2.0, {}).pushing(normal_loads(["Fy_med", "Fy_lat"], ["med", "lat"]), 5.0)
+    pushing = REFERENCE.expand(1.0, 2.0, {}).without_pull(normal_loads(["Fy_med", "Fy_lat"], ["med", "lat"]), 5.0)
     np.testing.assert_allclose(pushing.upper, [[5.0, -20.0], [6.0, -5.0]])
     np.testing.assert_allclose(pushing.lower, [[-4.0, -140.0], [-3.0, -60.0]])
 
@@ -49,21 +49,21 @@ def test_no_bound_pulls():
 def test_a_single_curve_needs_a_fixed_offset():
     single = Envelopes.over(("tx", "ry"), [[[0.0, 0.1], [2.0, 0.3]], [[1.0, 0.1], [3.0, 0.3]]])
     with pytest.raises(ValueError, match=r"ry has the same curve in all cycles.*fixed_offsets"):
-        single.expanded(0.2, 0.5, {})
-    expanded = single.expanded(0.2, 0.5, {"ry": 0.02})
+        single.expand(0.2, 0.5, {})
+    expanded = single.expand(0.2, 0.5, {"ry": 0.02})
     np.testing.assert_allclose(expanded.lower[:, 1], [0.08, 0.28])
     np.testing.assert_allclose(expanded.upper[:, 1], [0.12, 0.32])
     np.testing.assert_allclose(single.extremes(0.25, {"ry": 0.02}).upper[0], [3.75, 0.35])
 
 
 def test_a_declared_input_takes_its_offset_whatever_its_width():
-    np.testing.assert_allclose(REFERENCE.expanded(0.2, 0.5, {"tx": 0.25}).upper[:, 0], [1.25, 3.25])
+    np.testing.assert_allclose(REFERENCE.expand(0.2, 0.5, {"tx": 0.25}).upper[:, 0], [1.25, 3.25])
 
 
 def test_frames_of_equal_width_are_not_narrow():
     """The mean of 101 equal widths may differ in the last digit; ±20 % it stays."""
     curves = np.stack([np.zeros((101, 1)), np.full((101, 1), 0.3)])
-    np.testing.assert_allclose(Envelopes.over(("tx",), curves).expanded(0.2, 0.5, {}).upper, 0.36)
+    np.testing.assert_allclose(Envelopes.over(("tx",), curves).expand(0.2, 0.5, {}).upper, 0.36)
 
 
 def test_an_input_that_never_changes():
@@ -76,7 +76,7 @@ def test_an_input_that_never_changes():
 )
 def test_the_envelope_lies_in_d1_and_d1_in_d2(curves):
     reference = Envelopes.over(("tx", "tz"), curves)
-    d1, d2 = reference.expanded(0.2, 0.5, {}), reference.expanded(1.0, 2.0, {})
+    d1, d2 = reference.expand(0.2, 0.5, {}), reference.expand(1.0, 2.0, {})
     assert (d2.lower <= d1.lower).all()
     assert (d1.lower <= reference.lower).all()
     assert (reference.upper <= d1.upper).all()

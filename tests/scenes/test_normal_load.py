@@ -41,11 +41,11 @@ def test_one_name_without_patch_holds_for_each_patch():
 def test_loads_are_brought_to_a_size_without_turning_a_force():
     below, front = normal_loads(["Fy_med", "+Fx_lat"], SIDES)
     forces = np.array([[-700.0], [-2.0], [3.0]])
-    np.testing.assert_array_equal(below.sized(forces, 5.0), [[-5.0], [-5.0], [-5.0]])
+    np.testing.assert_array_equal(below.with_size(forces, 5.0), [[-5.0], [-5.0], [-5.0]])
     np.testing.assert_array_equal(below.at_least(forces, 5.0), [[-700.0], [-5.0], [-5.0]])
     np.testing.assert_array_equal(front.at_least(forces, 5.0), [[5.0], [5.0], [5.0]])
     (hip,) = normal_loads(["F"], ("contact",))
-    np.testing.assert_allclose(hip.sized(np.array([[30.0, 40.0, 0.0]]), 5.0), [[3.0, 4.0, 0.0]])
+    np.testing.assert_allclose(hip.with_size(np.array([[30.0, 40.0, 0.0]]), 5.0), [[3.0, 4.0, 0.0]])
     np.testing.assert_allclose(
         hip.at_least(np.array([[30.0, 40.0, 0.0], [0.0, 0.0, -1.0]]), 5.0), [[30, 40, 0], [0, 0, -5]]
     )

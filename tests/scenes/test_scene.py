@@ -32,8 +32,8 @@ def test_one_side_of_a_knee_can_have_its_own_values():
     text = cc.load_scene("knee").to_toml()
     own = "[geometry]\nmed = { frontal_radius = 21.0, condyle_offset = 24.0 }"
     knee = Scene.from_toml(text.replace("[geometry]", own))
-    assert knee.geometry_of("med")["frontal_radius"] == 21.0
-    assert knee.geometry_of("lat")["frontal_radius"] == 22.0
+    assert knee.patch_geometry("med")["frontal_radius"] == 21.0
+    assert knee.patch_geometry("lat")["frontal_radius"] == 22.0
     assert knee.anchors_mm[:, 2].tolist() == [24.0, -22.0]
 
 

@@ -1,12 +1,14 @@
 """Pictures of contact show the forces that the model computes, and are written headless."""
 
+import re
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
-from casadi_contact.show import draw_contact, draw_fit, surface_fits
+from casadi_contact.show import draw_contact, draw_fit, loads_text, surface_fits
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -42,6 +44,11 @@ def test_one_pose_and_many_are_drawn(model, tmp_path):
     assert surface_fits(model) == []
 
 
+def test_the_loads_of_a_picture_are_the_models(model):
+    loads = dict(zip(model.load_names, model(POSE[None])[0], strict=True))
+    assert loads_text(model, POSE, ("Fy_lat", "Tz")) == f"Fy_lat {loads['Fy_lat']:.0f} N, Tz {loads['Tz']:.0f} N·mm"
+
+
 def mesh_scene(folder):
     pytest.importorskip("igl", reason="meshes need the extra: pip install casadi_contact[mesh]")
     from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
@@ -59,7 +66,7 @@ def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, mo
         assert (tmp_path / name).read_bytes()[:4] == PNG
     assert "mm RMS" in result.output
     assert "meshes_fit.png" in result.output
-    with pytest.raises(ValueError, match="has the shape knee, expected mesh"):
+    with pytest.raises(ValueError, match="expected a scene of the shape mesh"):
         draw_fit(model, tmp_path / "knee_fit.png")
     assert not (tmp_path / "knee_fit.png").exists()
 
@@ -69,6 +76,7 @@ def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert [path.name for path in tmp_path.iterdir()] == ["ball.png"]
+    assert re.search(r"picture at Fx 0 N, Fy -\d+ N, .*Tz 0 N·mm in", result.output.replace("\n", " "))
     assert out.read_bytes()[:4] == PNG
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
     assert "expected six numbers" in str(result.exception)

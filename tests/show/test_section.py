@@ -5,22 +5,22 @@ import pytest
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
-from casadi_contact.show import neutral_pose, view_of
+from casadi_contact.show import contact_pose, view_of
 from casadi_contact.show.section import draw_section
 
 
 @pytest.mark.parametrize(
     ("scene", "labels", "reversed_axes"),
     [
-        ("knee", ("x [mm]", "y [mm]"), (False, False)),
-        ("patellofemoral", ("y [mm]", "x [mm]"), (False, True)),
-        ("glenohumeral", ("y [mm]", "z [mm]"), (False, True)),
+        ("knee", ("x, posterior [mm]", "y, superior [mm]"), (False, False)),
+        ("patellofemoral", ("y, superior [mm]", "x, posterior [mm]"), (False, True)),
+        ("glenohumeral", ("y, superior [mm]", "z, medial [mm]"), (False, True)),
     ],
 )
 def test_the_moving_body_lies_above_the_fixed_one_and_both_meet_at_the_centre_of_pressure(scene, labels, reversed_axes):
     scene = cc.load_scene(scene)
     model = cc.ElasticFoundation(scene, scene.grids["coarse"])
-    pose, view = neutral_pose(model), view_of(model)
+    pose, view = contact_pose(model), view_of(model)
     pressed = model.pressure_maps(pose)[0]
     axis = Figure().subplots()
     draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
@@ -37,11 +37,25 @@ def test_the_moving_body_lies_above_the_fixed_one_and_both_meet_at_the_centre_of
 def test_a_section_of_both_patches_draws_each_one_in_the_plane_of_their_common_centre():
     scene = cc.load_scene("knee")
     model = cc.ElasticFoundation(scene, scene.grids["coarse"])
-    pose, view = neutral_pose(model), view_of(model)
+    pose, view = contact_pose(model), view_of(model)
     maps = model.pressure_maps(pose)
     axis = Figure().subplots()
     draw_section(axis, model, pose, maps, along=view.right, across=view.up, toward=view.toward)
     lines = [line.get_xdata() for line in axis.get_lines() if line.get_color() != "red"]
     assert [(x.min() > 0.0, x.max() < 0.0) for x in lines] == [(True, False), (False, True)]
     middle = np.mean([pressed.centre_mm[0] for pressed in maps])  # pressed alike
-    assert axis.get_title() == f"med, lat: section at x = {middle:.1f} mm"
+    assert axis.get_title() == f"medial, lateral: section at x = {middle:.1f} mm"
+
+
+def test_condyles_that_touch_are_each_drawn_round_with_no_spike_between_them():
+    """The frontal section through both: each outline stays on its own side, below the middle of its condyle."""
+    scene = cc.load_scene("knee")
+    model = cc.ElasticFoundation(scene, scene.grids["coarse"])
+    pose, view = contact_pose(model), view_of(model)
+    axis = Figure().subplots()
+    draw_section(axis, model, pose, model.pressure_maps(pose), along=view.right, across=view.up, toward=view.toward)
+    outlines = [np.concatenate([path.vertices for path in axis.collections[k].get_paths()]) for k in (1, 3)]
+    for side, outline in zip((1.0, -1.0), outlines, strict=True):
+        assert (side * outline[:, 0] > 2.0).all()
+        inner = outline[np.abs(outline[:, 0]) < 10.0]
+        assert inner[:, 1].max() < pose[1] - 10.0  # where both are round they meet at the height of their centres

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.show import PictureAxis, View, neutral_pose, view_of
+from casadi_contact.show import PictureAxis, View, contact_pose, view_of
 
+GROWING = {"x": "posterior", "y": "superior", "z": "medial"}
 CUP_POLE = np.array([0.15, 0.82, 0.55]) / np.linalg.norm([0.15, 0.82, 0.55])
 
 
@@ -26,7 +27,8 @@ def test_axes_of_each_direction(direction, right, up):
     np.testing.assert_allclose(view.up.pointing, up, atol=1e-15)
     for axis in (view.right, view.up):
         assert axis.name in ("x", "y", "z")
-        assert axis.label == f"{axis.name} [mm]"
+        assert axis.label == f"{axis.name}, {GROWING[axis.name]} [mm]"
+        assert PictureAxis(axis.direction, anatomical=False).label == f"{axis.name} [mm]"
 
 
 def test_every_view_is_a_right_handed_frame():
@@ -42,25 +44,32 @@ def test_every_view_is_a_right_handed_frame():
 @pytest.mark.parametrize(
     ("scene", "direction", "name"),
     [
-        ("knee", [0.0, -1.0, 0.0], "−y"),
-        ("patellofemoral", [1.0, 0.0, 0.0], "+x"),
-        ("glenohumeral", [0.0, 0.0, 1.0], "+z"),
-        ("hip", CUP_POLE, "0.15 x + 0.82 y + 0.55 z"),  # pressed along no single direction: into the cup
+        ("knee", [0.0, -1.0, 0.0], "inferior (−y)"),
+        ("patellofemoral", [1.0, 0.0, 0.0], "posterior (+x)"),
+        ("glenohumeral", [0.0, 0.0, 1.0], "medial (+z)"),
+        (
+            "hip",
+            CUP_POLE,
+            "superior-medial (0.15 x + 0.82 y + 0.55 z)",
+        ),  # no single direction
     ],
 )
-def test_scenes_are_seen_as_they_are_pressed_and_the_neutral_pose_overlaps_by_a_tenth(scene, direction, name):
+def test_scenes_are_seen_as_they_are_pressed_and_the_contact_pose_overlaps_by_a_tenth(scene, direction, name):
     scene = cc.load_scene(scene)
     model = cc.ElasticFoundation(scene, scene.grids["coarse"])
     view = view_of(model)
     np.testing.assert_allclose(-view.toward.pointing, direction, atol=1e-6)
     assert view.name == name
-    pose = neutral_pose(model)
+    pose = contact_pose(model)
     assert model.gaps(pose[None]).min() == pytest.approx(-0.1, abs=1e-6)
     assert np.linalg.norm(np.cross(pose[:3] - scene.start_pose[:3], direction)) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_an_oblique_axis_says_which_sum_it_is_and_grows_along_its_largest_part():
     axis = PictureAxis.along(np.array([0.6, 0.0, -0.8]))
-    assert (axis.name, axis.reversed) == ("−0.60 x + 0.80 z", True)
+    assert (axis.name, axis.reversed) == ("medial-anterior", True)
+    assert axis.label == "medial-anterior [mm]\n−0.60 x + 0.80 z"
+    plain = PictureAxis.along(np.array([0.6, 0.0, -0.8]), anatomical=False)
+    assert (plain.name, plain.label) == ("−0.60 x + 0.80 z", "−0.60 x + 0.80 z [mm]")
     assert axis.of(np.array([0.0, 5.0, 10.0])) == pytest.approx(8.0)
     np.testing.assert_allclose(axis.pointing, [0.6, 0.0, -0.8])

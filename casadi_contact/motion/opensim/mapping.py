@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses, is_force
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.motion.opensim.table import TIME, Table
+from casadi_contact.quantities import ANGLE, AREA, FORCE, LENGTH, PRESSURE, TORQUE, Kind, quantity
 
-# Size of a file's unit in the library's: mm, N, N·mm, rad.
-UNITS = {
-    "length": {"m": 1000.0, "cm": 10.0, "mm": 1.0},
-    "angle": {"rad": 1.0, "deg": float(np.pi / 180.0)},
-    "force": {"N": 1.0, "kN": 1000.0},
-    "torque": {"Nm": 1000.0, "Nmm": 1.0},
+# Size of a file's unit in the library's, OpenSim's own first.
+UNITS: dict[Kind, dict[str, float]] = {
+    LENGTH: {"m": 1000.0, "cm": 10.0, "mm": 1.0},
+    ANGLE: {"rad": 1.0, "deg": float(np.pi / 180.0)},
+    FORCE: {"N": 1.0, "kN": 1000.0},
+    TORQUE: {"Nm": 1000.0, "Nmm": 1.0},
+    PRESSURE: {"Pa": 1e-6, "MPa": 1.0},
+    AREA: {"m2": 1e6, "mm2": 1.0},
 }
-_LOAD = re.compile(r"[FT][xyz](_\w+)?")
 _FORM = "expected COLUMN=NAME, COLUMN=-NAME or COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg"
-
-
-def kind_of(name: str) -> str:
-    """What a curve measures, by its name: length (tx, cop_ap), angle (rz), force (Fy_med) or torque (Tz)."""
-    if name in POSE_NAMES:
-        return "length" if name.startswith("t") else "angle"
-    if name in ("cop_ap", "cop_ml"):
-        return "length"
-    if _LOAD.fullmatch(name):
-        return "force" if is_force(name) else "torque"
-    known = ", ".join((*POSE_NAMES, "cop_ap", "cop_ml"))
-    raise ValueError(f"unknown curve {name!r}, expected one of {known}, or a load such as Fy_med or Tz")
 
 
 @dataclass(frozen=True)
@@ -48,7 +37,7 @@ class ColumnMap:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        known = UNITS[kind_of(self.name)]
+        known = UNITS[quantity(self.name).kind]
         if self.unit is not None and self.unit not in known:
             raise ValueError(f"unit {self.unit!r} does not suit {self.name}, expected one of {', '.join(known)}")
 
@@ -63,9 +52,9 @@ class ColumnMap:
 
     def curve(self, table: Table) -> Array:
         """The curve (n,) in mm, rad, N or N·mm; raises ValueError where the table lacks the column."""
-        kind = kind_of(self.name)
-        own = {"length": "m", "angle": "deg" if table.in_degrees else "rad", "force": "N", "torque": "Nm"}
-        return self.sign * UNITS[kind][self.unit or own[kind]] * table.column(self.column)
+        kind = quantity(self.name).kind
+        own = "deg" if kind == ANGLE and table.in_degrees else _own_unit(kind)
+        return self.sign * UNITS[kind][self.unit or own] * table.column(self.column)
 
 
 def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
@@ -81,13 +70,22 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
 def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
     """Poses (n, 6) [mm, rad] as an OpenSim table: translations in m, rotations in rad."""
     poses = as_poses(poses)
-    scales = [1.0 / UNITS["length"]["m"] if kind_of(key) == "length" else 1.0 for key in POSE_NAMES]
-    columns = {key: poses[:, column] * scales[column] for column, key in enumerate(POSE_NAMES)}
-    return Table(name, {TIME: np.asarray(time_s, dtype=float), **columns}, in_degrees=False)
+    return _own_table(time_s, poses, POSE_NAMES, name)
 
 
 def loads_table(time_s: ArrayLike, loads: Array, load_names: Sequence[str], name: str) -> Table:
     """Loads (n, L) [N, N·mm] as an OpenSim table: forces in N, torques in N·m."""
-    scales = [1.0 if is_force(key) else 1.0 / UNITS["torque"]["Nm"] for key in load_names]
-    columns = {key: loads[:, column] * scales[column] for column, key in enumerate(load_names)}
-    return Table(name, {TIME: np.asarray(time_s, dtype=float), **columns}, in_degrees=False)
+    return _own_table(time_s, loads, load_names, name)
+
+
+def _own_unit(kind: Kind) -> str:
+    """The unit that OpenSim's files have for a kind; angles are in degrees where the file says so."""
+    return next(iter(UNITS[kind]))
+
+
+def _own_table(time_s: ArrayLike, values: Array, names: Sequence[str], title: str) -> Table:
+    """Values (n, k) by name, in the library's units, as a table in OpenSim's."""
+    kinds = [quantity(name).kind for name in names]
+    scales = [1.0 / UNITS[kind][_own_unit(kind)] for kind in kinds]
+    columns = {name: values[:, k] * scale for k, (name, scale) in enumerate(zip(names, scales, strict=True))}
+    return Table(title, {TIME: np.asarray(time_s, dtype=float), **columns}, in_degrees=False)

@@ -5,8 +5,8 @@ import shutil
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.geometry import body_mesh
 from casadi_contact.scenes import Scene
+from casadi_contact.shapes.mesh_bodies import body_mesh
 from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
 
 
@@ -34,7 +34,7 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
     write_obj(folder / "ball.obj", *cap_mesh(21.0, 3.0, 0.5))
     assert cc.load_scene(folder / "scene.toml").digest != scene.digest
     with pytest.raises(ValueError, match="has changed since the scene was made"):
-        body_mesh(scene, "moving")
+        body_mesh(scene.geometry, "moving")
     (folder / "as_made.toml").write_text(scene.to_toml())
     with pytest.raises(ValueError, match="has changed since the scene was made"):
         cc.load_scene(folder / "as_made.toml")
@@ -77,7 +77,7 @@ def test_a_patch_without_mesh_and_a_scene_without_files_are_refused_by_contact_m
     (folder / "scene.toml").write_text(text.replace("patches.contact]", "patches.contact]\nx = [50.0, 60.0]"))
     with pytest.raises(ValueError, match=r"plate\.obj: no triangle between"):
         cc.RayCastFoundation(cc.load_scene(folder / "scene.toml"))
-    with pytest.raises(ValueError, match="has the shape knee, expected mesh"):
+    with pytest.raises(ValueError, match="no mesh of its moving body, expected a scene of the shape mesh"):
         cc.RayCastFoundation(cc.load_scene("knee"))
     (folder / "scene.toml").write_text(text.replace("[geometry]", '[geometry]\naxes = ["x", "-y", "-z"]'))
     with pytest.raises(ValueError, match="is it inside-out"):

@@ -1,4 +1,4 @@
-"""The two bodies of a mesh scene: their meshes, smooth surfaces and elements, each made once in a process."""
+"""The two bodies of a mesh scene by its [geometry]: their meshes and smooth surfaces, each made once in a process."""
 
 from __future__ import annotations
 
@@ -12,54 +12,54 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import Box, TriangleMesh, load_mesh
-from casadi_contact.scenes import Scene
-from casadi_contact.scenes.mesh_files import file_digest
+from casadi_contact.shapes.mesh_files import file_digest
 
 _Source = tuple[str, str, str, tuple[str, ...], tuple[Box, ...] | None]  # path, digest, units, axes, contact
+Geometry = Mapping[str, Any]
 _NO_BOUND = [-np.inf, np.inf]
 
 
-def body_mesh(scene: Scene, body: str) -> TriangleMesh:
-    """The mesh of the scene's "moving" or "fixed" body, in mm and the library's axes.
+def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
+    """The mesh of the "moving" or the "fixed" body, in mm and the library's axes.
 
-    Raises FileNotFoundError for a missing file, ValueError for one that changed since the scene was loaded.
+    Raises FileNotFoundError for a missing file, ValueError for one that changed since the scene was loaded and for a
+    geometry that names no such mesh.
     """
-    return _mesh(*_source(scene, body))
+    return _mesh(*_source(geometry, body))
 
 
-def body_field(scene: Scene, body: str) -> DistanceField:
+def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(_source(scene, body), scene.geometry["spacing"])
+    return _field(_source(geometry, body), geometry["spacing"])
 
 
-def patch_box(scene: Scene, patch: str) -> tuple[Array, Array]:
+def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:
     """Lowest and highest corner (3,) of the box that bounds a patch, infinite where the scene names no bound [mm]."""
-    bounds = scene.geometry["patches"][patch]
+    bounds = geometry["patches"][patch]
     box = np.array([bounds.get("x", _NO_BOUND), _NO_BOUND, bounds.get("z", _NO_BOUND)])
     return box[:, 0], box[:, 1]
 
 
-def patch_mesh(scene: Scene, patch: str, *, reaching: bool = False) -> TriangleMesh:
+def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box."""
-    return body_mesh(scene, "fixed").inside_box(*patch_box(scene, patch), reaching=reaching)
+    return body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
 
 
-def _source(scene: Scene, body: str) -> _Source:
-    if scene.shape != "mesh":
-        raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected mesh: it has no mesh files")
-    geometry: Mapping[str, Any] = scene.geometry
+def _source(geometry: Geometry, body: str) -> _Source:
+    if body not in geometry:
+        raise ValueError(f"the scene's geometry names no mesh of its {body} body, expected a scene of the shape mesh")
     path = Path(geometry[body])
     digest = file_digest(path)
     if geometry.get(f"{body}_sha256", digest) != digest:
-        raise ValueError(f"scene {scene.name}: {path} has changed since the scene was made with it: load it again")
-    return str(path), digest, geometry["units"], tuple(geometry["axes"]), _contact(scene, body)
+        raise ValueError(f"scene: {path} has changed since the scene was made with it: load it again")
+    return str(path), digest, geometry["units"], tuple(geometry["axes"]), _contact(geometry, body)
 
 
-def _contact(scene: Scene, body: str) -> tuple[Box, ...] | None:
+def _contact(geometry: Geometry, body: str) -> tuple[Box, ...] | None:
     """Where the fixed body is touched: its patches. The moving one may be touched anywhere."""
     if body == "moving":
         return None
-    boxes = (patch_box(scene, patch) for patch in scene.patch_names)
+    boxes = (patch_box(geometry, patch) for patch in geometry["patches"])
     return tuple((tuple(low.tolist()), tuple(high.tolist())) for low, high in boxes)
 
 

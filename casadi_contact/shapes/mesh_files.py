@@ -25,14 +25,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from casadi_contact.conventions import Array
-from casadi_contact.scenes.checks import fail, number, table_of
+from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation
+from casadi_contact.shapes.checks import fail, identifier, number, table_of
 
 BODIES = ("moving", "fixed")
-MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
-FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 ELEMENTS = ("grid", "triangles")
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
@@ -57,6 +53,8 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
     patches = values["patches"]
     if not isinstance(patches, Mapping) or not patches:
         raise fail("geometry.patches", patches, "a table for each patch, e.g. [geometry.patches.med]")
+    for name in patches:
+        identifier("geometry.patches (a patch's name)", name)
     values["patches"] = {name: _patch(f"geometry.patches.{name}", patch) for name, patch in patches.items()}
     return values
 
@@ -87,42 +85,24 @@ def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
         raise fail(key, cuts, expected)
 
 
-def axes_rotation(axes: Sequence[str]) -> Array:
-    """Rotation R with (x, y, z) = R·(file coordinates); raises ValueError for axes that are no rotation."""
-    named = [str(axis) for axis in axes] if isinstance(axes, list | tuple) else []
-    rows = [
-        (-1.0 if axis.startswith("-") else 1.0) * np.eye(3)[FILE_AXES.index(axis.removeprefix("-"))]
-        for axis in named
-        if axis.removeprefix("-") in FILE_AXES
-    ]
-    rotation = np.array(rows)
-    if rotation.shape != (3, 3) or len(named) != 3 or np.linalg.det(rotation) < 0.5:
-        raise ValueError(
-            f"scene: geometry.axes = {axes!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
-            "['-x', 'y', '-z']"
-        )
-    return rotation
-
-
-def with_files(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The scene's tables with absolute mesh paths (relative ones start at the folder) and the files' digests.
+def with_files(geometry: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The [geometry] with absolute mesh paths (relative ones start at the folder) and the files' digests.
 
     Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
     """
-    geometry = dict(tables["geometry"])
+    found = dict(geometry)
     for body, key in _DIGESTS.items():
         path = (folder / geometry[body]).resolve()
-        found = file_digest(path)
-        if geometry.get(key, found) != found:
+        digest = file_digest(path)
+        if geometry.get(key, digest) != digest:
             raise ValueError(f"scene: geometry.{body}: {path} has changed since the scene was made with it")
-        geometry |= {body: str(path), key: found}
-    return {**tables, "geometry": geometry}
+        found |= {body: str(path), key: digest}
+    return found
 
 
-def without_places(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables with each mesh named by its digest (if known) instead of its path."""
-    geometry = {key: value for key, value in tables["geometry"].items() if _DIGESTS.get(key) not in tables["geometry"]}
-    return {**tables, "geometry": geometry}
+def without_places(geometry: Mapping[str, Any]) -> dict[str, Any]:
+    """The [geometry] with each mesh named by its digest (if known) instead of its path."""
+    return {key: value for key, value in geometry.items() if _DIGESTS.get(key) not in geometry}
 
 
 def file_digest(path: Path) -> str:

@@ -1,0 +1,78 @@
+"""Two bodies of mesh files (see `shapes.mesh_files`), each with a smooth surface through its mesh's vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.elements import Cells, ElementGrid, scattered_elements
+from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
+from casadi_contact.shapes.mesh_files import BODIES, check_mesh_geometry, with_files, without_places
+from casadi_contact.shapes.own_model import patch_anchors
+from casadi_contact.shapes.shape import Geometry, Range, Shape
+
+
+class Mesh(Shape):
+    """The moving body is the distance field of its mesh; elements lie on the smooth surface of the fixed one.
+
+    Numba and the readers of meshes load when a surface is first built, not with every scene.
+    """
+
+    name = "mesh"
+    mesh_bodies = BODIES
+
+    def check(self, table: object) -> dict[str, Any]:
+        """Files, units, axes and patches, with the defaults filled in."""
+        return check_mesh_geometry(table)
+
+    def patches(self, geometry: Geometry) -> tuple[str, ...]:
+        """As named."""
+        return tuple(geometry["patches"])
+
+    def anchors(self, geometry: Geometry) -> Array:
+        """As given."""
+        return patch_anchors(geometry)
+
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        """The moving mesh's field, which faces every patch."""
+        from casadi_contact.shapes.mesh_bodies import body_field
+
+        field = body_field(geometry, "moving")
+        return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """Grids laid over each patch of the fixed mesh from above."""
+        from casadi_contact.geometry.mesh_elements import grid_on_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field, patch_box, patch_mesh
+
+        field = body_field(geometry, "fixed")
+        return [
+            grid_on_mesh(patch_mesh(geometry, patch, reaching=True), field, grid, patch_box(geometry, patch))
+            for patch in geometry["patches"]
+        ]
+
+    def elements(
+        self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
+    ) -> list[ElementGrid]:
+        """As of any shape, or each patch's triangles, whatever the grid."""
+        if geometry["elements"] == "grid":
+            return super().elements(geometry, grid, z_ranges_mm)
+        from casadi_contact.geometry.mesh_elements import open_triangles, triangles_on_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field, patch_mesh
+
+        field, found = body_field(geometry, "fixed"), []
+        for patch, ranges in zip(geometry["patches"], z_ranges_mm, strict=True):
+            mesh = patch_mesh(geometry, patch)
+            triangles, outermost = triangles_on_mesh(mesh, field), open_triangles(mesh)
+            found += [scattered_elements(*triangles, outermost, z_mm) for z_mm in ranges]
+        return found
+
+    def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
+        """Absolute paths of the mesh files, and their digests."""
+        return with_files(geometry, folder)
+
+    def identity(self, geometry: Geometry) -> Geometry:
+        """The files' digests instead of their paths."""
+        return without_places(geometry)
