@@ -15,7 +15,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.files import file_stem, short
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
-from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_table
+from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
@@ -207,7 +207,7 @@ def cycle(
     """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
     cop_ap or Tz, cop_ml or Tx; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
     """
-    table = read_table(file)
+    table = read_opensim_table(file)
     try:
         curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
         if set(curves) <= {TIME, *POSE_NAMES}:

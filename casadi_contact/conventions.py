@@ -11,7 +11,9 @@ component moves, flexion is rz < 0 and compression is Fy < 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from casadi_contact.quantities import FORCE, quantity
 
 Array = NDArray[np.float64]
+_Method = TypeVar("_Method", bound=Callable[..., Any])
 
 POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
 POSE_UNITS = tuple(quantity(name).unit for name in POSE_NAMES)
@@ -63,6 +66,30 @@ def as_poses(poses: ArrayLike) -> Array:
             f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite numbers"
         )
     return array
+
+
+def _is_one_pose(poses: ArrayLike) -> bool:
+    try:
+        return np.shape(poses) == (6,)
+    except ValueError:  # rows of unequal length: `as_poses` says so
+        return False
+
+
+def pose_or_poses(method: _Method) -> _Method:
+    """Let a method of poses (n, 6) take one pose (6,) as well: its arrays then come without their first axis.
+
+    The method gets poses checked by `as_poses`, and returns an array (n, ...) or a tuple of such.
+    """
+
+    @wraps(method)
+    def for_one_or_many(self: Any, poses: Any, *arguments: Any, **keywords: Any) -> Any:
+        single = _is_one_pose(poses)
+        result = method(self, as_poses([poses] if single else poses), *arguments, **keywords)
+        if single:
+            return tuple(part[0] for part in result) if isinstance(result, tuple) else result[0]
+        return result
+
+    return cast(_Method, for_one_or_many)
 
 
 def rotation(angles: ArrayLike) -> Array:

@@ -19,7 +19,7 @@ from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, has_motion, read_motion
 from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.around import samples_around
-from casadi_contact.structures import STRUCTURES, Surrogate, calibrated
+from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
@@ -53,7 +53,7 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
         folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
-        calibrated(surrogate, samples, around).save(path)
+        with_trust(surrogate, samples, around).save(path)
         paths.append(path)
     return paths
 

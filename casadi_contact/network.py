@@ -1,10 +1,10 @@
 """The plain-array feed-forward network: what training produces and every surrogate evaluates.
 
-Fully connected, sigmoidal hidden neurons, one linear output neuron (§2.6):
+Fully connected, sigmoidal hidden neurons, one linear output neuron [EF15 §2.6]:
 
     a_0 = (x - input_shift) / input_scale,   a_l = σ(W_l a_{l-1} + b_l),   y = output_scale·(W_L a_{L-1} + b_L)
 
-with σ(z) = z/√(1+z²) ("algebraic") or tanh z.
+with σ the network's activation (see `casadi_contact.activations`).
 """
 
 from __future__ import annotations
@@ -13,18 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
-
-ACTIVATIONS = ("algebraic", "tanh")
-
-
-def activate(z: Array, activation: str) -> tuple[Array, Array]:
-    """σ(z) and its slope σ'(z), elementwise."""
-    if activation == "algebraic":
-        r = 1.0 / np.sqrt(1.0 + z * z)
-        return z * r, r * r * r
-    a = np.tanh(z)
-    return a, 1.0 - a * a
 
 
 @dataclass(frozen=True)
@@ -39,8 +29,7 @@ class Network:
     activation: str = "algebraic"
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS:
-            raise ValueError(f"unknown activation {self.activation!r}, expected one of {', '.join(ACTIVATIONS)}")
+        activation_of(self.activation)
         width = len(self.input_shift)
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.shape != (len(bias), width):
@@ -48,6 +37,9 @@ class Network:
             width = len(bias)
         if width != 1 or len(self.input_scale) != len(self.input_shift):
             raise ValueError(f"network ends in {width} neurons, expected one linear output and one scale per input")
+        arrays = (self.input_shift, self.input_scale, *self.weights, *self.biases, np.array(self.output_scale))
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise ValueError("network holds NaN or infinity in its weights or scales, expected finite numbers")
 
     @property
     def hidden(self) -> tuple[int, ...]:
@@ -61,17 +53,17 @@ class Network:
 
     def value(self, inputs: Array) -> Array:
         """y of shape (n,) for inputs of shape (n, k)."""
-        a = (inputs - self.input_shift) / self.input_scale
+        a, sigma = (inputs - self.input_shift) / self.input_scale, activation_of(self.activation).derivatives
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            a = activate(a @ weight.T + bias, self.activation)[0]
+            (a,) = sigma(np, a @ weight.T + bias, 0)
         return self.output_scale * (a @ self.weights[-1][0] + self.biases[-1][0])
 
     def value_and_gradient(self, inputs: Array) -> tuple[Array, Array]:
         """y (n,) and dy/dx (n, k), by one forward and one reverse pass."""
-        a = (inputs - self.input_shift) / self.input_scale
+        a, sigma = (inputs - self.input_shift) / self.input_scale, activation_of(self.activation).derivatives
         slopes = []
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            a, slope = activate(a @ weight.T + bias, self.activation)
+            a, slope = sigma(np, a @ weight.T + bias, 1)
             slopes.append(slope)
         y = self.output_scale * (a @ self.weights[-1][0] + self.biases[-1][0])
         reverse = np.broadcast_to(self.output_scale * self.weights[-1][0], a.shape)
@@ -85,7 +77,7 @@ class Regression:
     """One network to fit: residual_i = weights_i·(net(inputs_i) - targets_i), root mean square wanted below tolerance.
 
     inputs (n, k); targets, weights (n,); validation (n,) is True for the rows that may stop training but never
-    steer it (§2.6, criterion 3). Weights turn residuals into the unit of the tolerance (N or N·mm).
+    steer it ([EF15 §2.6], criterion 3). Weights turn residuals into the unit of the tolerance (N or N·mm).
     """
 
     name: str

@@ -44,7 +44,7 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, calibrated
+from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.transcription import save_function
 
 __all__ = [
@@ -179,7 +179,7 @@ def calibrate(project: Project) -> list[Path]:
     samples = project.samples()
     around = moved_samples(samples)
     for structure, surrogate in project_surrogates(project).items():
-        calibrated(surrogate, samples, around).save(project.surrogate_path(structure))
+        with_trust(surrogate, samples, around).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 

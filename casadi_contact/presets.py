@@ -22,14 +22,13 @@ class Effort:
 class ChartEffort:
     """What the speed-accuracy chart trains beside the preset's own surrogates.
 
-    sizes: by structure, one effort for each size; its seconds go to each root network (patch) or to each network
-    (two_stage), and a ratio network gets RATIO_SHARE of them. swept: the patch size (one of `sizes`) that is trained
-    again with fewer samples (sample_counts) and with other seconds (training_seconds). peer_seconds: allotted to
-    each peer.
+    sizes: by structure, one effort for each size; its seconds go to each network, or the share of them that the
+    structure says (`Surrogate.seconds_shares`). swept: structure and size (one of `sizes`) that is trained again with
+    fewer samples (sample_counts) and with other seconds (training_seconds). peer_seconds: allotted to each peer.
     """
 
     sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
-    swept: tuple[int, ...] = (12, 12)
+    swept: tuple[str, tuple[int, ...]] = ("patch", (12, 12))
     sample_counts: tuple[int, ...] = ()
     training_seconds: tuple[float, ...] = ()
     peer_seconds: float = 20.0
@@ -49,10 +48,6 @@ def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
     """The effort for one network: of the starts that fit its name the longest wins ("" fits all)."""
     fitting = [start for start in efforts if network.startswith(start)]
     return efforts[max(fitting, key=len)]
-
-
-# A ratio is smoother than a root load, and the wanted error is reached sooner: this share of a root's seconds.
-RATIO_SHARE = 0.2
 
 
 def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Effort, ...]:

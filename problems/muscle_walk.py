@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
-from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_table
+from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.knee_coordinates import COORDINATES, load_unit
 from problems.muscle import MuscleParameters
 
@@ -168,7 +168,7 @@ def _numbers(path: Path, name: str, header: list[str], rows: list[tuple[int, lis
 def _table(path: Path) -> Table:
     """A CSV or OpenSim file as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
-        table = read_table(path)
+        table = read_opensim_table(path)
     else:
         header, rows = _rows(path)
         if "time_s" not in header:
@@ -225,7 +225,7 @@ def _analysis(folder: Path, names: tuple[str, ...], time_s: Array) -> tuple[Arra
         found = sorted(folder.glob(f"*_{ending}.sto"))
         if len(found) > 1:
             raise ValueError(f"{folder} holds {len(found)} files *_{ending}.sto, expected one")
-        return read_table(found[0]) if found else None
+        return read_opensim_table(found[0]) if found else None
 
     def at(table: Table) -> CubicSpline:
         return CubicSpline(table.column("time"), np.column_stack([table.column(name) for name in names]))

@@ -25,7 +25,7 @@ from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.structures import PatchSurrogate, Surrogate, calibrated, load_surrogate
+from casadi_contact.structures import PatchSurrogate, Surrogate, load_surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.verification import Refinement, Solve, refine
@@ -64,7 +64,7 @@ def walking_only(samples: Samples, seconds: float) -> tuple[Surrogate, Samples]:
     with worker_pool() as workers:
         fits = fit_all([replace(r, tolerance=0.2 * r.tolerance) for r in regressions], settings, workers)
     networks = {name: fit.network for name, fit in fits.items()}
-    return calibrated(PatchSurrogate(samples.scene, networks, samples_record(narrow)), narrow), narrow
+    return with_trust(PatchSurrogate(samples.scene, networks, samples_record(narrow)), narrow), narrow
 
 
 def build(cycle: LoadCycle, tell: Callable[[str], None] | None = None) -> Solve:

@@ -12,9 +12,9 @@ import casadi_contact
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 ROOMS = [
-    *("compilation", "files", "workers", "terminal", "machine", "quantities", "conventions"),
+    *("compilation", "files", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
     *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
-    *("dataset", "sampling", "network", "training", "transcription", "structures"),
+    *("dataset", "sampling", "activations", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline"),
     *("command_examples", "progress", "cli", "__main__"),
 ]

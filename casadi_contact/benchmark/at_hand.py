@@ -15,7 +15,7 @@ from casadi_contact.benchmark.candidates import (
     surrogate_candidates,
 )
 from casadi_contact.benchmark.front_file import Point
-from casadi_contact.benchmark.sizes import Sized, on_disk, planned, sized_path, train_sizes
+from casadi_contact.benchmark.sizes import Sized, chart_surrogates, on_disk, sized_path, train_sizes
 from casadi_contact.benchmark.timing import compare, one_thread
 from casadi_contact.fitting import train
 from casadi_contact.project import Project, Update, motion_at_hand
@@ -106,4 +106,4 @@ def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iter
 
 
 def _sized(project: Project) -> dict[str, Sized]:
-    return {sized.name: sized for sized in planned(project.preset.chart)}
+    return {sized.name: sized for sized in chart_surrogates(project.preset.chart)}

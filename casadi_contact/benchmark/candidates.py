@@ -13,13 +13,13 @@ from casadi_contact.benchmark.candidate import Candidate, Stopwatch
 from casadi_contact.benchmark.evaluate import grid_text
 from casadi_contact.benchmark.front_file import SIZE
 from casadi_contact.benchmark.kernel_speed import lagrangian_hessian
-from casadi_contact.benchmark.sizes import planned, sized_path
+from casadi_contact.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.benchmark.timing import time_batch, time_mapped, time_single_calls
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.project import Project, project_surrogates, read_motion
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, load_surrogate
+from casadi_contact.structures import Surrogate, TwoStageSurrogate, load_surrogate
 
 EF_FAMILY = "EF"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
@@ -82,7 +82,7 @@ def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]
     """Name on the chart, sweep, surrogate: the preset's own, then the sized ones that are on disk."""
     for structure, surrogate in project_surrogates(project).items():
         yield own_name(project, structure), SIZE, surrogate
-    for sized in planned(project.preset.chart):
+    for sized in chart_surrogates(project.preset.chart):
         yield sized.name, sized.sweep, load_surrogate(sized_path(project, sized))
 
 
@@ -99,7 +99,7 @@ def peer_candidates(project: Project) -> Iterator[Candidate]:
     from casadi_contact.benchmark.peers import FAMILIES, peer_candidates
 
     samples, seconds = project.samples(), project.preset.chart.peer_seconds
-    two_stage, (motion, _) = project_surrogates(project).get("two_stage"), read_motion(project)
+    two_stage, (motion, _) = project_surrogates(project).get(TwoStageSurrogate.structure), read_motion(project)
     for family in FAMILIES:
         limit = seconds if family == "Kriging" else seconds / 4.0
         for domains in (None, ["D1"]) if family in _GLOBAL_PEERS else (None,):

@@ -13,15 +13,15 @@ from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE
 from casadi_contact.dataset import COLUMNS, TEST, Samples
 from casadi_contact.files import writable_folder
 from casadi_contact.fitting import fit_surrogate, size_text
-from casadi_contact.presets import RATIO_SHARE, ChartEffort, Effort
+from casadi_contact.presets import ChartEffort, Effort
 from casadi_contact.project import Project, Update
-from casadi_contact.structures import Surrogate, load_surrogate
+from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
 from casadi_contact.workers import worker_pool
 
 
 @dataclass(frozen=True)
 class Sized:
-    """A surrogate to train: structure, effort (see `presets.Front`), samples learned from (None: all), and the sweep
+    """A surrogate to train: structure, effort (see `presets.Effort`), samples learned from (None: all), and the sweep
     of the chart it belongs to."""
 
     structure: str
@@ -42,14 +42,16 @@ class Sized:
 
     @property
     def efforts(self) -> dict[str, Effort]:
-        """Effort by the start of a network's name: ratios get their share of the seconds."""
-        return {"": self.effort, "ratio": replace(self.effort, seconds=RATIO_SHARE * self.effort.seconds)}
+        """Effort by the start of a network's name, with the structure's shares of the seconds."""
+        shares = {"": 1.0, **STRUCTURES[self.structure].seconds_shares}
+        return {name: replace(self.effort, seconds=share * self.effort.seconds) for name, share in shares.items()}
 
 
-def planned(chart: ChartEffort) -> list[Sized]:
+def chart_surrogates(chart: ChartEffort) -> list[Sized]:
     """Every surrogate that a preset's chart shows, sizes first."""
     sizes = [Sized(structure, effort) for structure, efforts in chart.sizes.items() for effort in efforts]
-    swept = [sized for sized in sizes if sized.structure == "patch" and sized.effort.sizes == (chart.swept,)]
+    structure, size = chart.swept
+    swept = [sized for sized in sizes if sized.structure == structure and sized.effort.sizes == (size,)]
     return [
         *sizes,
         *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in chart.sample_counts),
@@ -76,8 +78,8 @@ def on_disk(project: Project, path: Path | str) -> Surrogate | None:
     return surrogate if surrogate.scene.digest == project.scene.digest else None
 
 
-def fewer(samples: Samples, count: int | None, seed: int = 0) -> Samples:
-    """All test rows and a random `count` of the others (§3.5 fits a random subset), in their order."""
+def subset_of(samples: Samples, count: int | None, seed: int = 0) -> Samples:
+    """All test rows and a random `count` of the others ([EF15 §3.5] fits a random subset), in their order."""
     learned = np.flatnonzero(samples.role != TEST)
     if count is None or count >= len(learned):
         return samples
@@ -99,7 +101,7 @@ def train_sizes(
     Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
     FileNotFoundError without samples, ValueError for samples of another scene.
     """
-    wanted = planned(project.preset.chart) if wanted is None else list(wanted)
+    wanted = chart_surrogates(project.preset.chart) if wanted is None else list(wanted)
     missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
     if missing:
         samples = project.samples()
@@ -110,7 +112,7 @@ def train_sizes(
             for sized in missing:
                 surrogate = fit_surrogate(
                     project,
-                    fewer(samples, sized.samples),
+                    subset_of(samples, sized.samples),
                     sized.structure,
                     sized.efforts,
                     folder / "training" / sized.stem,

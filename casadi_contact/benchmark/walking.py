@@ -1,4 +1,4 @@
-"""An unseen walking sequence inside domain D1 (§3.6)."""
+"""An unseen walking sequence inside domain D1 [EF15 §3.6]."""
 
 from __future__ import annotations
 

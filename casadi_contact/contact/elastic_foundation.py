@@ -10,13 +10,14 @@ import numpy as np
 
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import root_of_normal
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
+from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
     as_poses,
     load_selection,
+    pose_or_poses,
     rotation,
 )
 from casadi_contact.geometry import ElementGrid, MovingSurface
@@ -40,7 +41,8 @@ class ElasticFoundation:
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
-    along the element's normal. Poses run in parallel over numba's threads.
+    along the element's normal. Poses run in parallel over numba's threads. Each method takes poses (n, 6), or one pose
+    (6,): its arrays then come without their first axis.
 
     grid: elements per patch (nx, nz), the scene's fine grid if left out.
     """
@@ -56,40 +58,46 @@ class ElasticFoundation:
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
         self._patches = [_Bed.of(s, e) for s, e in zip(scene.surfaces(), grids, strict=True)]
-        self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
+        self._law = (law_number(material.law), layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={self.grid[0]}×{self.grid[1]})"
 
+    @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return self._evaluate(self._patches, as_poses(poses), derivatives=False)[0]
+        return self._evaluate(self._patches, poses, derivatives=False)[0]
 
+    @pose_or_poses
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
-        return self._evaluate(self._parts, as_poses(poses), derivatives=False)[0]
+        return self._evaluate(self._parts, poses, derivatives=False)[0]
 
+    @pose_or_poses
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
         return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
 
+    @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes = self._evaluate(self._patches, as_poses(poses), derivatives=True)
+        wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
 
+    @pose_or_poses
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self._gaps(self._patches, as_poses(poses))[0]
+        return self._gaps(self._patches, poses)[0]
 
+    @pose_or_poses
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
-        return self._gaps(self._parts, as_poses(poses))[0]
+        return self._gaps(self._parts, poses)[0]
 
+    @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
-        poses = as_poses(poses)
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         touched = [
             touches_many(s.family, s.parameters, edge, rotations, translations)
@@ -97,12 +105,12 @@ class ElasticFoundation:
         ]
         return np.stack(touched, axis=1)
 
+    @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
 
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
-        poses = as_poses(poses)
         wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
         loads = self.scene.normal_loads
         normal = normal_forces(loads, wrenches)

@@ -65,7 +65,7 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
                 continue
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
             d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
-            p, dp = pressure(law, modulus, thickness, d)
+            p, dp, _ = pressure(law, modulus, thickness, d)
             load_direction[0] = -nx
             load_direction[1] = -ny
             load_direction[2] = -nz

@@ -10,8 +10,8 @@ import numpy as np
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
-    as_poses,
     load_selection,
+    pose_or_poses,
     rotation,
 )
 from casadi_contact.scenes import Scene
@@ -78,15 +78,16 @@ class CallableModel:
         self._reach_mm = reach_mm
         self._selection = load_selection(self.load_names, self.patch_names)
 
+    @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape."""
-        poses = as_poses(poses)
         wrenches = np.asarray(self._wrenches(poses), dtype=float)
         expected = (len(poses), len(self.patch_names), 6)
         if wrenches.shape != expected:
             raise ValueError(f"the contact model returned wrenches of shape {wrenches.shape}, expected {expected}")
         return wrenches
 
+    @pose_or_poses
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads)."""
         return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
@@ -97,17 +98,17 @@ class CallableModel:
         plus, minus = np.split(self.wrenches(shifted).reshape(len(poses), 12, -1, 6), 2, axis=1)
         return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None, None]), 1, -1)
 
+    @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads and their central-difference derivatives (n, loads, 6)."""
-        poses = as_poses(poses)
         return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
 
+    @pose_or_poses
     def gaps(self, poses: Array) -> Array:
         """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
 
         Raises ValueError for another shape, and for a normal load without direction if there is no such function.
         """
-        poses = as_poses(poses)
         if self._gaps is not None:
             gaps = np.asarray(self._gaps(poses), dtype=float)
             if gaps.shape != (len(poses), len(self.patch_names)):
@@ -150,9 +151,9 @@ class CallableModel:
             )
         return [direction for direction in directions if direction is not None]
 
+    @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""
-        poses = as_poses(poses)
         loads, wrenches = self.scene.normal_loads, self.wrenches(poses)
         normal = normal_forces(loads, wrenches)
         slopes = normal_slopes(loads, wrenches, self._wrench_slopes(poses))

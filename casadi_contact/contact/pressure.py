@@ -1,22 +1,25 @@
-"""Pressure of an elastic layer bonded to a rigid backing: p(d) for depth d, layer thickness h.
+"""The pressure laws compiled for elements' loops: p(d), zero for d <= 0, with K = (1 - ν)E / ((1 + ν)(1 - 2ν)).
 
-    linear:       p = K d/h                    logarithmic:  p = -K ln(1 - d/h)
-    K = (1 - ν)E / ((1 + ν)(1 - 2ν))
-
-The logarithmic law is infinite at d = h; beyond d = 0.9 h it goes on along its tangent, so that a solver's deep
-trial pose still gives a finite, growing pressure.
+Laws go by number into compiled code, their place in `pressure_laws.LAWS`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numba
 import numpy as np
 
+from casadi_contact.pressure_laws import LAWS, PressureLaw
 from casadi_contact.scenes import Material
 
-LINEAR, LOGARITHMIC = 0, 1
-LAW_CODES = {"linear": LINEAR, "log": LOGARITHMIC}
-_TANGENT_STRAIN = 0.9
+
+def law_number(name: str) -> int:
+    """Number of a law in compiled code; raises ValueError for an unknown law."""
+    if name not in LAWS:
+        raise ValueError(f"unknown pressure law {name!r}, expected one of {', '.join(LAWS)}")
+    return list(LAWS).index(name)
 
 
 def layer_modulus(material: Material) -> float:
@@ -25,24 +28,29 @@ def layer_modulus(material: Material) -> float:
     return (1.0 - nu) * material.youngs_modulus / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
 
-@numba.njit(cache=True, inline="always")
-def pressure(law, modulus, thickness, depth):
-    """p [MPa] and dp/dd [MPa/mm] for depth > 0 [mm]."""
-    if law == LINEAR:
-        slope = modulus / thickness
-        return slope * depth, slope
-    strain = depth / thickness
-    if strain < _TANGENT_STRAIN:
-        return -modulus * np.log1p(-strain), modulus / (thickness * (1.0 - strain))
-    slope = modulus / (thickness * (1.0 - _TANGENT_STRAIN))
-    return slope * (depth - _TANGENT_STRAIN * thickness) - modulus * np.log1p(-_TANGENT_STRAIN), slope
+def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
+    """(number, K, h, d > 0) -> p, dp/dd, d²p/dd² of the law with that number; NaN for a number that is no law's."""
+    if not laws:
+        return numba.njit(inline="always")(lambda number, modulus, thickness, depth: (np.nan, np.nan, np.nan))
+    law, others = numba.njit(inline="always")(laws[0]), compile_laws(laws[1:], first + 1)
+
+    @numba.njit(inline="always")
+    def pressure(number, modulus, thickness, depth):
+        if number == first:
+            return law(modulus, thickness, depth)
+        return others(number, modulus, thickness, depth)
+
+    return pressure
+
+
+pressure = compile_laws(list(LAWS.values()))
 
 
 @numba.njit(cache=True)
-def pressures(law, modulus, thickness, depths):
+def pressures(number, modulus, thickness, depths):
     """p [MPa] at each of the depths (n,) [mm]; zero where there is none (depth <= 0)."""
     values = np.zeros(len(depths))
     for n in range(len(depths)):
         if depths[n] > 0.0:
-            values[n] = pressure(law, modulus, thickness, depths[n])[0]
+            values[n] = pressure(number, modulus, thickness, depths[n])[0]
     return values

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.model import CallableModel
-from casadi_contact.contact.pressure import LAW_CODES, layer_modulus, pressures
+from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.scenes import Scene
@@ -53,7 +53,7 @@ class RayCastFoundation(CallableModel):
             areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
             self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
         material = scene.material
-        self._law = (LAW_CODES[material.law], layer_modulus(material), material.thickness)
+        self._law = (law_number(material.law), layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
         return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"

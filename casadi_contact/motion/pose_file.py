@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.files import replacing
 from casadi_contact.motion.columns import read_columns
-from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_table
+from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_opensim_table
 
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
@@ -22,8 +22,8 @@ def read_poses(path: str | Path) -> Array:
     """Poses (n, 6) of a CSV file with the columns tx, ty, tz [mm], rx, ry, rz [rad], or of a .mot or .sto file with
     columns of these names in m and rad (degrees where inDegrees=yes); other columns are ignored.
 
-    Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_table` refuse, missing
-    columns, and angles beyond a whole turn.
+    Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_opensim_table` refuse,
+    missing columns, and angles beyond a whole turn.
     """
     path = Path(path)
     if path.suffix.lower() not in OPENSIM_ENDINGS:
@@ -37,7 +37,7 @@ def read_poses(path: str | Path) -> Array:
 
 
 def _opensim_curves(path: Path) -> dict[str, Array]:
-    table = read_table(path)
+    table = read_opensim_table(path)
     missing = [name for name in POSE_NAMES if name not in table.columns]
     if missing:
         raise ValueError(

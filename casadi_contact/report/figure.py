@@ -9,6 +9,7 @@ from typing import Any
 
 from casadi_contact.benchmark.front_file import Front, Point
 from casadi_contact.files import replacing
+from casadi_contact.structures import STRUCTURES
 
 KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
 _DPI = 130
@@ -67,11 +68,7 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
 
 def family_name(family: str) -> str:
     """A family as the legend calls it."""
-    known: dict[str, str] = {
-        "EF": "elastic foundation (EF)",
-        "patch": "patch surrogate",
-        "two_stage": "two-stage surrogate",
-    }
+    known = {"EF": "elastic foundation (EF)", **{name: kind.title for name, kind in STRUCTURES.items()}}
     return known.get(family, family)
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from casadi_contact.pressure_laws import LAWS
 from casadi_contact.shapes.checks import fail, number, table_of
-
-LAWS = ("linear", "log")  # see `contact.pressure`
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Surrogates: networks put together so that they answer like the contact model they replace."""
 
 from casadi_contact.structures.base import Surrogate
-from casadi_contact.structures.calibration import calibrated
+from casadi_contact.structures.calibration import with_trust
 from casadi_contact.structures.info import SurrogateInfo
 from casadi_contact.structures.load import load_surrogate, ready_surrogates
 from casadi_contact.structures.patch.surrogate import PatchSurrogate
@@ -14,7 +14,7 @@ __all__ = [
     "Surrogate",
     "SurrogateInfo",
     "TwoStageSurrogate",
-    "calibrated",
     "load_surrogate",
     "ready_surrogates",
+    "with_trust",
 ]

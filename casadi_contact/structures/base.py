@@ -1,4 +1,4 @@
-"""What both surrogate structures share: named networks, CasADi functions, file and description."""
+"""What surrogate structures share: named networks, CasADi functions, file and description."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import casadi as ca
-from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array, as_poses
+from casadi_contact.conventions import Array, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.file import Content, write_file
 from casadi_contact.structures.info import SurrogateInfo, describe
-from casadi_contact.structures.part_roots import part_roots
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription import export_c, function_with_derivatives
-from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
 
 
@@ -32,6 +30,10 @@ class Surrogate(ABC):
     """
 
     structure: ClassVar[str]
+    title: ClassVar[str]
+    """What charts call it."""
+    seconds_shares: ClassVar[Mapping[str, float]] = {}
+    """Share of a network's training time, by the start of its name; 1 for all others."""
 
     def __init__(
         self,
@@ -85,30 +87,56 @@ class Surrogate(ABC):
         """Names of the networks that the loads need; raises ValueError for an unknown load."""
         return self.networks_for(self.scene, loads)
 
-    @abstractmethod
-    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
-        """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6)."""
+    @pose_or_poses
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
+        return self._loads(poses, self.check_loads(loads))
+
+    @pose_or_poses
+    def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
+        """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
+        return self._loads_and_jacobian(poses, self.check_loads(loads))
+
+    @pose_or_poses
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Signed root loads s (n, P), s = √(N/N0) in contact and negative outside, and ds/dpose (n, P, 6).
+
+        (P,) and (P, 6) for a pose (6,).
+        """
+        self._check_roots()
+        return self._roots_and_jacobian(poses)
 
     @abstractmethod
-    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
-        """Loads (n, L) for poses (n, 6): ``load_names``, or the loads asked for."""
+    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
+        """Loads (n, L)."""
 
     @abstractmethod
-    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
-        """Signed root loads s (n, P), s = √(N/N0) in contact and negative outside, and ds/dpose (n, P, 6)."""
+    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+        """Loads (n, L) and their derivatives (n, L, 6)."""
 
     @abstractmethod
-    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions: ...
+    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Root loads (n, P) and their derivatives (n, P, 6)."""
 
     @abstractmethod
-    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel: ...
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        """The same in CasADi, with derivatives up to order 0, 1 or 2."""
 
     @abstractmethod
-    def _root_networks(self) -> list[str]: ...
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        """The same in C."""
+
+    @abstractmethod
+    def _root_networks(self) -> list[str]:
+        """Names of the networks that root loads need."""
 
     def _root_count(self) -> int:
-        """Number of root loads that `_expressions` and `_kernel` give: one for each patch, or for each part."""
+        """Number of root loads that `_expressions` and `_kernel` give."""
         return len(self.patch_names)
+
+    def _patch_roots(self, roots: ca.MX) -> ca.MX:
+        """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
+        return roots
 
     @classmethod
     def assemble(
@@ -143,7 +171,7 @@ class Surrogate(ABC):
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
-    def trusted(self) -> Trust:
+    def require_trust(self) -> Trust:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
         if self.trust is None:
             raise ValueError(
@@ -163,16 +191,18 @@ class Surrogate(ABC):
 
     def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.trusted().expressions(pose, self.root_function()(pose))
+        return self.require_trust().expressions(pose, self.root_function()(pose))
 
-    def validity(self, poses: ArrayLike) -> Array:
+    @pose_or_poses
+    def validity(self, poses: Array) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
-        trust, poses = self.trusted(), as_poses(poses)
+        trust = self.require_trust()
         return trust.validity(poses, self.trust_roots(poses), self.trust_claims(poses))
 
-    def expected_error(self, poses: ArrayLike) -> Array:
+    @pose_or_poses
+    def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
-        trust, poses = self.trusted(), as_poses(poses)
+        trust = self.require_trust()
         return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
@@ -228,14 +258,15 @@ class Surrogate(ABC):
         if batch is not None and batch < 1:
             raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
         if "roots" not in wanted or self._root_count() == len(self.patch_names):
-            return self._transcribed(name, loads, wanted, compiled, batch)
-        of_parts = self._transcribed(f"{name}_of_parts", loads, wanted, compiled, batch)
+            return self._transcription(name, loads, wanted, compiled, batch)
+        of_parts = self._transcription(f"{name}_of_parts", loads, wanted, compiled, batch)
         pose = ca.MX.sym("pose", 6, batch or 1)
         outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
-        outputs["roots"] = part_roots(outputs["roots"], self.scene.first_parts)
+        roots = self._patch_roots(outputs["roots"])
+        outputs["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
         return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
 
-    def _transcribed(
+    def _transcription(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         if compiled:
@@ -252,15 +283,18 @@ class Surrogate(ABC):
     def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
         """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
         pose = ca.MX.sym("pose", 6)
-        both = self._expressions(pose, self.check_loads(loads), 1).loads
+        both = self._graph(pose, self.check_loads(loads), 1).loads
         inputs: list[Any] = [pose]
         return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
+
+    def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        return nan_if_not_finite(pose, self._expressions(pose, loads, order))
 
     def _outputs(
         self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
     ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
         """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
-        graphs = [self._expressions(pose, loads, order) for order in range(3)]
+        graphs = [self._graph(pose, loads, order) for order in range(3)]
         outputs = {}
         for key in wanted:
             value, jacobian, second = (getattr(graph, key) for graph in graphs)

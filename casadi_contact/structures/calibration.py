@@ -41,7 +41,7 @@ _LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
 _EXCESS = 4.0 / 3.0  # at a validity of 0.1; its negative at 0.9
 
 
-def calibrated(surrogate: Surrogate, samples: Samples, around: Samples | None = None) -> Surrogate:
+def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = None) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
     around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so

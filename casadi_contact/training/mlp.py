@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
@@ -87,6 +88,7 @@ class Mlp:
         chunk_rows: int = 1000,
     ) -> None:
         self.arrays, self.xp = arrays, arrays.xp
+        self._activation = activation_of(like.activation)
         self.like, self.rows, self.chunk_rows = like, len(targets), chunk_rows
         self.shapes = layer_shapes(inputs.shape[1], like.hidden)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
@@ -116,20 +118,7 @@ class Mlp:
             yield slice(start, min(start + self.chunk_rows, self.rows))
 
     def _activate(self, z: Any, out: Any) -> None:
-        if self.like.activation == "tanh":
-            self.xp.tanh(z, out=out)
-            return
-        root = z * z
-        root += 1.0
-        self.xp.sqrt(root, out=root)
-        self.xp.divide(z, root, out=out)
-
-    def _slope(self, a: Any) -> Any:
-        """σ' from σ: 1 - a² for tanh, (1 - a²)^(3/2) for z/√(1+z²)."""
-        slope = a * a
-        slope *= -1.0
-        slope += 1.0
-        return slope if self.like.activation == "tanh" else slope * self.xp.sqrt(slope)
+        out[...] = self._activation.derivatives(self.xp, z, 0)[0]
 
     def evaluate(self, parameters: Any, *, solve_output: bool = True) -> tuple[Any, float]:
         """Parameters with the linear output layer solved exactly, and ½Σr² there.
@@ -180,7 +169,7 @@ class Mlp:
             for level in range(len(layers) - 2, -1, -1):
                 delta = self._delta[level][c]
                 self.xp.matmul(self._delta[level + 1][c], layers[level + 1][:, :-1], out=delta)
-                delta *= self._slope(self._current[level + 1][c][:, :-1])
+                delta *= self._activation.slope_from_value(self.xp, self._current[level + 1][c][:, :-1])
         return self.vjp(self._residuals)
 
     @property

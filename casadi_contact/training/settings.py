@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from casadi_contact.network import ACTIVATIONS
+from casadi_contact.activations import activation_of
 from casadi_contact.training.growth import check_ladder
 
 
@@ -41,8 +41,7 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", check_ladder(self.sizes))
-        if self.activation not in ACTIVATIONS:
-            raise ValueError(f"activation is {self.activation!r}, expected one of {', '.join(ACTIVATIONS)}")
+        activation_of(self.activation)
         if not self.max_time_s > 0.0 or math.isnan(self.max_time_s):
             raise ValueError(f"max_time_s is {self.max_time_s!r}, expected seconds above 0")
         if self.max_iterations is None and math.isinf(self.max_time_s):

@@ -1,4 +1,4 @@
-"""Portable C source of a kernel, with a header and a small program that calls it (§3.5 exports C++)."""
+"""Portable C source of a kernel, with a header and a small program that calls it ([EF15 §3.5] exports C++)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import casadi as ca
 
@@ -25,3 +25,23 @@ class Expressions:
 
     roots: Output
     loads: Output
+
+
+def nan_marker(poses: ca.MX) -> ca.MX:
+    """0 for every finite pose (a column of 6 x n), NaN for any other; shape (1 x n), derivatives zero."""
+    # |sin| <= 1, and the sine of infinity is NaN. CasADi would simplify 0·pose to 0.
+    return ca.floor(0.5 + 0.01 * ca.sum1(ca.sin(poses)))
+
+
+def nan_if_not_finite(pose: ca.MX, expressions: Expressions) -> Expressions:
+    """The expressions, NaN in every entry and order where a pose holds NaN or infinity; other values stay as they are.
+
+    ca.fmax, ca.fmin and comparisons drop NaN, so that it would reach some of the outputs only.
+    """
+    marker = nan_marker(pose)
+
+    def marked(output: Output) -> Output:
+        parts = (getattr(output, part.name) for part in fields(output))
+        return Output(*(part if part.is_empty() else part + marker for part in parts))
+
+    return Expressions(marked(expressions.roots), marked(expressions.loads))

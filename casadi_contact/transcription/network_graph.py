@@ -11,12 +11,15 @@ differentiation of the gradient needs three times as many. Nothing is ever expan
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.network import Network
+from casadi_contact.transcription.expressions import Output
 
 
 @dataclass(frozen=True)
@@ -36,18 +39,6 @@ def _constant(array: np.ndarray) -> ca.MX:
     return ca.MX(ca.DM(array))
 
 
-def _activate(z: ca.MX, activation: str) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """σ(z), σ'(z), σ''(z); a derivative that nobody uses never enters the graph."""
-    if activation == "tanh":
-        a = ca.tanh(z)
-        slope = 1 - a * a
-        return a, slope, -2 * (a * slope)
-    r = 1 / ca.sqrt(1 + z * z)
-    a, r2 = z * r, r * r
-    slope = r2 * r
-    return a, slope, -3 * (a * r2 * r2)  # σ'' = -3 z (1+z²)^(-5/2)
-
-
 def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | None = None) -> NetworkValue:
     """y for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent T (k x m).
 
@@ -58,10 +49,10 @@ def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | N
     weights = [np.asarray(w, dtype=float) for w in network.weights]
     weights[0] = weights[0] / np.asarray(network.input_scale)
     weights[-1] = network.output_scale * weights[-1]
-    a = x - _constant(network.input_shift)
+    a, sigma = x - _constant(network.input_shift), activation_of(network.activation).derivatives
     slopes, curvatures = [], []
     for weight, bias in zip(weights[:-1], network.biases[:-1], strict=True):
-        a, slope, curvature = _activate(ca.mac(_constant(weight), a, _constant(bias)), network.activation)
+        a, slope, curvature = sigma(ca, ca.mac(_constant(weight), a, _constant(bias)), 2)  # unused ones never enter
         slopes.append(slope)
         curvatures.append(curvature)
     value = ca.mac(_constant(weights[-1]), a, _constant(network.output_scale * network.biases[-1]))
@@ -84,3 +75,13 @@ def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | N
         hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
         tangent = Z * ca.repmat(slope, 1, columns)
     return NetworkValue(value, gradient, hessian, input_gradient=r.T)
+
+
+def stack(values: Sequence[NetworkValue], order: int) -> Output:
+    """Values of m networks below each other, with their derivatives up to the order."""
+    m = len(values)
+    return Output(
+        ca.vertcat(*(v.value for v in values)),
+        ca.vertcat(*(v.gradient for v in values)) if order > 0 else ca.MX(),
+        ca.reshape(ca.horzcat(*(v.hessian for v in values)), 36, m).T if order > 1 and m else ca.MX(),
+    )

@@ -15,7 +15,7 @@ from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.sampling import SamplePoint, SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, WrenchModel, draw_chunk
-from casadi_contact.structures import Surrogate, calibrated
+from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.verification.verify import Verification, verify
@@ -72,7 +72,7 @@ def refine(
     (`per_frame` static analyses around each failing frame). seconds: training at most, for each network.
     progress(text) is told each step. Nothing given is changed.
 
-    Raises ValueError like `verify` and `calibrated`, and where no new sample could be drawn.
+    Raises ValueError like `verify` and `with_trust`, and where no new sample could be drawn.
     """
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
@@ -114,7 +114,7 @@ def _drawn_around(
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
-    scene, trust = surrogate.scene, surrogate.trusted()
+    scene, trust = surrogate.scene, surrogate.require_trust()
     frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
     columns = [pose_index(name) for name in point.pose_inputs]
     starts = frames.copy()
@@ -158,4 +158,4 @@ def _trained_on(
     record = {**surrogate.record, **samples_record(everything), "training_errors": errors}
     record["refined"] = int(record.get("refined", 0)) + 1
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
-    return calibrated(kind(surrogate.scene, networks, record), everything)
+    return with_trust(kind(surrogate.scene, networks, record), everything)

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.network import Network
@@ -52,19 +53,13 @@ class SingleNetwork(Network):
 
 def hessian(network: Network, inputs: Array) -> Array:
     """d²y/dx² (n, k, k) in the precision of weights and inputs, by forward differentiation layer by layer:
-    J_l = σ'·W·J, H_l = σ'·W·H + σ''·(W·J)⊗(W·J), with σ'' = -3z·(1 + z²)^(-5/2) (algebraic) or -2a·σ' (tanh)."""
+    J_l = σ'·W·J, H_l = σ'·W·H + σ''·(W·J)⊗(W·J)."""
     a = (inputs - network.input_shift) / network.input_scale
     j = np.broadcast_to(np.diag(1.0 / network.input_scale).astype(a.dtype), (len(a), a.shape[1], a.shape[1]))
     h = np.zeros((len(a), a.shape[1], a.shape[1], a.shape[1]), a.dtype)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
         z, wj = a @ weight.T + bias, np.einsum("oi,nix->nox", weight, j)
-        if network.activation == "algebraic":
-            r = 1.0 / np.sqrt(1.0 + z * z)
-            a, slope, bend = z * r, r**3, -3.0 * z * r**5
-        else:
-            a = np.tanh(z)
-            slope = 1.0 - a * a
-            bend = -2.0 * a * slope
+        a, slope, bend = activation_of(network.activation).derivatives(np, z, 2)
         wh = np.einsum("oi,nixy->noxy", weight, h)
         h = slope[..., None, None] * wh + bend[..., None, None] * wj[..., :, None] * wj[..., None, :]
         j = slope[..., None] * wj

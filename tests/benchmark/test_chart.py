@@ -11,7 +11,7 @@ from casadi_contact import benchmark, cli, pipeline
 from casadi_contact.benchmark import at_hand, unseen_walking
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.benchmark.sizes import fewer, planned, sized_path
+from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import TEST
 from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
@@ -25,7 +25,7 @@ TINY = Preset(
             "patch": (Effort(((4, 4),), 0.3), Effort(((6, 6),), 1.0)),
             "two_stage": (Effort(((4,),), 0.2, "tanh", max_rows=300),),
         },
-        swept=(6, 6),
+        swept=("patch", (6, 6)),
         sample_counts=(100,),
         training_seconds=(0.2,),
     ),
@@ -55,7 +55,11 @@ def measured(project):
 
 def test_everything_planned_is_measured(project, measured):
     names = [point.name for point in measured.points]
-    assert names[-7:] == ["patch tiny", "patch tiny (CasADi MX)", *(sized.name for sized in planned(TINY.chart))]
+    assert names[-7:] == [
+        "patch tiny",
+        "patch tiny (CasADi MX)",
+        *(sized.name for sized in chart_surrogates(TINY.chart)),
+    ]
     assert {"EF 20×15", "EF 40×30", "EF 80×40"} <= set(names)
     for point in measured.points:
         assert not point.failure
@@ -75,14 +79,14 @@ def walking(project):
 
 def test_its_errors_are_those_against_a_converged_elastic_foundation(project, measured, walking):
     poses, converged = walking
-    surrogate = cc.load_surrogate(sized_path(project, planned(TINY.chart)[1]))
+    surrogate = cc.load_surrogate(sized_path(project, chart_surrogates(TINY.chart)[1]))
     rms = np.sqrt(np.mean((surrogate(poses) - converged) ** 2, axis=0))
     point = next(p for p in measured.points if p.name == "patch 6-6")
     np.testing.assert_allclose([point.load_rms[load] for load in surrogate.load_names], rms, rtol=1e-4)
 
 
 def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
-    first, second = (sized_path(project, sized) for sized in planned(TINY.chart)[:2])
+    first, second = (sized_path(project, sized) for sized in chart_surrogates(TINY.chart)[:2])
     kept, good = first.stat().st_mtime_ns, cc.load_surrogate(second)
     second.write_bytes(b"damaged")
     with ThreadPoolExecutor(1) as here:
@@ -94,15 +98,15 @@ def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
 
 def test_a_sweep_over_samples_learns_from_fewer_but_is_tested_on_the_same(project):
     samples = project.samples()
-    few = fewer(samples, 100)
+    few = subset_of(samples, 100)
     np.testing.assert_array_equal(few.select(role=TEST).poses, samples.select(role=TEST).poses)
     assert (few.role != TEST).sum() == 100
-    assert fewer(samples, 10**9) is samples
+    assert subset_of(samples, 10**9) is samples
 
 
 def test_a_size_that_is_gone_is_trained_for_just_the_loads(project, measured):
     point = next(p for p in measured.points if p.name == "patch 6-6")
-    sized = next(s for s in planned(TINY.chart) if s.name == "patch 6-6")
+    sized = next(s for s in chart_surrogates(TINY.chart) if s.name == "patch 6-6")
     sized_path(project, sized).rename(project.folder / "kept.h5")
     try:
         file = at_hand.make_surrogate(project, point.name, ["Fy_med", "Fy_lat"], None)

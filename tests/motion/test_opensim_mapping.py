@@ -13,7 +13,7 @@ from casadi_contact.motion.opensim import (
     loads_table,
     mapped_curves,
     poses_table,
-    read_table,
+    read_opensim_table,
     write_table,
 )
 from casadi_contact.motion.pose_file import read_poses
@@ -58,7 +58,7 @@ def test_a_map_that_cannot_be_is_refused(text, said):
 def test_results_come_back_from_their_opensim_table(tmp_path):
     poses = np.random.default_rng(1).normal(size=(4, 6))
     write_table(poses_table(np.arange(4.0), poses, "poses"), tmp_path / "poses.sto")
-    table = read_table(tmp_path / "poses.sto")
+    table = read_opensim_table(tmp_path / "poses.sto")
     back = mapped_curves(table, [ColumnMap(name, name) for name in ("tx", "ry")])
     np.testing.assert_allclose(back["tx"], poses[:, 0], rtol=1e-15)
     np.testing.assert_array_equal(back["ry"], poses[:, 4])
@@ -156,7 +156,7 @@ def test_a_written_cycle_is_read_back_bit_by_bit(tmp_path):
 
 
 def test_measured_poses_come_out_in_mm_and_rad():
-    table = read_table(shared_file("data/dm_tka/fluoroscopic_gait.sto"))
+    table = read_opensim_table(shared_file("data/dm_tka/fluoroscopic_gait.sto"))
     curves = mapped_curves(table, [ColumnMap.parse("knee_sup_r=ty"), ColumnMap.parse("knee_rot_r=rz")])
     assert 40.0 < curves["ty"].min() < curves["ty"].max() < 45.0
     assert -1.5 < curves["rz"].min() < 0.0

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.motion.opensim import Table, read_table, write_table
+from casadi_contact.motion.opensim import Table, read_opensim_table, write_table
 from tests.support.shared_data import shared_file
 
 _TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="="), max_size=12).map(str.strip)
@@ -36,7 +36,7 @@ def tables(draw):
 def test_reading_gives_back_what_was_written_to_the_bit(tmp_path_factory, table):
     path = tmp_path_factory.mktemp("sto") / "table.sto"
     write_table(table, path)
-    back = read_table(path)
+    back = read_opensim_table(path)
     for key in ("name", "in_degrees", "version", "header", "notes"):
         assert getattr(back, key) == getattr(table, key)
     assert list(back.columns) == list(table.columns)
@@ -56,20 +56,20 @@ def write(tmp_path, text):
 def test_spaces_between_columns_old_headers_and_comments_are_understood(tmp_path):
     head = "Coordinates\nversion=1\nUnits are S.I.\nnRows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n"
     path = write(tmp_path, head + "time\tknee angle\t\n  0.0\t1e-3\n0.5 \t -2\n\n")
-    table = read_table(path)
+    table = read_opensim_table(path)
     assert (table.name, table.version, table.in_degrees, table.notes) == ("Coordinates", 1, False, ("Units are S.I.",))
     np.testing.assert_array_equal(table.column("knee angle"), [1e-3, -2.0])
-    spaced = read_table(write(tmp_path, "DataType=double\nversion=3\nendheader\n time  a  b \n 0 1 2\n"))
+    spaced = read_opensim_table(write(tmp_path, "DataType=double\nversion=3\nendheader\n time  a  b \n 0 1 2\n"))
     assert spaced.header == {"DataType": "double"}
     assert (spaced.name, spaced.in_degrees, spaced.column("b").tolist()) == ("", None, [2.0])
 
 
 def test_a_measured_file_of_version_3_is_read(tmp_path):
-    table = read_table(shared_file("data/dm_tka/fluoroscopic_gait.sto"))
+    table = read_opensim_table(shared_file("data/dm_tka/fluoroscopic_gait.sto"))
     assert (table.version, len(table), len(table.columns)) == (3, 101, 7)
     assert table.column("knee_rot_r")[0] == -0.09429999999999999
     write_table(table, tmp_path / "again.sto")
-    again = read_table(tmp_path / "again.sto")
+    again = read_opensim_table(tmp_path / "again.sto")
     assert all(np.array_equal(again.columns[label], curve) for label, curve in table.columns.items())
 
 
@@ -96,17 +96,17 @@ HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
 )
 def test_a_fault_is_named_by_file_and_line(tmp_path, text, said):
     with pytest.raises(ValueError, match=said):
-        read_table(write(tmp_path, text))
+        read_opensim_table(write(tmp_path, text))
 
 
 def test_no_file_a_folder_and_binary_data_are_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none.sto does not exist"):
-        read_table(tmp_path / "none.sto")
+        read_opensim_table(tmp_path / "none.sto")
     with pytest.raises(FileNotFoundError, match="is a folder"):
-        read_table(tmp_path)
+        read_opensim_table(tmp_path)
     (tmp_path / "walk.mot").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match="is not a text file"):
-        read_table(tmp_path / "walk.mot")
+        read_opensim_table(tmp_path / "walk.mot")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
 from casadi_contact.motion.load_cycle import read_cycle
-from casadi_contact.motion.opensim import read_table
+from casadi_contact.motion.opensim import read_opensim_table
 from problems import muscle_contact
 from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
 from problems.muscle_example import example_walk
@@ -226,7 +226,7 @@ def test_the_command_writes_table_csv_opensim_files_summary_and_picture(tmp_path
     _, result = solved
     rows = list(csv.DictReader((tmp_path / "results" / "muscle_contact.csv").open()))
     assert float(rows[17]["Fy_med_N"]) == pytest.approx(-compression(result)[17, 0], abs=0.01)
-    poses = read_table(tmp_path / "results" / "poses.sto")
+    poses = read_opensim_table(tmp_path / "results" / "poses.sto")
     np.testing.assert_allclose(1000.0 * poses.column("ty"), result.poses[:, 1], atol=1e-6)
     summary = json.loads((tmp_path / "results" / "summary.json").read_text())
     assert summary["converged"] == 101

@@ -7,7 +7,7 @@ import pytest
 
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
-from casadi_contact.structures import calibrated, load_surrogate
+from casadi_contact.structures import load_surrogate, with_trust
 from casadi_contact.structures.distrust import Confirmation
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
@@ -34,12 +34,12 @@ def surrogate():
 
 def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
     samples = made_up_samples(surrogate)
-    trusted = calibrated(surrogate, samples)
+    trusted = with_trust(surrogate, samples)
     coverage = trusted.info().coverage["D1"]
     assert coverage["valid"] > 0.98
     for load in trusted.load_names:
         assert 0.92 < coverage[load] < 0.98
-    noisier = calibrated(surrogate, made_up_samples(surrogate, noise=3.0 * NOISE))
+    noisier = with_trust(surrogate, made_up_samples(surrogate, noise=3.0 * NOISE))
     poses = samples.poses[:500]
     ratio = noisier.expected_error(poses) / trusted.expected_error(poses)
     assert 2.0 < np.median(ratio) < 4.5
@@ -47,7 +47,7 @@ def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
 
 def test_a_tube_is_a_tube_not_a_box(surrogate):
     """tx and rz lie each within its range, but together they were never sampled."""
-    trusted = calibrated(surrogate, made_up_samples(surrogate))
+    trusted = with_trust(surrogate, made_up_samples(surrogate))
     bottom, off = POSE_CENTRE.copy(), POSE_CENTRE.copy()
     bottom[0] -= POSE_SPREAD[0]
     off[0] += 0.9 * POSE_SPREAD[0]
@@ -57,7 +57,7 @@ def test_a_tube_is_a_tube_not_a_box(surrogate):
 
 
 def test_validity_survives_the_file(surrogate, tmp_path):
-    trusted = calibrated(surrogate, made_up_samples(surrogate, count=1000))
+    trusted = with_trust(surrogate, made_up_samples(surrogate, count=1000))
     trusted.save(tmp_path / "it.h5")
     again = load_surrogate(tmp_path / "it.h5")
     poses = POSE_CENTRE + 2.0 * POSE_SPREAD * np.random.default_rng(2).uniform(-1.0, 1.0, (50, 6))
@@ -69,10 +69,10 @@ def test_validity_survives_the_file(surrogate, tmp_path):
 def test_what_cannot_be_calibrated_is_named(surrogate):
     samples = made_up_samples(surrogate, count=300)
     with pytest.raises(ValueError, match="no validation rows"):
-        calibrated(surrogate, samples.select(role=TRAIN))
+        with_trust(surrogate, samples.select(role=TRAIN))
     other = random_surrogate(load_scene("sphere_on_plane", radius=20.0), "patch")
     with pytest.raises(ValueError, match="another scene"):
-        calibrated(other, samples)
+        with_trust(other, samples)
 
 
 def test_nothing_is_valid_where_samples_were_dropped(surrogate):
@@ -81,7 +81,7 @@ def test_nothing_is_valid_where_samples_were_dropped(surrogate):
     samples = made_up_samples(surrogate)
     beyond = samples.poses[:, 5] > POSE_CENTRE[5] + 0.5 * POSE_SPREAD[5]
     kept = replace(samples.rows(~beyond), dropped=Dropped(samples.poses[beyond], samples.domain[beyond]))
-    trusted = calibrated(surrogate, kept)
+    trusted = with_trust(surrogate, kept)
     validity = trusted.validity(samples.poses)
     assert np.mean(validity[beyond] < 0.5) > 0.95
     assert np.mean(validity[~beyond] > 0.9) > 0.95
@@ -89,7 +89,7 @@ def test_nothing_is_valid_where_samples_were_dropped(surrogate):
 
 def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_valid(surrogate):
     samples = made_up_samples(surrogate)
-    trusted = calibrated(surrogate, samples)
+    trusted = with_trust(surrogate, samples)
     inside = samples.poses[np.argmax(samples.poses[:, 2])]
     outside = inside + 0.05 * np.ptp(samples.poses[:, 2]) * np.eye(6)[2]
     root = 0.5 * (trusted.trust.root_low + trusted.trust.root_high)[None]
@@ -100,7 +100,7 @@ def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_va
 def test_contact_that_no_root_load_confirms_is_not_valid(surrogate):
     """Claims of 10 N count where the root load says contact, and not where it says that the surfaces are apart."""
     confirmation = Confirmation(tolerance=np.array([0.5]), root=np.array([0.05]), width=np.array([0.02]))
-    trust = replace(calibrated(surrogate, made_up_samples(surrogate)).trust, confirmation=confirmation)
+    trust = replace(with_trust(surrogate, made_up_samples(surrogate)).trust, confirmation=confirmation)
     pose, roots = POSE_CENTRE[None], np.array([[0.1], [-0.2], [-0.2]])
     assert trust.validity(np.repeat(pose, 3, axis=0), roots, np.array([[10.0], [10.0], [0.1]])).round(1).tolist() == [
         pytest.approx(v, abs=0.11) for v in (1.0, 0.0, 1.0)
@@ -118,7 +118,7 @@ def test_the_expected_error_covers_moved_poses_too(surrogate):
     off = moved.wrenches * 0.0 + surrogate.wrenches(poses) * (1.0 + 3.0 * NOISE * far * rng.standard_normal(far.shape))
     role = np.where(np.arange(2000) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     around = replace(moved, poses=poses, wrenches=off, role=role)
-    coverage = calibrated(surrogate, samples, around).info().coverage
+    coverage = with_trust(surrogate, samples, around).info().coverage
     for row in ("around", "outside"):
         shares = [share for load, share in coverage[row].items() if load != "valid"]
         assert min(shares) > 0.9, row

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from casadi_contact.network import ACTIVATIONS
+from casadi_contact.activations import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.file import FORMAT
@@ -42,7 +42,7 @@ def test_round_trip_is_exact(scene, structure, tmp_path):
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
-    activation=st.sampled_from(ACTIVATIONS),
+    activation=st.sampled_from(list(ACTIVATIONS)),
     structure=st.sampled_from(["patch", "two_stage"]),
 )
 def test_any_weights_survive(seed, activation, structure, tmp_path_factory):

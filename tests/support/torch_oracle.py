@@ -20,7 +20,7 @@ def _network(network: Network, x: torch.Tensor) -> torch.Tensor:
     a = (x - _tensor(network.input_shift)) / _tensor(network.input_scale)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
         z = _tensor(weight) @ a + _tensor(bias)
-        a = torch.tanh(z) if network.activation == "tanh" else z / torch.sqrt(1 + z**2)
+        a = {"tanh": torch.tanh, "algebraic": lambda z: z / torch.sqrt(1 + z**2)}[network.activation](z)
     return network.output_scale * (_tensor(network.weights[-1])[0] @ a + network.biases[-1][0])
 
 

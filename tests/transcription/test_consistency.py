@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.network import ACTIVATIONS
+from casadi_contact.activations import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.network import ACTIVATIONS
+from casadi_contact.activations import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.structures import load_surrogate
 from tests.support.compiler import needs_compiler

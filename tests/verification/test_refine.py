@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.structures import PatchSurrogate, calibrated
+from casadi_contact.structures import PatchSurrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
 
@@ -34,7 +34,7 @@ def start():
     samples = sampled(2.0)
     settings = TrainingSettings(sizes=((6, 6),), max_time_s=5.0, max_iterations=150)
     networks = {r.name: fit(r, settings).network for r in PatchSurrogate.regressions(samples)}
-    return calibrated(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
+    return with_trust(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
 
 
 def solve(surrogate):

@@ -1,4 +1,4 @@
-"""The paper's two stages (Eqs. 1-7) as CasADi users would write them: plain MX, SX, and generated C."""
+"""The paper's two stages [EF15 Eqs. 1-7] as CasADi users would write them: plain MX, SX, and generated C."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.network import Network
 from casadi_contact.structures.base import Surrogate
@@ -73,13 +74,12 @@ class CasadiModel:
 def _network(network: Network, x: Any) -> Any:
     a = (x - ca.DM(network.input_shift)) / ca.DM(network.input_scale)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
-        z = ca.mtimes(ca.DM(weight), a) + ca.DM(bias)
-        a = ca.tanh(z) if network.activation == "tanh" else z / ca.sqrt(1 + z * z)
+        (a,) = activation_of(network.activation).derivatives(ca, ca.mtimes(ca.DM(weight), a) + ca.DM(bias), 0)
     return network.output_scale * (ca.mtimes(ca.DM(network.weights[-1]), a) + ca.DM(network.biases[-1]))
 
 
 def plain_form(surrogate: Surrogate, names: Sequence[str], symbols: Any) -> Form:
-    """Eqs. (1)-(7) written down once in ca.MX or ca.SX, every derivative left to CasADi."""
+    """[EF15 Eqs. 1-7] written down once in ca.MX or ca.SX, every derivative left to CasADi."""
     pose, sensitive = symbols.sym("pose", 6), surrogate.scene.sensitive_loads
     first = [name for name in surrogate.needed_networks(names) if name in sensitive]
     forces = {name: ca.fmin(_network(surrogate.networks[name], pose), 0) for name in first}

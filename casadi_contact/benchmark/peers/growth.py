@@ -21,7 +21,7 @@ def physical_bytes() -> float:
         return float("inf")
 
 
-def grown(
+def grow(
     fit: Callable[[int], Candidate],
     *,
     family: str,

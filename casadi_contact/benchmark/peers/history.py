@@ -14,12 +14,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.network import Network, Regression, activate
+from casadi_contact.network import Network, Regression
 from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.training import TrainingSettings, fit
 
@@ -48,7 +49,7 @@ class DelayNetworks:
             raise ValueError(
                 "the networks differ in layers or activation, expected one hidden layer and one activation"
             )
-        self._ceiling, self._activation = ceiling, first.activation
+        self._ceiling, self._sigma = ceiling, activation_of(first.activation).derivatives
         # The scaling of the inputs is folded into the weights, each network's own.
         scaled = [n.weights[0] / n.input_scale for n in networks]
         self._weights = np.vstack(scaled)
@@ -62,7 +63,7 @@ class DelayNetworks:
 
     def __call__(self, inputs: Array) -> Array:
         """Loads (..., L) of inputs (..., 6·frames)."""
-        hidden = activate(inputs @ self._weights.T + self._biases, self._activation)[0]
+        (hidden,) = self._sigma(np, inputs @ self._weights.T + self._biases, 0)
         return np.minimum(hidden @ self._output.T + self._constant, self._ceiling)
 
 

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dpocon
 from scipy.optimize import OptimizeResult, minimize
 
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.growth import grow
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.conventions import Array, as_poses
@@ -250,4 +250,4 @@ def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
             ),
         )
 
-    yield from grown(fit, family=FAMILY, points=len(data), seconds=seconds - tuning, bytes_per_pair=BYTES_PER_PAIR)
+    yield from grow(fit, family=FAMILY, points=len(data), seconds=seconds - tuning, bytes_per_pair=BYTES_PER_PAIR)

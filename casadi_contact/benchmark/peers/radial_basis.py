@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.growth import grow
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.conventions import Array, as_poses
@@ -86,7 +86,7 @@ def radial_basis(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
     for neighbours in NEIGHBOURS:
         if neighbours < len(data):
             yield _candidate(data, len(data), kernel, neighbours)
-    yield from grown(
+    yield from grow(
         lambda count: _candidate(data, count, kernel),
         family=FAMILY,
         points=len(data),

@@ -17,6 +17,7 @@ from uuid import uuid4
 
 import numpy as np
 
+from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.peers.casadi_forms import Form
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.network import Network
@@ -49,7 +50,7 @@ def _stacked(networks: dict[str, Network], dtype: Any) -> Rows:
     torch = _torch()
     members = list(networks.values())
     count, layers = len(members), len(members[0].weights)
-    tanh = members[0].activation == "tanh"
+    sigma = activation_of(members[0].activation).derivatives
 
     def tensor(arrays: list[Array]) -> Any:
         return torch.tensor(np.stack(arrays), dtype=dtype)
@@ -65,8 +66,7 @@ def _stacked(networks: dict[str, Network], dtype: Any) -> Rows:
     def evaluate(x: Any) -> dict[str, Any]:
         z = torch.addmm(biases[0], weights[0], x).reshape(count, -1, x.shape[1])
         for weight, bias in zip(weights[1:], biases[1:], strict=True):
-            a = torch.tanh(z) if tanh else z * torch.rsqrt(1.0 + z * z)
-            z = torch.baddbmm(bias, weight, a)
+            z = torch.baddbmm(bias, weight, sigma(torch, z, 0)[0])
         return {name: z[row, 0] for row, name in enumerate(networks)}
 
     return evaluate
@@ -82,7 +82,7 @@ def _stage(networks: dict[str, Network], dtype: Any) -> Rows:
 
 
 def torch_loads(surrogate: Surrogate, names: Sequence[str], dtype: Any) -> Callable[[Any], Any]:
-    """Eqs. (1)-(7) in torch: poses (6, m) -> loads (L, m)."""
+    """[EF15 Eqs. 1-7] in torch: poses (6, m) -> loads (L, m)."""
     torch = _torch()
     sensitive = surrogate.scene.sensitive_loads
     needed = surrogate.needed_networks(names)

@@ -20,7 +20,7 @@ class TrainingSet:
     poses (n, 6), loads (n, L) of ``load_names``; validation_poses, validation_loads alike. centre and spread (6,) are
     mean and standard deviation of the training poses (spread 1 where a parameter never varies). ceiling (L,) is zero
     for the scene's sensitive loads and infinite for others: contact cannot pull, so a predicted pulling force is
-    clamped to zero, as the paper does (§3.5).
+    clamped to zero, as the paper does [EF15 §3.5].
     """
 
     scene: Scene

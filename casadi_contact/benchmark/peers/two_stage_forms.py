@@ -17,7 +17,7 @@ from casadi_contact.benchmark.peers.casadi_forms import FLAGS, CasadiModel, Form
 from casadi_contact.benchmark.peers.stopwatch import casadi_calls, one_call, single_calls
 from casadi_contact.benchmark.peers.torch_form import TorchForm, l4casadi_form
 from casadi_contact.conventions import Array
-from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures import Surrogate, TwoStageSurrogate
 
 FAMILY = "two-stage form"
 
@@ -27,7 +27,7 @@ def two_stage_forms(surrogate: Surrogate | None, names: Sequence[str], seconds: 
 
     Raises ValueError without a two-stage surrogate, or for loads that it lacks.
     """
-    if surrogate is None or surrogate.structure != "two_stage":
+    if not isinstance(surrogate, TwoStageSurrogate):
         got = "none" if surrogate is None else f"a {surrogate.structure} surrogate"
         raise ValueError(f"the forms of the two-stage networks need a two_stage surrogate, got {got}")
     names = surrogate.check_loads(names)

@@ -86,7 +86,7 @@ def _checked_column(label: str, curve: ArrayLike) -> Array:
     return array
 
 
-def read_table(path: str | Path) -> Table:
+def read_opensim_table(path: str | Path) -> Table:
     """Read a .mot or .sto file.
 
     Raises FileNotFoundError for no file, and ValueError naming file and line for text that is not such a file, a

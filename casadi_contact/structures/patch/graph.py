@@ -16,7 +16,7 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.network import Network
-from casadi_contact.structures.patch.local_pose_graph import LocalPose, local_poses
+from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
 from casadi_contact.transcription.network_graph import NetworkValue, network_value
 
@@ -60,7 +60,7 @@ def _times(normal: NetworkValue, ratio: NetworkValue, order: int) -> NetworkValu
     return NetworkValue(value, gradient, hessian)
 
 
-def _signed(sign: float, normal: NetworkValue) -> NetworkValue:
+def _sensitive_component(sign: float, normal: NetworkValue) -> NetworkValue:
     if sign > 0.0:
         return normal
     return NetworkValue(-normal.value, -normal.gradient, -normal.hessian)
@@ -74,7 +74,7 @@ def patch_expressions(
     selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph.
     """
     roots, loads = [], []
-    at_patches = local_poses(pose, np.array([patch.anchor_mm for patch in patches]))
+    at_patches = local_pose_expressions(pose, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
         s = network_value(patch.root, local.x, order)
         roots.append(_in_pose(local, [s], order))
@@ -86,7 +86,7 @@ def patch_expressions(
         for k in used:
             component = WRENCH_NAMES[k]
             if component == patch.sensitive:
-                wrench.append(_signed(patch.sign, normal))
+                wrench.append(_sensitive_component(patch.sign, normal))
             else:
                 wrench.append(_times(normal, network_value(patch.ratios[component], local.x, order), order))
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))

@@ -1,4 +1,4 @@
-"""C functions of a patch surrogate (the formulas of `patch_graph`)."""
+"""C functions of a patch surrogate (the formulas of `structures.patch.graph`)."""
 
 from __future__ import annotations
 

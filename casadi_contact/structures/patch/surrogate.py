@@ -8,18 +8,18 @@ so that loads vanish exactly out of contact and nothing ever pulls. All six comp
 load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
 
 A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
-the sum over its parts, its root load that of their normal loads together (`transcription.part_roots`).
+the sum over its parts, its root load that of their normal loads together (`structures.patch.roots`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import WRENCH_NAMES, Array, as_poses
+from casadi_contact.conventions import WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.parts import Part
@@ -28,7 +28,7 @@ from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
-from casadi_contact.structures.patch.roots import roots_of_patches
+from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
@@ -44,7 +44,7 @@ def ratio_name(patch: str, component: str) -> str:
     return f"ratio_{patch}_{component}"
 
 
-def _touched(selection: Array) -> np.ndarray:
+def _used(selection: Array) -> np.ndarray:
     """Wrench components (parts, 6) that a selection (L, parts, 6) needs."""
     return np.asarray((selection != 0.0).any(axis=0))
 
@@ -53,6 +53,8 @@ class PatchSurrogate(Surrogate):
     """Root load and ratio networks per patch; NumPy evaluation, and CasADi functions from `Surrogate`."""
 
     structure = "patch"
+    title = "patch surrogate"
+    seconds_shares: ClassVar[Mapping[str, float]] = {"ratio": 0.2}  # smoother than a root load, and sooner good enough
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
@@ -81,30 +83,28 @@ class PatchSurrogate(Surrogate):
     def _root_networks(self) -> list[str]:
         return [root_name(part.name) for part in self.scene.parts]
 
-    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
-        """Loads (n, L) for poses (n, 6)."""
-        selection = self.scene.part_selection(self.check_loads(loads))
-        wrenches, _ = self._wrenches(as_poses(poses), _touched(selection), derivative=False)
+    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
+        selection = self.scene.part_selection(loads)
+        wrenches, _ = self._wrenches(poses, _used(selection), derivative=False)
         return np.einsum("lpk,npk->nl", selection, wrenches)
 
-    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
-        selection = self.scene.part_selection(self.check_loads(loads))
-        wrenches, derivative = self._wrenches(as_poses(poses), _touched(selection), derivative=True)
+    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+        selection = self.scene.part_selection(loads)
+        wrenches, derivative = self._wrenches(poses, _used(selection), derivative=True)
         return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, derivative)
 
-    def wrenches(self, poses: ArrayLike) -> Array:
-        """Wrench of every patch, (n, P, 6); raises ValueError if a network is missing."""
+    @pose_or_poses
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError if a network is missing."""
         self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
         used = np.ones((len(self.scene.parts), 6), dtype=bool)
-        of_parts = self._wrenches(as_poses(poses), used, derivative=False)[0]
+        of_parts = self._wrenches(poses, used, derivative=False)[0]
         return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
 
-    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
-        self._check_roots()
-        poses = as_poses(poses)
+    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
         pairs = [self._root(poses, part, derivative=True) for part in self.scene.parts]
         s, ds = np.stack([s for s, _ in pairs], axis=1), np.stack([ds for _, ds in pairs], axis=1)
-        return roots_of_patches(s, ds, self.scene.first_parts)
+        return patch_roots(s, ds, self.scene.first_parts)
 
     def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         return self._network(root_name(part.name), poses, part, derivative=derivative)
@@ -143,6 +143,9 @@ class PatchSurrogate(Surrogate):
 
     def _root_count(self) -> int:
         return len(self.scene.parts)
+
+    def _patch_roots(self, roots: ca.MX) -> ca.MX:
+        return patch_root_expressions(roots, self.scene.first_parts)
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         parts, selection = self._parts(loads)

@@ -1,6 +1,6 @@
 """Training targets of the patch surrogate (README).
 
-Which samples take part: training and validation rows (the test rows are held back, §3.3); all of them for a root
+Which samples take part: training and validation rows (the test rows are held back [EF15 §3.3]); all of them for a root
 load, those in contact (N > 0) for a ratio, which has no meaning where there is no load.
 """
 

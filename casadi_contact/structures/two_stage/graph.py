@@ -1,4 +1,4 @@
-"""The paper's two stages (Eqs. 1-7) as CasADi expressions of the pose, with both derivatives written out."""
+"""The paper's two stages [EF15 Eqs. 1-7] as CasADi expressions of the pose, with both derivatives written out."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from casadi_contact.network import Network
-from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.network_graph import NetworkValue, network_value
+from casadi_contact.transcription.expressions import Expressions
+from casadi_contact.transcription.network_graph import NetworkValue, network_value, stack
 
 
 def two_stage_expressions(
@@ -20,7 +20,7 @@ def two_stage_expressions(
     pose: ca.MX,
     order: int,
 ) -> Expressions:
-    """Eqs. (1)-(7): sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
+    """[EF15 Eqs. 1-7]: sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
 
     With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f.
     """
@@ -44,7 +44,7 @@ def two_stage_expressions(
             load = NetworkValue(load.value, load.gradient, hessian)
         loads.append(load)
     roots = [_root(force, reference_load, smoothing_load, order) for force in raw.values()]
-    return Expressions(roots=_stack(roots, order), loads=_stack(loads, order))
+    return Expressions(roots=stack(roots, order), loads=stack(loads, order))
 
 
 def _clamp(force: NetworkValue) -> NetworkValue:
@@ -64,12 +64,3 @@ def _root(force: NetworkValue, reference_load: float, smoothing_load: float, ord
     if order > 1:
         hessian += ca.mtimes((curvature * force.gradient).T, force.gradient)
     return NetworkValue(n / fourth, slope * force.gradient, hessian)
-
-
-def _stack(values: Sequence[NetworkValue], order: int) -> Output:
-    m = len(values)
-    return Output(
-        ca.vertcat(*(v.value for v in values)),
-        ca.vertcat(*(v.gradient for v in values)) if order > 0 else ca.MX(),
-        ca.reshape(ca.horzcat(*(v.hessian for v in values)), 36, m).T if order > 1 and m else ca.MX(),
-    )

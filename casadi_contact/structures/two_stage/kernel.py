@@ -1,4 +1,4 @@
-"""C functions of a two_stage surrogate (the formulas of `two_stage_graph`; the code is ``two_stage.h``)."""
+"""C functions of a two_stage surrogate (the formulas of `structures.two_stage.graph`; the code is ``two_stage.h``)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""The paper's surrogate, Eqs. (1)-(7): one network per load in two stages.
+"""The paper's surrogate, [EF15 Eqs. 1-7]: one network per load in two stages.
 
-    f_i = min(net_i(pose), 0)          sensitive loads, one per patch (knee: Fy_med, Fy_lat; Eqs. 1, 2)
-    F_j = net_j(pose, f_1, ..., f_P)   every other load (Eqs. 3-7)
+    f_i = min(net_i(pose), 0)          sensitive loads, one per patch (knee: Fy_med, Fy_lat; [EF15 Eqs. 1, 2])
+    F_j = net_j(pose, f_1, ..., f_P)   every other load ([EF15 Eqs. 3-7])
 
-The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero (§3.5). Networks
-carry the names of their loads.
+The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero [EF15 §3.5].
+Networks carry the names of their loads.
 
 Such networks cannot tell a false contact of some newtons from a true one. Where the samples hold gaps, small networks
 of the signed root loads (``root_med``; those of the patch structure) are therefore trained beside them: they give no
@@ -17,9 +17,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array, as_poses
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
@@ -42,6 +41,7 @@ class TwoStageSurrogate(Surrogate):
     """One network per load (`scene.load_names`); the sensitive ones feed the others."""
 
     structure = "two_stage"
+    title = "two-stage surrogate"
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
@@ -105,7 +105,7 @@ class TwoStageSurrogate(Surrogate):
         if confirming is None:
             return super()._trust_expressions(pose)
         claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
-        return self.trusted().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
+        return self.require_trust().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
 
     @property
     def _smoothing_load(self) -> float:
@@ -127,26 +127,23 @@ class TwoStageSurrogate(Surrogate):
     def _root_networks(self) -> list[str]:
         return list(self.scene.sensitive_loads)
 
-    def __call__(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> Array:
-        """Loads (n, L) for poses (n, 6)."""
-        names, poses = self.check_loads(loads), as_poses(poses)
-        first = [name for name in self.needed_networks(names) if name in self.scene.sensitive_loads]
+    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
+        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
         forces = np.column_stack([np.minimum(self.networks[name].value(poses), 0.0) for name in first])
         inputs = np.hstack([poses, forces])
         columns = [
-            forces[:, first.index(name)] if name in first else self.networks[name].value(inputs) for name in names
+            forces[:, first.index(name)] if name in first else self.networks[name].value(inputs) for name in loads
         ]
         return np.stack(columns, axis=1)
 
-    def jacobian(self, poses: ArrayLike, loads: Sequence[str] | None = None) -> tuple[Array, Array]:
-        """Loads (n, L) and d loads / d pose (n, L, 6) by the chain rule through the clamped forces."""
-        names, poses = self.check_loads(loads), as_poses(poses)
-        first = [name for name in self.needed_networks(names) if name in self.scene.sensitive_loads]
+    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+        """By the chain rule through the clamped forces."""
+        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
         raw, d_raw = self._raw(poses, first)
         forces, d_forces = np.minimum(raw, 0.0), np.where((raw < 0.0)[:, :, None], d_raw, 0.0)
         inputs = np.hstack([poses, forces])
         values, rows = [], []
-        for name in names:
+        for name in loads:
             if name in first:
                 values.append(forces[:, first.index(name)])
                 rows.append(d_forces[:, first.index(name)])
@@ -161,15 +158,14 @@ class TwoStageSurrogate(Surrogate):
         pairs = [self.networks[name].value_and_gradient(poses) for name in first]
         return np.stack([y for y, _ in pairs], axis=1), np.stack([g for _, g in pairs], axis=1)
 
-    def root_loads(self, poses: ArrayLike) -> tuple[Array, Array]:
+    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """s = sign(N)·√(|N|/N0) of the raw first-stage output N = -net(pose), and ds/dpose: (n, P), (n, P, 6).
 
         The best this structure can give, and not much: out of contact the networks have only learned "about zero",
         so there the sign and the gradient of s carry no direction back into contact. The infinite slope at N = 0 is
         rounded off: s = u/(u² + e²)^(1/4), u = N/N0, e·N0 = 1 % of the boundary load.
         """
-        self._check_roots()
-        raw, d_raw = self._raw(as_poses(poses), self.scene.sensitive_loads)
+        raw, d_raw = self._raw(poses, self.scene.sensitive_loads)
         u, e2 = -raw / self.scene.reference_load, (self._smoothing_load / self.scene.reference_load) ** 2
         q = u * u + e2
         slope = (0.5 * u * u + e2) / q**1.25

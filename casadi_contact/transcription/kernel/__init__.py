@@ -11,6 +11,7 @@ import casadi as ca
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
+from casadi_contact.transcription.kernel.network_functions import activation_loops
 from casadi_contact.transcription.kernel.source import Kernel, c_text
 
 __all__ = [
@@ -31,8 +32,9 @@ def warn_once(message: str) -> None:
 def sigmoid_source(activation: str) -> str:
     """C function sigmoids(repeats, n, z): the kernel's sigmoid loop alone, to measure the rate of this machine."""
     definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH", "LANES"))
+    text = f"{c_text('core.h')}\n{activation_loops(activation)}"
     loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
-    return f"{definitions}{c_text('core.h')}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
+    return f"{definitions}{text}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
 
 
 def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from casadi_contact.activations import activation_of
 from casadi_contact.transcription.kernel.networks import Bundle, Shape
 
 LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
@@ -17,8 +18,28 @@ def network_functions(bundles: Sequence[Bundle]) -> str:
     """Weights, functions of every shape (each once), and SYMBOL_value, _gradient, _hessian, _batch of every bundle."""
     groups = [group for bundle in bundles for group in bundle.groups]
     shapes = dict.fromkeys(group.shape for group in groups)
+    loops = [activation_loops(name) for name in dict.fromkeys(shape.activation for shape in shapes)]
     of_shapes = ["\n".join(part(shape)) for shape in shapes for part in (_value, _gradient, _hessian, _batch)]
-    return "\n\n".join([*(group.declaration() for group in groups), *of_shapes, *map(_bundle, bundles)])
+    return "\n\n".join([*(group.declaration() for group in groups), *loops, *of_shapes, *map(_bundle, bundles)])
+
+
+def activation_loops(name: str) -> str:
+    """NAME_0(n, a), NAME_1(n, a, d), NAME_2(n, a, d, e): a = σ(a) in place, d = σ', e = σ''.
+
+    The compiler drops what a loop does not store.
+    """
+    body = activation_of(name).c.replace("\n", "\n    ")
+    stored = ("a[i] = value;", "d[i] = slope;", "e[i] = curvature;")
+    functions = []
+    for order in range(3):
+        parameters = ", ".join(f"double *{array}" for array in "ade"[: order + 1])
+        functions.append(
+            f"INLINE void {name}_{order}(int n, {parameters}) {{\n"
+            "  for (int i = 0; i < n; i++) {\n"
+            f"    double value, slope, curvature;\n    const double z = a[i];\n    {body}\n"
+            f"    {' '.join(stored[: order + 1])}\n    (void)slope, (void)curvature;\n  }}\n}}"
+        )
+    return "\n\n".join(functions)
 
 
 def _bundle(bundle: Bundle) -> str:

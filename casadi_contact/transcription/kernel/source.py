@@ -28,8 +28,9 @@ class Kernel:
     code: str
 
     def source(self, *, loads: int, roots: int) -> str:
-        """C99 up to the four functions, all of them static."""
+        """C99 up to guarded_value, _jacobian, _hessian and _batch: the four, and NaN where a pose is not finite."""
         widest = max(group.shape.widest for bundle in self.bundles for group in bundle.groups)
         sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
         definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-        return "\n".join([definitions, "", c_text("core.h"), network_functions(self.bundles), "", self.code])
+        parts = (c_text("core.h"), network_functions(self.bundles), "", self.code, c_text("guards.h"))
+        return "\n".join([definitions, "", *parts])

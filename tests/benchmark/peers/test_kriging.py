@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.benchmark.peers import peer_candidates
-from casadi_contact.benchmark.peers.growth import grown
+from casadi_contact.benchmark.peers.growth import grow
 from casadi_contact.benchmark.peers.kriging import Kriging, kriging
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from tests.support.smooth_samples import NAMES, SPREAD, differences, smooth_poses, smooth_samples, smooth_wrenches
@@ -67,10 +67,10 @@ def test_what_memory_or_time_does_not_allow_stays_with_its_reason(data):
     def fit(count):
         return Kriging(data, count, SMOOTH_KERNEL)
 
-    small = list(grown(fit, family="K", points=480, seconds=60.0, bytes_per_pair=48.0, first=100, memory=5e6))
+    small = list(grow(fit, family="K", points=480, seconds=60.0, bytes_per_pair=48.0, first=100, memory=5e6))
     assert [isinstance(c, Kriging) for c in small] == [True, True, False]
     assert "GiB" in small[-1].failure
-    late = list(grown(fit, family="K", points=480, seconds=1e-9, bytes_per_pair=48.0, first=100))
+    late = list(grow(fit, family="K", points=480, seconds=1e-9, bytes_per_pair=48.0, first=100))
     assert [isinstance(c, Kriging) for c in late] == [True, False]
     assert "are left" in late[-1].failure
 
@@ -79,7 +79,7 @@ def test_a_matrix_that_is_not_positive_stays_with_its_reason():
     def fit(count):
         raise np.linalg.LinAlgError("not positive definite")
 
-    (only,) = grown(fit, family="K", points=50, seconds=1.0, bytes_per_pair=48.0)
+    (only,) = grow(fit, family="K", points=50, seconds=1.0, bytes_per_pair=48.0)
     assert only.model is None
     assert only.failure == "not positive definite"
 

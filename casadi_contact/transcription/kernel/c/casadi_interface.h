@@ -43,7 +43,7 @@ INLINE void value_of_all(const double *pose, double *loads, double *roots) {
   int i = 0;
   for (; i + LANES <= BATCH; i += LANES) {
     double f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
-    kernel_batch(pose + 6 * i, f, s);
+    guarded_batch(pose + 6 * i, f, s);
     for (int l = 0; l < LANES; l++) {
       if (loads) {
         for (int k = 0; k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
@@ -55,7 +55,7 @@ INLINE void value_of_all(const double *pose, double *loads, double *roots) {
   }
   for (; i < BATCH; i++) {
     double f[LOADS + 1], s[ROOTS + 1];
-    kernel_value(pose + 6 * i, f, s);
+    guarded_value(pose + 6 * i, f, s);
     if (loads) memcpy(loads + LOADS * i, f, LOADS * sizeof(double));
     if (roots) memcpy(roots + ROOTS * i, s, ROOTS * sizeof(double));
   }
@@ -66,7 +66,7 @@ INLINE void jacobian_of_all(const double *pose, double *loads, double *roots, in
   if (!loads && !roots) return;
   for (int i = 0; i < BATCH; i++) {
     double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
-    kernel_jacobian(pose + 6 * i, f, s, df, ds);
+    guarded_jacobian(pose + 6 * i, f, s, df, ds);
     for (int j = 0; j < 6; j++) {
       if (loads) {
         for (int k = 0; k < LOADS; k++) loads[6 * LOADS * i + (transpose ? 6 * k + j : LOADS * j + k)] = df[k][j];
@@ -83,7 +83,7 @@ INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const d
   if (!product) return;
   for (int i = 0; i < BATCH; i++) {
     double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
-    kernel_jacobian(pose + 6 * i, f, s, df, ds);
+    guarded_jacobian(pose + 6 * i, f, s, df, ds);
     for (int j = 0; j < 6; j++) {
       double sum = 0.0;
       if (loads_seed) {
@@ -101,7 +101,7 @@ INLINE void hessian_of_all(const double *pose, const double *loads_seed, const d
   static const double zeros[LOADS + ROOTS] = {0};
   if (!hessian) return;
   for (int i = 0; i < BATCH; i++) {
-    kernel_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros,
+    guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros,
                    roots_seed ? roots_seed + ROOTS * i : zeros, hessian + 36 * i);
   }
 }

@@ -25,6 +25,20 @@
 /* Offset of a pose from the middle of the learned range; so far out that no square overflows, all is flat. */
 INLINE double bounded(double offset) { return offset > 1e100 ? 1e100 : (offset < -1e100 ? -1e100 : offset); }
 
+/* By its bits, so that no compiler option removes the question. */
+INLINE int finite_pose(const double *pose) {
+  const uint64_t infinity = UINT64_C(0x7ff0000000000000);
+  uint64_t bits[6];
+  int finite = 1;
+  memcpy(bits, pose, sizeof bits);
+  for (int j = 0; j < 6; j++) finite &= (bits[j] & infinity) != infinity;
+  return finite;
+}
+
+INLINE void fill_nan(int n, double *values) {
+  for (int i = 0; i < n; i++) values[i] = NAN;
+}
+
 INLINE void layer_block(int biased, int inputs, int width, int stride, const double *w, const double *a, double *z) {
   double sum[32];
   KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = biased ? w[i] : 0.0;
@@ -118,54 +132,6 @@ INLINE double decay(double x) {
   bits = (bits + 1023) << 52;
   memcpy(&n, &bits, sizeof n);
   return p * n;
-}
-
-/* The sigmoids in place, and with their first and second derivatives: a = s(z), d = s'(z), e = s''(z). */
-INLINE void algebraic_0(int n, double *z) {
-  for (int i = 0; i < n; i++) z[i] *= reciprocal_root(1.0 + z[i] * z[i]);
-}
-
-INLINE void algebraic_1(int n, double *z, double *d) {
-  for (int i = 0; i < n; i++) {
-    double r = reciprocal_root(1.0 + z[i] * z[i]);
-    z[i] *= r;
-    d[i] = r * r * r;
-  }
-}
-
-INLINE void algebraic_2(int n, double *z, double *d, double *e) {
-  for (int i = 0; i < n; i++) {
-    double r = reciprocal_root(1.0 + z[i] * z[i]), r2 = r * r;
-    z[i] *= r;
-    d[i] = r2 * r;
-    e[i] = -3.0 * z[i] * (r2 * r2);
-  }
-}
-
-INLINE double tanh_of(double z) {
-  double t = decay(2.0 * (z < 0.0 ? -z : z)), a = (1.0 - t) / (1.0 + t);
-  return z < 0.0 ? -a : a;
-}
-
-INLINE void tanh_0(int n, double *z) {
-  for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);
-}
-
-INLINE void tanh_1(int n, double *z, double *d) {
-  for (int i = 0; i < n; i++) {
-    double a = tanh_of(z[i]);
-    z[i] = a;
-    d[i] = 1.0 - a * a;
-  }
-}
-
-INLINE void tanh_2(int n, double *z, double *d, double *e) {
-  for (int i = 0; i < n; i++) {
-    double a = tanh_of(z[i]);
-    z[i] = a;
-    d[i] = 1.0 - a * a;
-    e[i] = -2.0 * a * d[i];
-  }
 }
 
 /* The same layer for LANES poses at once: a[j][lane] -> z[o][lane]; stride is the padded number of outputs. */

@@ -1,0 +1,79 @@
+"""Activations of hidden neurons: each is one record, which every evaluation of a network reads.
+
+    algebraic:  σ(z) = z/√(1 + z²)        tanh:  σ(z) = tanh z
+
+A new one is a function, a few statements of C and an entry in ``ACTIVATIONS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Activation:
+    """A smooth, odd or not, strictly increasing σ.
+
+    derivatives(xp, z, order): (σ, σ', σ'')[: order + 1] elementwise, with xp the module (numpy, torch or casadi) that
+    z belongs to; all three give the same formulas. slope_from_value(xp, a): σ' where σ = a, so that training keeps
+    no z. c: statements of C that set the doubles value, slope and curvature from the double z; they may use the
+    helpers of ``core.h`` and vectorise only without calls to others.
+    """
+
+    derivatives: Callable[[Any, Any, int], tuple[Any, ...]]
+    slope_from_value: Callable[[Any, Any], Any]
+    c: str
+
+
+def _algebraic(xp: Any, z: Any, order: int) -> tuple[Any, ...]:
+    r = 1.0 / xp.sqrt(1.0 + z * z)
+    a = z * r
+    if order == 0:
+        return (a,)
+    r2 = r * r
+    slope = r2 * r
+    return (a, slope) if order == 1 else (a, slope, -3.0 * (a * r2 * r2))  # σ'' = -3 z (1 + z²)^(-5/2)
+
+
+def _tanh(xp: Any, z: Any, order: int) -> tuple[Any, ...]:
+    a = xp.tanh(z)
+    if order == 0:
+        return (a,)
+    slope = 1.0 - a * a
+    return (a, slope) if order == 1 else (a, slope, -2.0 * (a * slope))
+
+
+def _algebraic_slope(xp: Any, a: Any) -> Any:
+    slope = 1.0 - a * a
+    return slope * xp.sqrt(slope)
+
+
+ACTIVATIONS: dict[str, Activation] = {
+    "algebraic": Activation(
+        _algebraic,
+        _algebraic_slope,
+        """\
+const double r = reciprocal_root(1.0 + z * z), r2 = r * r;
+value = z * r;
+slope = r2 * r;
+curvature = -3.0 * value * (r2 * r2);""",
+    ),
+    "tanh": Activation(
+        _tanh,
+        lambda _, a: 1.0 - a * a,
+        """\
+const double t = decay(2.0 * (z < 0.0 ? -z : z)), size = (1.0 - t) / (1.0 + t);
+value = z < 0.0 ? -size : size;
+slope = 1.0 - value * value;
+curvature = -2.0 * value * slope;""",
+    ),
+}
+
+
+def activation_of(name: str) -> Activation:
+    """The record of an activation; raises ValueError for an unknown name."""
+    if name not in ACTIVATIONS:
+        raise ValueError(f"unknown activation {name!r}, expected one of {', '.join(ACTIVATIONS)}")
+    return ACTIVATIONS[name]
