@@ -122,14 +122,14 @@ def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], T
         str(file.attrs["structure"]),
         file["scene"][()].decode(),
         file["record"][()].decode(),
-        {name: _read_network(name, group) for name, group in file["networks"].items()},
+        {name: _read_network(group) for name, group in file["networks"].items()},
         _read_trust(file["trust"]) if "trust" in file else None,
     )
 
 
-def _read_network(name: str, group: h5py.Group) -> Network:
+def _read_network(group: h5py.Group) -> Network:
     layers = sum(key.startswith("weight_") for key in group)
-    network = Network(
+    return Network(
         input_shift=group["input_shift"][()],
         input_scale=group["input_scale"][()],
         weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
@@ -137,11 +137,6 @@ def _read_network(name: str, group: h5py.Group) -> Network:
         output_scale=float(group.attrs["output_scale"]),
         activation=str(group.attrs["activation"]),
     )
-    arrays = [network.input_shift, network.input_scale, *network.weights, *network.biases]
-    finite = np.isfinite(network.output_scale) and all(np.isfinite(array).all() for array in arrays)
-    if not finite or not np.all(network.input_scale):
-        raise ValueError(f"network {name} holds numbers that are not finite, or a scale of zero")
-    return network
 
 
 _PARTS = {"box": Box, "border": Border, "confirmation": Confirmation}

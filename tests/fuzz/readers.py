@@ -18,8 +18,7 @@ from casadi_contact.files import read_npz, write_npz
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.motion.joint_cycle import column_names, read_joint_cycle
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
-from casadi_contact.motion.opensim import poses_table, write_table
-from casadi_contact.motion.opensim import read_table as read_opensim
+from casadi_contact.motion.opensim import poses_table, read_opensim_table, write_table
 from casadi_contact.motion.pose_file import read_poses, write_poses
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.project import read_motion
@@ -200,7 +199,9 @@ READERS = {
     "cycle.csv": Reader(lambda path: write_cycle(reference_cycle(), path), read_cycle),
     "joint_cycle.csv": Reader(_joint_cycle, lambda path: read_joint_cycle(path, SCENE)),
     "poses.csv": Reader(lambda path: write_poses(np.arange(12.0), POSES, path), read_poses),
-    "poses.sto": Reader(lambda path: write_table(poses_table(np.arange(12.0), POSES, "poses"), path), read_opensim),
+    "poses.sto": Reader(
+        lambda path: write_table(poses_table(np.arange(12.0), POSES, "poses"), path), read_opensim_table
+    ),
     "mesh.stl": Reader(_mesh, _read_mesh),
     "ascii.stl": Reader(_ascii_stl, _read_mesh),
     "mesh.obj": Reader(_mesh, _read_mesh),
