@@ -17,7 +17,7 @@ from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, has_motion, read_motion
-from casadi_contact.sampling import SamplingSettings
+from casadi_contact.sampling import SamplingSettings, elastic_foundations
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
@@ -60,8 +60,9 @@ def train(project: Project, update: Update | None = None, executor: Executor | N
 
 def moved_samples(samples: Samples) -> Samples | None:
     """`samples_around` on the elastic foundation's teacher grid, what a surrogate's trust is calibrated on besides the
-    samples; None for a scene without geometry, or samples that come from a table."""
-    if samples.scene.layer is None or "settings" not in samples.provenance:
+    samples; None for samples of another contact model, or from a table."""
+    foundations = f"{elastic_foundations.__module__}.{elastic_foundations.__qualname__}"
+    if samples.provenance.get("models") != foundations:
         return None
     settings = SamplingSettings.from_table(samples.provenance["settings"])
     return samples_around(samples, ElasticFoundation(samples.scene, settings.teacher_grid))

@@ -99,7 +99,7 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
         dense_start=float(np.quantile(soft_distance(held_out.poses / scales, dense, DENSE_BANDWIDTH), 0.01)),
         boundary_root=boundary_root,
         shares=np.zeros((count, 3 + patches)),
-        usual_loads=np.sqrt(np.mean(loads**2, axis=0)),
+        usual_loads=np.maximum(np.sqrt(np.mean(loads**2, axis=0)), _LEAST_LEVEL * scene.boundary_load),
         box=Box(
             columns=np.array(insensitive, dtype=float),
             low=box.min(axis=0),
