@@ -1,5 +1,8 @@
 """Surrogate files: HDF5 with the scene, a JSON record and the plain weights; no code inside, no pickle.
 
+The bytes are sealed with a digest (`files.hdf5`); a file of an older version is, once it is loaded and saved again:
+``cc.load_surrogate(path).save(path)``.
+
 /                attributes kind, format, structure, digest (SHA-256 of all that follows)
 /scene           scene as TOML text
 /record          JSON text: what trained it, errors per domain, versions, command
