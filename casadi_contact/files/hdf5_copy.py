@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 
 import h5py
 import numpy as np
@@ -97,9 +98,10 @@ def _limit(cpu_s: int) -> None:
         import resource
     except ImportError:  # no such limits on this system
         return
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limits = {resource.RLIMIT_CPU: cpu_s, resource.RLIMIT_AS: _MOST_MEMORY, resource.RLIMIT_CORE: 0}
+    for kind, limit in limits.items():
+        with suppress(ValueError, OSError):  # a lower limit is set already, or the system knows none of this kind
+            resource.setrlimit(kind, (limit, limit))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ MOST_TEXT = 256 * MIB  # of a table or a result file
 MOST_MESH = 512 * MIB
 MOST_DATA = 4096 * MIB  # of samples, checkpoints and surrogates
 MOST_UNPACKED = 1024 * MIB  # of compressed data
-DEFLATE_RATIO = 1032  # what zlib can pack into a byte at most
 
 
 def checked_size(path: Path, most_bytes: int) -> int:

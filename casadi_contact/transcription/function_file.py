@@ -52,12 +52,15 @@ def load_function(path: str | Path, *, allow_external: bool = False) -> ca.Funct
     if not allow_external:
         _check(path, content)
     try:
-        return ca.StringDeserializer(content.decode("latin-1")).unpack()
+        function = ca.StringDeserializer(content.decode("latin-1")).unpack()
     except Exception:  # CasADi raises bare errors of several kinds for foreign or damaged bytes
+        function = None
+    if not isinstance(function, ca.Function):
         raise ValueError(
             f"{path} is not a CasADi function that CasADi {ca.CasadiMeta.version()} can read, "
             "expected a file written by save_function with this or an older version"
-        ) from None
+        )
+    return function
 
 
 def _seal(content: bytes) -> bytes:

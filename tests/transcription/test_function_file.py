@@ -41,6 +41,11 @@ def test_missing_and_foreign_files_are_refused(tmp_path):
         load_function(foreign, allow_external=True)
     foreign.write_bytes(b"not a function" + _seal(b"not a function"))
     refused(foreign, "is not a CasADi function")
+    other = ca.StringSerializer({"debug": True})
+    other.pack(X)
+    content = other.encode().encode()
+    foreign.write_bytes(content + _seal(content))
+    refused(foreign, "is not a CasADi function")
     with pytest.raises(OSError, match="cannot write"):
         save_function(ca.Function("f", [X], [1.0]), foreign / "file_as_folder.casadi")
 
