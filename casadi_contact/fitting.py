@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -20,9 +21,11 @@ from casadi_contact.project import Project, Update, has_motion, read_motion
 from casadi_contact.sampling import SamplingSettings, elastic_foundations
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
-from casadi_contact.structures.info import samples_record
+from casadi_contact.structures.info import budget_line, samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
+
+_log = logging.getLogger(__name__)
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
@@ -84,7 +87,8 @@ def fit_surrogate(
 
     efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a later call goes on from.
     command: what a reader of the record runs to make it again. loads: fit only the networks that these need.
-    update is called as (title and network, seconds used, seconds allotted, remark).
+    update is called as (title and network, Gflop used, Gflop allotted, remark). One logged warning names the networks
+    that stopped because their budget was used up.
     """
     kind = STRUCTURES[structure]
     needed = None if loads is None else kind.networks_for(project.scene, loads)
@@ -96,22 +100,25 @@ def fit_surrogate(
         wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
         regressions.append(_at_most(wanted, effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
-            sizes=effort.sizes, activation=effort.activation, max_time_s=effort.seconds
+            sizes=effort.sizes, activation=effort.activation, max_gflop=effort.gflop
         )
 
     def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
         if update is not None:
-            update(f"{title} {name}", used, allotted, f"{size_text(hidden)} RMS {rms:.3g}")
+            update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
 
     fits = fit_all(regressions, settings, executor, checkpoints, progress)
     for name, fit in fits.items():
         if update is not None:
-            allotted = settings[name].max_time_s
+            allotted = settings[name].max_gflop
             update(
                 f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
             )
     networks = {name: fit.network for name, fit in fits.items()}
-    return kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
+    surrogate = kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
+    if line := budget_line(surrogate.record):
+        _log.warning("%s: %s", title, line)
+    return surrogate
 
 
 def size_text(hidden: Sequence[int]) -> str:
@@ -130,6 +137,7 @@ def _record(
         "command": command,
         "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
-        "seconds": {name: round(fit.seconds, 1) for name, fit in fits.items()},
+        "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
+        "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
         "machine": machine_record(),
     }

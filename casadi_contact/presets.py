@@ -8,11 +8,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Effort:
-    """Training of one kind of network: sizes to grow through, seconds allotted, activation, samples used at most, and
-    the wanted error as a share of the scene's tolerance (below 1, all the time is used to get better than needed)."""
+    """Training of one kind of network: sizes to grow through, budget, activation, samples used at most, and the wanted
+    error as a share of the scene's tolerance (below 1, all the budget is used to get better than needed).
+
+    gflop: 10⁹ floating-point operations, counted as `training.TrainingSettings` says. Work and not time, so that the
+    same samples give the same surrogate on a busy machine. Measured on one core with AVX-512: 3 Gflop a second for
+    networks of 6-6, 9 for 12-12, 18 for 24-24, 27 for 48-48, 12 for 20-20-20.
+    """
 
     sizes: tuple[tuple[int, ...], ...]
-    seconds: float
+    gflop: float
     activation: str = "algebraic"
     max_rows: int | None = None
     tolerance_share: float = 1.0
@@ -22,16 +27,16 @@ class Effort:
 class ChartEffort:
     """What the speed-accuracy chart trains beside the preset's own surrogates.
 
-    sizes: by structure, one effort for each size; its seconds go to each network, or the share of them that the
-    structure says (`Surrogate.seconds_shares`). swept: structure and size (one of `sizes`) that is trained again with
-    fewer samples (sample_counts) and with other seconds (training_seconds). peer_seconds: allotted to each peer.
+    sizes: by structure, one effort for each size; its budget goes to each network, or the share of it that the
+    structure says (`Surrogate.budget_shares`). swept: structure and size (one of `sizes`) that is trained again with
+    fewer samples (sample_counts) and with other budgets (training_gflop). peer_gflop: budget of each peer.
     """
 
     sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
     swept: tuple[str, tuple[int, ...]] = ("patch", (12, 12))
     sample_counts: tuple[int, ...] = ()
-    training_seconds: tuple[float, ...] = ()
-    peer_seconds: float = 20.0
+    training_gflop: tuple[float, ...] = ()
+    peer_gflop: float = 300.0
 
 
 @dataclass(frozen=True)
@@ -51,10 +56,9 @@ def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
 
 
 def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Effort, ...]:
-    """Efforts for sizes n-n from (n, seconds, samples used at most); small networks learn no more from more rows."""
+    """Efforts for sizes n-n from (n, Gflop, samples used at most); small networks learn no more from more rows."""
     return tuple(
-        Effort(((width, width),), seconds, activation, max_rows=rows, tolerance_share=0.2)
-        for width, seconds, rows in rungs
+        Effort(((width, width),), gflop, activation, max_rows=rows, tolerance_share=0.2) for width, gflop, rows in rungs
     )
 
 
@@ -65,44 +69,44 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.14,
         efforts={
             "patch": {
-                "root": Effort(((8, 8), (16, 16, 16)), 90.0),
-                "ratio": Effort(((6, 6), (10, 10)), 12.0),
+                "root": Effort(((8, 8), (16, 16, 16)), 1_000.0),
+                "ratio": Effort(((6, 6), (10, 10)), 60.0),
             }
         },
         chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
-                    *((6, 2.0, 5_000), (8, 3.0, 5_000), (12, 6.0, None)),
-                    *((16, 8.0, None), (24, 12.0, None), (32, 18.0, None), (48, 30.0, None)),
+                    *((6, 6.0, 5_000), (8, 15.0, 5_000), (12, 55.0, None)),
+                    *((16, 100.0, None), (24, 220.0, None), (32, 380.0, None), (48, 800.0, None)),
                 ),
-                "two_stage": _ladder("tanh", (8, 2.0, 5_000), (16, 4.0, 5_000)),
+                "two_stage": _ladder("tanh", (8, 6.0, 5_000), (16, 18.0, 5_000)),
             },
             sample_counts=(300, 1_000, 3_000),
-            training_seconds=(1.0, 3.0, 15.0),
+            training_gflop=(10.0, 30.0, 140.0),
         ),
     ),
     "standard": Preset(
         sampling_scale=0.4,
         efforts={
             "patch": {
-                "root": Effort(((20, 20, 20),), 1100.0, tolerance_share=0.2),
-                "ratio": Effort(((14, 14),), 100.0, tolerance_share=0.2),
+                "root": Effort(((20, 20, 20),), 13_000.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 900.0, tolerance_share=0.2),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 120.0, "tanh", max_rows=12_000)},
+            "two_stage": {"": Effort(_PAPER_NETWORK, 3_000.0, "tanh", max_rows=12_000)},
         },
         chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
-                    *((6, 15.0, 10_000), (8, 20.0, 15_000), (12, 45.0, None)),
-                    *((16, 55.0, None), (24, 90.0, None), (32, 150.0, None), (48, 480.0, None)),
+                    *((6, 45.0, 10_000), (8, 95.0, 15_000), (12, 400.0, None)),
+                    *((16, 700.0, None), (24, 1_500.0, None), (32, 3_200.0, None), (48, 13_000.0, None)),
                 ),
-                "two_stage": _ladder("tanh", (8, 10.0, 12_000), (16, 25.0, 12_000), (24, 50.0, 12_000)),
+                "two_stage": _ladder("tanh", (8, 28.0, 12_000), (16, 115.0, 12_000), (24, 310.0, 12_000)),
             },
             sample_counts=(300, 1_000, 3_000, 10_000),
-            training_seconds=(2.0, 5.0, 15.0, 120.0),
-            peer_seconds=600.0,
+            training_gflop=(20.0, 45.0, 140.0, 1_100.0),
+            peer_gflop=9_000.0,
         ),
     ),
     "paper": Preset(
@@ -110,24 +114,24 @@ PRESETS: dict[str, Preset] = {
         efforts={
             "patch": {
                 "root": Effort(
-                    ((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)), 3 * 3600.0, tolerance_share=0.1
+                    ((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)), 180_000.0, tolerance_share=0.1
                 ),
-                "ratio": Effort(((10, 10), (14, 14), (20, 20)), 3600.0, tolerance_share=0.1),
+                "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 6 * 3600.0, "tanh", max_rows=80_000)},
+            "two_stage": {"": Effort(_PAPER_NETWORK, 540_000.0, "tanh", max_rows=80_000)},
         },
         chart=ChartEffort(
             sizes={
                 "patch": _ladder(
                     "algebraic",
-                    *((6, 60.0, 20_000), (8, 120.0, 30_000), (12, 600.0, None)),
-                    *((16, 900.0, None), (24, 1800.0, None), (32, 3600.0, None), (48, 2 * 3600.0, None)),
+                    *((6, 180.0, 20_000), (8, 600.0, 30_000), (12, 5_400.0, None)),
+                    *((16, 12_000.0, None), (24, 32_000.0, None), (32, 76_000.0, None), (48, 195_000.0, None)),
                 ),
-                "two_stage": _ladder("tanh", (8, 120.0, 80_000), (16, 600.0, 80_000), (24, 1800.0, 80_000)),
+                "two_stage": _ladder("tanh", (8, 330.0, 80_000), (16, 2_700.0, 80_000), (24, 11_000.0, 80_000)),
             },
             sample_counts=(300, 1_000, 3_000, 10_000, 30_000),
-            training_seconds=(5.0, 20.0, 80.0, 300.0, 1200.0),
-            peer_seconds=1200.0,
+            training_gflop=(45.0, 180.0, 720.0, 2_700.0, 10_800.0),
+            peer_gflop=18_000.0,
         ),
     ),
 }

@@ -34,7 +34,7 @@ from problems import pose_estimation
 from problems.command import run_command
 
 WALKING_DOMAINS = ("D1", "D5", "D7")
-WALKING_ONLY_S = 45.0  # training of each root network
+WALKING_ONLY_GFLOP = 600.0  # training of each root network
 
 
 def beyond(cycle: LoadCycle, loads: float, flexion_deg: float) -> LoadCycle:
@@ -48,17 +48,17 @@ def beyond(cycle: LoadCycle, loads: float, flexion_deg: float) -> LoadCycle:
     )
 
 
-def walking_only(samples: Samples, seconds: float) -> tuple[Surrogate, Samples]:
+def walking_only(samples: Samples, gflop: float) -> tuple[Surrogate, Samples]:
     """A patch surrogate of the samples around walking alone (D1, and D5 and D7 for liftoff), and those samples.
 
-    Roots have 16-16-16 neurons, ratios 12-12 and a quarter of the seconds.
+    Roots have 16-16-16 neurons, ratios 12-12 and a quarter of the work.
     """
     narrow = samples.select(domain=WALKING_DOMAINS)
     regressions = PatchSurrogate.regressions(narrow)
     settings = {
-        r.name: TrainingSettings(sizes=((16, 16, 16),), max_time_s=seconds)
+        r.name: TrainingSettings(sizes=((16, 16, 16),), max_gflop=gflop)
         if r.name.startswith("root")
-        else TrainingSettings(sizes=((12, 12),), max_time_s=0.25 * seconds)
+        else TrainingSettings(sizes=((12, 12),), max_gflop=0.25 * gflop)
         for r in regressions
     }
     with worker_pool() as workers:
@@ -114,7 +114,9 @@ def run(
     flexion: Annotated[float, typer.Option(help="additional flexion [degrees]")] = 40.0,
     frames: Annotated[int, typer.Option(min=2, help="frames of the cycle")] = 101,
     rounds: Annotated[int, typer.Option(min=0, help="refinements at most")] = 3,
-    seconds: Annotated[float, typer.Option(help="training at most, for each network in each round")] = 30.0,
+    gflop: Annotated[
+        float, typer.Option(help="training at most, for each network in each round [10⁹ operations]")
+    ] = 300.0,
     narrow: Annotated[bool, typer.Option("--walking-only", help="begin with what walking alone teaches")] = False,
     out: Annotated[Path, typer.Option(help="folder for refine_beyond.csv and refined.h5")] = Path("results"),
 ) -> None:
@@ -122,12 +124,12 @@ def run(
     writable_folder(out)  # before minutes of training
     samples = read_samples(project / "samples.h5")
     if narrow:
-        surrogate, samples = walking_only(samples, WALKING_ONLY_S)
+        surrogate, samples = walking_only(samples, WALKING_ONLY_GFLOP)
     else:
         surrogate = load_surrogate(project / f"{structure}.h5")
     cycle = beyond(reference_cycle(frames), loads, flexion)
     teacher = ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
-    result = refine(surrogate, samples, build(cycle, print), teacher, rounds=rounds, seconds=seconds, progress=print)
+    result = refine(surrogate, samples, build(cycle, print), teacher, rounds=rounds, gflop=gflop, progress=print)
     print(result.verifications[-1])
     print(f"{cycle.name}: {len(result.added)} rounds, {sum(result.added)} samples, {sum(result.seconds):.0f} s")
     report(result, out / "refine_beyond.csv")

@@ -1,8 +1,14 @@
-"""Kernels that tests compile go to a folder of their own, not to the user's cache."""
+"""Kernels that tests compile go to a folder of their own, not to the user's cache; linear algebra has one thread.
+
+Matrices of the tests are small: on a busy machine threads that wait for each other make them a hundred times slower.
+"""
 
 import os
 
-import pytest
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")  # read when NumPy and torch are first imported
+
+import pytest  # noqa: E402
 
 
 def pytest_addoption(parser):

@@ -14,7 +14,7 @@ from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from tests.support import own_contact
 
-SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 10.0), "ratio": Effort(((6, 6),), 3.0)}})
+SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effort(((6, 6),), 6.0)}})
 
 
 @pytest.fixture(scope="module", autouse=True)

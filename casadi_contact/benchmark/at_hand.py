@@ -88,7 +88,7 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
-    maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, seconds=..., names={list(loads)!r})"
+    maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, gflop=..., names={list(loads)!r})"
     return f"{maker}, the one named {name!r}"
 
 

@@ -94,17 +94,17 @@ def own_name(project: Project, structure: str) -> str:
 def peer_candidates(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples: all of them, and for those that hold few points D1 alone too.
 
-    Kriging has the preset's seconds, every other family a quarter of them.
+    Kriging has the preset's budget, every other family a quarter of it.
     """
     from casadi_contact.benchmark.peers import FAMILIES, peer_candidates
 
-    samples, seconds = project.samples(), project.preset.chart.peer_seconds
+    samples, gflop = project.samples(), project.preset.chart.peer_gflop
     two_stage, (motion, _) = project_surrogates(project).get(TwoStageSurrogate.structure), read_motion(project)
     for family in FAMILIES:
-        limit = seconds if family == "Kriging" else seconds / 4.0
+        limit = gflop if family == "Kriging" else gflop / 4.0
         for domains in (None, ["D1"]) if family in _GLOBAL_PEERS else (None,):
             yield from peer_candidates(
-                samples, seconds=limit, two_stage=two_stage, motion=motion, domains=domains, families=[family]
+                samples, gflop=limit, two_stage=two_stage, motion=motion, domains=domains, families=[family]
             )
 
 

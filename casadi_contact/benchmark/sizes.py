@@ -1,4 +1,4 @@
-"""The surrogates on the speed-accuracy chart: a ladder of sizes, and one size with fewer samples or other times."""
+"""The surrogates on the speed-accuracy chart: a ladder of sizes, and one size with fewer samples or other budgets."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ class Sized:
 
     @property
     def name(self) -> str:
-        """Name on the chart: "patch 12-12", "patch 12-12 (300 samples)", "patch 12-12 (5 s)"."""
-        extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.seconds:g} s)"}[self.sweep]
+        """Name on the chart: "patch 12-12", "patch 12-12 (300 samples)", "patch 12-12 (45 Gflop)"."""
+        extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.gflop:g} Gflop)"}[
+            self.sweep
+        ]
         return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}"
 
     @property
@@ -42,9 +44,9 @@ class Sized:
 
     @property
     def efforts(self) -> dict[str, Effort]:
-        """Effort by the start of a network's name, with the structure's shares of the seconds."""
-        shares = {"": 1.0, **STRUCTURES[self.structure].seconds_shares}
-        return {name: replace(self.effort, seconds=share * self.effort.seconds) for name, share in shares.items()}
+        """Effort by the start of a network's name, with the structure's shares of the budget."""
+        shares = {"": 1.0, **STRUCTURES[self.structure].budget_shares}
+        return {name: replace(self.effort, gflop=share * self.effort.gflop) for name, share in shares.items()}
 
 
 def chart_surrogates(chart: ChartEffort) -> list[Sized]:
@@ -56,9 +58,9 @@ def chart_surrogates(chart: ChartEffort) -> list[Sized]:
         *sizes,
         *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in chart.sample_counts),
         *(
-            replace(sized, effort=replace(sized.effort, seconds=seconds), sweep=SECONDS)
+            replace(sized, effort=replace(sized.effort, gflop=gflop), sweep=SECONDS)
             for sized in swept
-            for seconds in chart.training_seconds
+            for gflop in chart.training_gflop
         ),
     ]
 

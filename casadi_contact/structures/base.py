@@ -32,7 +32,7 @@ class Surrogate(ABC):
     structure: ClassVar[str]
     title: ClassVar[str]
     """What charts call it."""
-    seconds_shares: ClassVar[Mapping[str, float]] = {}
+    budget_shares: ClassVar[Mapping[str, float]] = {}
     """Share of a network's training time, by the start of its name; 1 for all others."""
 
     def __init__(

@@ -9,7 +9,9 @@ all others are kept and printed as they are:
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9,
                                                                     and of errors below the expected error
-    command, versions, seconds, seed, ...                           how it was made
+    stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
+    gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    command, versions, seed, ...                                    how it was made
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.training.stopping import LIMITS
 
 _TABLES = ("samples", "training_errors", "test_errors", "coverage")
 
@@ -85,6 +88,8 @@ class SurrogateInfo:
             lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
         else:
             lines.append("trained on: not recorded")
+        if line := budget_line(self.record):
+            lines.append(line)
         lines += self._test_lines()
         lines += self._coverage_lines()
         lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
@@ -122,6 +127,15 @@ def describe(
     """Collect a surrogate's description."""
     sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
     return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)
+
+
+def budget_line(record: Mapping[str, Any]) -> str:
+    """Which fits ended because their budget was used up and not because they were done; empty if none did."""
+    reasons = record.get("stop_reasons", {})
+    ended = [name for name, reason in reasons.items() if reason in LIMITS]
+    if not ended:
+        return ""
+    return f"budget used up in {len(ended)} of {len(reasons)} fits, more may fit better: {', '.join(ended)}"
 
 
 def samples_record(samples: Samples) -> dict[str, Any]:

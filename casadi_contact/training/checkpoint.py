@@ -19,9 +19,9 @@ from casadi_contact.files import read_npz, write_npz
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
 
-FORMAT = 1
-# More time or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
-_NOT_IN_DIGEST = ("max_time_s", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
+FORMAT = 2  # 1 counted seconds
+# More work or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
+_NOT_IN_DIGEST = ("max_gflop", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
 
 _log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ def write(path: Path, identity: str, content: dict[str, Any]) -> None:
 def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
     """The content, or None where there is none to go on from (absent, or damaged: a warning is logged).
 
-    Raises ValueError for a checkpoint of a newer format, or of other data or settings.
+    Raises ValueError for a checkpoint of another format, or of other data or settings.
     """
     if not path.exists():
         return None
@@ -65,6 +65,11 @@ def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
     version, owner = int(content.pop("format")), str(content.pop("digest"))
     if version > FORMAT:
         raise ValueError(f"checkpoint {path} has format {version}, expected at most {FORMAT}: update casadi_contact")
+    if version < FORMAT:
+        raise ValueError(
+            f"checkpoint {path} has format {version}, whose budget was seconds; delete it or choose another folder to "
+            "train anew"
+        )
     if owner != identity:
         raise ValueError(
             f"checkpoint {path} belongs to other data or settings; delete it or choose another folder to train anew"

@@ -16,7 +16,7 @@ from casadi_contact.training import checkpoint as checkpoint_file
 from casadi_contact.training.search import Search
 from casadi_contact.training.settings import TrainingSettings
 
-# name, seconds used, seconds allotted, training RMS, hidden layers
+# name, Gflop used, Gflop allotted, training RMS, hidden layers
 Progress = Callable[[str, float, float, float, tuple[int, ...]], None]
 
 
@@ -24,14 +24,16 @@ Progress = Callable[[str, float, float, float, tuple[int, ...]], None]
 class Fit:
     """A fitted network. rms, validation_rms: root-mean-square weighted residual of ``network`` on training and
     validation rows [N or N·mm], the latter NaN without validation rows. history: training_rms, validation_rms,
-    seconds and size (index into the settings' sizes), one entry an iteration. stop_reason: see `stopping`."""
+    gflop and size (index into the settings' sizes), one entry an iteration. stop_reason: see `stopping`. gflop: work
+    done. cpu_s: CPU seconds of the thread that fitted; both count interrupted runs too."""
 
     network: Network
     history: dict[str, Array]
     stop_reason: str
     rms: float
     validation_rms: float
-    seconds: float
+    gflop: float
+    cpu_s: float
 
     @property
     def parameter_count(self) -> int:
@@ -82,8 +84,8 @@ def fit(
     start: a network to go on from instead of random weights, of the settings' first size and activation.
 
     With a ``checkpoint`` path the state is written there every ``checkpoint_every_s`` and on Ctrl-C; a later call
-    with the same regression and settings goes on from it (its allotted time too), or returns a finished fit at once.
-    More ``max_time_s`` or ``max_iterations`` than before continues a fit that those had ended.
+    with the same regression and settings goes on from it (its budget too), or returns a finished fit at once.
+    More ``max_gflop`` or ``max_iterations`` than before continues a fit that those had ended.
 
     Raises ValueError for a regression that cannot be fitted (NaN, shapes), for a start of another size, and for a
     checkpoint of other data.
@@ -95,23 +97,24 @@ def fit(
     identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
     saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
     with threadpool_limits(settings.threads):
+        cpu_s = float(saved["cpu_s"]) if saved else 0.0
+        began = time.thread_time() - cpu_s
         search = Search(regression, settings, saved, start)
         snapshot, written = search.snapshot(), time.monotonic()
-        began = time.monotonic() - search.seconds
         try:
             while not search.stop_reason:
-                search.iterate(lambda: time.monotonic() - began)
-                snapshot = search.snapshot()
+                search.iterate()
+                snapshot, cpu_s = search.snapshot(), time.thread_time() - began
                 if checkpoint and time.monotonic() - written >= settings.checkpoint_every_s:
-                    checkpoint_file.write(checkpoint, identity, search.content(snapshot))
+                    checkpoint_file.write(checkpoint, identity, {**search.content(snapshot), "cpu_s": cpu_s})
                     written = time.monotonic()
                 if progress:
                     hidden = settings.sizes[search.level]
-                    progress(regression.name, search.seconds, settings.max_time_s, search.training_rms, hidden)
+                    progress(regression.name, search.gflop, settings.max_gflop, search.training_rms, hidden)
         finally:  # on Ctrl-C too: the snapshot is that of the last whole iteration
             if checkpoint:
-                checkpoint_file.write(checkpoint, identity, search.content(snapshot))
-        return _result(regression, search)
+                checkpoint_file.write(checkpoint, identity, {**search.content(snapshot), "cpu_s": cpu_s})
+        return _result(regression, search, cpu_s)
 
 
 def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:
@@ -123,7 +126,7 @@ def _check_start(regression: Regression, settings: TrainingSettings, start: Netw
         )
 
 
-def _result(regression: Regression, search: Search) -> Fit:
+def _result(regression: Regression, search: Search, cpu_s: float) -> Fit:
     network = search.best_network()
     weighted = regression.weights * (network.value(regression.inputs) - regression.targets)
     rms = {
@@ -131,4 +134,4 @@ def _result(regression: Regression, search: Search) -> Fit:
         for chosen, rows in ((False, ~regression.validation), (True, regression.validation))
     }
     history = search.history.arrays()
-    return Fit(network, history, search.stop_reason, rms[False], rms[True], search.seconds)
+    return Fit(network, history, search.stop_reason, rms[False], rms[True], search.gflop, cpu_s)

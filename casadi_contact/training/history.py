@@ -12,21 +12,21 @@ from casadi_contact.conventions import Array
 
 @dataclass
 class History:
-    """training_rms, validation_rms (NaN without validation rows), seconds used, and the index of the network's size
-    in ``TrainingSettings.sizes``, one entry an iteration."""
+    """training_rms, validation_rms (NaN without validation rows), Gflop used, and the index of the network's size in
+    ``TrainingSettings.sizes``, one entry an iteration."""
 
     training_rms: list[float] = field(default_factory=list)
     validation_rms: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
+    gflop: list[float] = field(default_factory=list)
     size: list[int] = field(default_factory=list)
 
     def __len__(self) -> int:
-        return len(self.seconds)
+        return len(self.gflop)
 
-    def add(self, training_rms: float, validation_rms: float, seconds: float, size: int) -> None:
+    def add(self, training_rms: float, validation_rms: float, gflop: float, size: int) -> None:
         self.training_rms.append(training_rms)
         self.validation_rms.append(validation_rms)
-        self.seconds.append(seconds)
+        self.gflop.append(gflop)
         self.size.append(size)
 
     def arrays(self, entries: int | None = None) -> dict[str, Array]:
@@ -34,11 +34,11 @@ class History:
         return {
             "training_rms": np.array(self.training_rms[:entries]),
             "validation_rms": np.array(self.validation_rms[:entries]),
-            "seconds": np.array(self.seconds[:entries]),
+            "gflop": np.array(self.gflop[:entries]),
             "size": np.array(self.size[:entries], dtype=int),
         }
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, Any]) -> History:
-        names = ("training_rms", "validation_rms", "seconds", "size")
+        names = ("training_rms", "validation_rms", "gflop", "size")
         return cls(*([value.item() for value in np.asarray(arrays[name])] for name in names))

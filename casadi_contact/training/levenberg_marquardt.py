@@ -54,6 +54,7 @@ class LevenbergMarquardt:
         self._factor: Any = None
         self._factored = np.nan
         self.exhausted = False
+        self._solver_flop = 0
         if state is None:
             self._move_to(parameters, solve_output=True)
             self._assemble()
@@ -77,6 +78,11 @@ class LevenbergMarquardt:
     def parameters(self) -> Array:
         """Weights and biases (parameters,), see `mlp`."""
         return self.mlp.arrays.numpy(self._parameters).copy()
+
+    @property
+    def flop(self) -> int:
+        """Floating-point operations so far: those of the `Mlp`, and of the factors and their solves."""
+        return self.mlp.flop + self._solver_flop
 
     @property
     def rms(self) -> float:
@@ -121,6 +127,7 @@ class LevenbergMarquardt:
         while True:
             self._factor = self.mlp.arrays.factor(self._gram, self.damping * self._unit)
             self._factored = self.damping
+            self._solver_flop += self.mlp.parameter_count**3 // 3
             if self._factor is not None or self.damping > _MAX_DAMPING:
                 return
             self.damping *= 10.0
@@ -137,6 +144,7 @@ class LevenbergMarquardt:
             curvature = float(direction @ product)
             if not (curvature > 0.0 and rz > 0.0):
                 break
+            self._solver_flop += 2 * self.mlp.parameter_count**2
             length = rz / curvature
             x = x + length * direction
             residual = residual - length * product

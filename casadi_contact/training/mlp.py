@@ -6,6 +6,9 @@ that with ã = (a, 1) a layer is z_l = ã_{l-1}·V_lᵀ. With residual r = w·(y
     ∂r/∂V_l = δ_l ⊗ ã_{l-1},   J·v = Σ_l rowsum(δ_l * (ã_{l-1}·V_lᵀ)),   Jᵀ·u = (δ_l * u)ᵀ·ã_{l-1}.
 
 So JᵀJ·v costs two small matrix products per layer, about a hundredth of JᵀJ itself.
+
+`Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter that one of
+them visits: what a fit has cost, the same on any machine, however busy.
 """
 
 from __future__ import annotations
@@ -103,6 +106,11 @@ class Mlp:
         self._residuals = arrays.empty(self.rows)
         self._tried_residuals = arrays.empty(self.rows)
         self._jacobian_rows: Any = None
+        self.flop = 0
+
+    def _count(self, products: int) -> None:
+        """Count products of one operation pair for each row and parameter."""
+        self.flop += 2 * products * self.rows * self.parameter_count
 
     def _buffers(self) -> list[Any]:
         """ã of every layer's input, the constant column of ones set once."""
@@ -133,6 +141,7 @@ class Mlp:
         for c in self._chunks():
             for level, layer in enumerate(layers[:-1]):
                 self._activate(tried[level][c] @ layer.T, tried[level + 1][c][:, :-1])
+        self._count(1)
         residuals = self._output_residuals(layers[-1][0])
         loss = 0.5 * float(residuals @ residuals)
         self._tried_residuals = residuals
@@ -144,6 +153,7 @@ class Mlp:
             weighted = tried[-1][c] * self._weight[c][:, None]
             gram += weighted.T @ weighted
             right += weighted.T @ residuals[c]
+        self.flop += 2 * self.rows * width**2
         factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
         if factor is None:
             return parameters, loss
@@ -170,6 +180,7 @@ class Mlp:
                 delta = self._delta[level][c]
                 self.xp.matmul(self._delta[level + 1][c], layers[level + 1][:, :-1], out=delta)
                 delta *= self._activation.slope_from_value(self.xp, self._current[level + 1][c][:, :-1])
+        self._count(1)
         return self.vjp(self._residuals)
 
     @property
@@ -182,6 +193,7 @@ class Mlp:
         layers, product = _split(direction, self.shapes), self.arrays.zeros(self.rows)
         for c in self._chunks():
             product[c] = self._forward_product(layers, c)
+        self._count(1)
         return product
 
     def vjp(self, rows: Any) -> Any:
@@ -189,6 +201,7 @@ class Mlp:
         total = self.arrays.zeros(self.parameter_count)
         for c in self._chunks():
             self._add_reverse_product(total, rows[c], c)
+        self._count(1)
         return total
 
     def gram_product(self, direction: Any) -> Any:
@@ -196,6 +209,7 @@ class Mlp:
         layers, total = _split(direction, self.shapes), self.arrays.zeros(self.parameter_count)
         for c in self._chunks():
             self._add_reverse_product(total, self._forward_product(layers, c), c)
+        self._count(2)
         return total
 
     def _forward_product(self, layers: list[Any], c: slice) -> Any:
@@ -233,6 +247,7 @@ class Mlp:
             if row_scales is not None:
                 part *= self.arrays.array(row_scales[c])[:, None]
             gram = self.arrays.add_gram(gram, part)
+        self.flop += count * self.parameter_count**2  # half of the products: JᵀJ is symmetric
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:
@@ -246,4 +261,5 @@ class Mlp:
                 self._activate(z, a[:, :-1])
                 a[:, -1] = 1.0
             parts.append(self.arrays.numpy(self._weight[c] * (a @ layers[-1][0] - self._target[c])))
+        self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -20,7 +19,6 @@ from casadi_contact.training.settings import TrainingSettings
 # A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
 _SHARE_FOR_ANOTHER = 0.2
 _LEAST_ITERATIONS = 20
-_LIMITS = (stopping.TIME_USED, stopping.ITERATION_LIMIT)
 
 
 class Search:
@@ -39,6 +37,7 @@ class Search:
         self.history = History()
         self.level = self.attempt = self.began = 0
         self.stop_reason = ""
+        self.flop = 0
         self._best_level, self._best_score = 0, np.inf
         if saved is None:
             self._start(self._fresh())
@@ -49,9 +48,9 @@ class Search:
     # --- where it stands
 
     @property
-    def seconds(self) -> float:
-        """Time used so far, that of interrupted runs included."""
-        return self.history.seconds[-1] if len(self.history) else 0.0
+    def gflop(self) -> float:
+        """Work done so far, 10⁹ floating-point operations, that of interrupted runs included."""
+        return 1e-9 * self.flop
 
     @property
     def training_rms(self) -> float:
@@ -70,6 +69,7 @@ class Search:
             "attempt": self.attempt,
             "began": self.began,
             "stop_reason": self.stop_reason,
+            "flop": self.flop,
             "best": self._best,
             "best_level": self._best_level,
             "best_score": self._best_score,
@@ -83,22 +83,24 @@ class Search:
 
     def _restore(self, saved: dict[str, Any]) -> None:
         self.history = History.from_arrays({k[8:]: v for k, v in saved.items() if k.startswith("history_")})
-        self.level, self.attempt, self.began = (int(saved[k]) for k in ("level", "attempt", "began"))
+        self.level, self.attempt, self.began, self.flop = (int(saved[k]) for k in ("level", "attempt", "began", "flop"))
         self._best, self._best_level = saved["best"], int(saved["best_level"])
         self._best_score = float(saved["best_score"])
         lm = {k[3:]: v if v.ndim else v.item() for k, v in saved.items() if k.startswith("lm_")}
         self.stop_reason = str(saved["stop_reason"])
         self._start(self._fresh(), State(**lm))
-        if self.stop_reason in _LIMITS:
+        if self.stop_reason in stopping.LIMITS:
             self.stop_reason = self._limit_reached()
 
     # --- one iteration
 
-    def iterate(self, clock: Callable[[], float]) -> None:
+    def iterate(self) -> None:
         """One step of Levenberg-Marquardt, then what §2.6 says to do about it."""
+        before = self._flop_of_network()
         self._lm.step()
         validation_rms = self._validation_rms()
-        self.history.add(self._lm.rms, validation_rms, clock(), self.level)
+        self.flop += self._flop_of_network() - before
+        self.history.add(self._lm.rms, validation_rms, self.gflop, self.level)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
         reached = stopping.error_reached(self._lm.rms, validation_rms, self.regression.tolerance)
         if reached or score < self._best_score:
@@ -124,7 +126,11 @@ class Search:
     def _limit_reached(self) -> str:
         if self.settings.max_iterations is not None and len(self.history) >= self.settings.max_iterations:
             return stopping.ITERATION_LIMIT
-        return stopping.TIME_USED if stopping.time_used(self.seconds, self.settings.max_time_s) else ""
+        return stopping.BUDGET_USED if stopping.budget_used(self.gflop, self.settings.max_gflop) else ""
+
+    def _flop_of_network(self) -> int:
+        """Operations of the present network since it (or the run) began."""
+        return self._lm.flop + (self._validation_mlp.flop if self._validation_mlp else 0)
 
     def _phase(self, column: str) -> list[float]:
         """Entries since the present network began."""
@@ -137,11 +143,10 @@ class Search:
         )
 
     def _effort(self) -> tuple[np.ndarray, float]:
-        """Effort at each entry of the history and at the end: iterations if these are limited (so that growth does
-        not depend on the machine's speed), else seconds."""
+        """Effort at each entry of the history and at the end: iterations if these are limited, else Gflop."""
         if self.settings.max_iterations is not None:
             return np.arange(1.0, len(self.history) + 1.0), float(self.settings.max_iterations)
-        return np.array(self.history.seconds), self.settings.max_time_s
+        return np.array(self.history.gflop), self.settings.max_gflop
 
     def _can_begin_another(self) -> bool:
         effort, end = self._effort()
@@ -197,6 +202,8 @@ class Search:
         seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
         self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), seed, state)
         self._validation_mlp = mlp(self._validation) if self._validation.any() else None
+        if state is None:  # what a resumed fit does again was counted before
+            self.flop += self._lm.flop
 
     def _validation_rms(self) -> float:
         if self._validation_mlp is None:

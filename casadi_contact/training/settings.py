@@ -15,8 +15,10 @@ class TrainingSettings:
 
     sizes: hidden layers to grow through, smallest first; a single entry trains that size without growth. On roots of
     contact loads three layers reach a given error sooner than two of as many weights.
-    max_time_s: allotted time, shared by all sizes and restarts. max_iterations: an end that does not depend on the
-    machine's speed; with it growth and stalls depend on iterations only, so that weights are reproducible.
+    max_gflop: budget, shared by all sizes and restarts, in 10⁹ floating-point operations of matrix products. They are
+    counted, not timed, so that a busy or slow machine stops at the same iteration with the same weights. A core of
+    2023 does 3 to 15 Gflop a second, small networks being slowest. max_iterations: another end; with it growth goes
+    by iterations instead.
     max_validation_rises: criterion 3 of §2.6. restarts: how often a stalled fit begins again from another seed.
     stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
     growth_share: share of the allotment a size gets before its trend may be judged.
@@ -26,7 +28,7 @@ class TrainingSettings:
 
     sizes: tuple[tuple[int, ...], ...] = ((8,), (12, 12), (16, 16, 16), (20, 20, 20), (24, 24, 24))
     activation: str = "algebraic"
-    max_time_s: float = 600.0
+    max_gflop: float = 5000.0
     max_iterations: int | None = None
     max_validation_rises: int = 50
     seed: int = 0
@@ -42,10 +44,10 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", check_ladder(self.sizes))
         activation_of(self.activation)
-        if not self.max_time_s > 0.0 or math.isnan(self.max_time_s):
-            raise ValueError(f"max_time_s is {self.max_time_s!r}, expected seconds above 0")
-        if self.max_iterations is None and math.isinf(self.max_time_s):
-            raise ValueError("max_time_s is infinite and max_iterations None, expected an end to the fit")
+        if not self.max_gflop > 0.0:
+            raise ValueError(f"max_gflop is {self.max_gflop!r}, expected 10⁹ operations, above 0")
+        if self.max_iterations is None and math.isinf(self.max_gflop):
+            raise ValueError("max_gflop is infinite and max_iterations None, expected an end to the fit")
         for name, least in (
             ("max_iterations", 1), ("max_validation_rises", 1), ("seed", 0), ("restarts", 0), ("stall_window", 1),
             ("chunk_rows", 1), ("threads", 1),

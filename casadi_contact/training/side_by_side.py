@@ -32,11 +32,11 @@ def fit_all(
     checkpoint_folder: Path | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Fit]:
-    """Fit every regression, the one with the longest allotted time first; returns the fits by name, in given order.
+    """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
 
     settings: by the regression's name, or a function of the regression. executor: None fits one after the other
     here. checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
-    progress: called here as ``progress(name, seconds_used, seconds_allotted, rms, hidden)``.
+    progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``.
 
     Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits still waiting are
     then cancelled, those running go on in their workers until the executor is shut down.
@@ -44,7 +44,7 @@ def fit_all(
     chosen = _settings_by_name(regressions, settings)
     for regression in regressions:
         check(regression)
-    order = sorted(regressions, key=lambda r: -chosen[r.name].max_time_s)
+    order = sorted(regressions, key=lambda r: -chosen[r.name].max_gflop)
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
         folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -82,14 +82,14 @@ def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint
     """In the worker: fit, and write the progress file now and then."""
     told = -_TELL_EVERY_S
 
-    def tell(name: str, used_s: float, allotted_s: float, rms: float, hidden: tuple[int, ...]) -> None:
+    def tell(name: str, used: float, allotted: float, rms: float, hidden: tuple[int, ...]) -> None:
         nonlocal told
         if time.monotonic() - told < _TELL_EVERY_S:
             return
         told = time.monotonic()
         # Progress is a courtesy: a full or unreachable disc must not end hours of training.
         with suppress(OSError), replacing(report, durable=False) as beside:
-            beside.write_text(json.dumps([name, used_s, allotted_s, rms, hidden]), "utf-8")
+            beside.write_text(json.dumps([name, used, allotted, rms, hidden]), "utf-8")
 
     try:
         return fit(regression, settings, checkpoint, tell)
@@ -119,7 +119,7 @@ def _collect(futures: dict[str, Future[Fit]], reports: dict[str, Path], progress
 
 def _last_report(report: Path) -> tuple[str, float, float, float, tuple[int, ...]] | None:
     try:
-        name, used_s, allotted_s, rms, hidden = json.loads(report.read_text("utf-8"))
+        name, used, allotted, rms, hidden = json.loads(report.read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    return name, used_s, allotted_s, rms, tuple(hidden)
+    return name, used, allotted, rms, tuple(hidden)

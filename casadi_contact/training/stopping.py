@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from math import isfinite
 
 ERROR_REACHED = "error reached"
-TIME_USED = "time used"
+BUDGET_USED = "budget used"
 ITERATION_LIMIT = "iteration limit"
 VALIDATION_RISING = "validation error rising"
 STALLED = "stalled"
+# The error might have fallen further; surrogate files of before say "time used".
+LIMITS = (BUDGET_USED, ITERATION_LIMIT, "time used")
 
 
 def error_reached(training_rms: float, validation_rms: float, tolerance: float) -> bool:
@@ -22,9 +24,9 @@ def error_reached(training_rms: float, validation_rms: float, tolerance: float) 
     return training_rms <= tolerance and not validation_rms > tolerance
 
 
-def time_used(seconds: float, max_time_s: float) -> bool:
-    """Criterion 2: the allotted time is over."""
-    return seconds >= max_time_s
+def budget_used(gflop: float, max_gflop: float) -> bool:
+    """Criterion 2, the paper's allotted time counted as work."""
+    return gflop >= max_gflop
 
 
 def validation_rising(validation_rms: Sequence[float], rises: int) -> bool:

@@ -59,7 +59,7 @@ def refine(
     model: RefinementModel,
     *,
     rounds: int = 3,
-    seconds: float = 60.0,
+    gflop: float = 600.0,
     per_frame: int = 20,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
@@ -69,7 +69,8 @@ def refine(
     solve: surrogate -> poses (n, 6) of the solution and which frames (n,) are solved. A problem may keep its poses in
     ``record["pose_range"]``: frames that this leaves unsolved fail, and the range grows with the samples around them.
     samples: what the surrogate was trained on. model: verifies, settles and labels the new samples
-    (`per_frame` static analyses around each failing frame). seconds: training at most, for each network.
+    (`per_frame` static analyses around each failing frame). gflop: budget of each network in each round, see
+    `TrainingSettings`.
     progress(text) is told each step. Nothing given is changed.
 
     Raises ValueError like `verify` and `with_trust`, and where no new sample could be drawn.
@@ -86,7 +87,7 @@ def refine(
         rng = np.random.default_rng([seed, number])
         new = _drawn_around(result.surrogate, result.verifications[-1], model, point, per_frame, rng)
         tell(f"round {number}: {len(new)} new samples")
-        better = _trained_on(result.surrogate, result.samples, new, seconds, rng)
+        better = _trained_on(result.surrogate, result.samples, new, gflop, rng)
         spent = time.perf_counter() - began
         check = _verified(better, solve, model)
         result = Refinement(
@@ -140,7 +141,7 @@ def _drawn_around(
 
 
 def _trained_on(
-    surrogate: Surrogate, known: Samples, new: Samples, seconds: float, rng: np.random.Generator
+    surrogate: Surrogate, known: Samples, new: Samples, gflop: float, rng: np.random.Generator
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
     calibrated on all."""
@@ -150,7 +151,7 @@ def _trained_on(
     networks, errors = {}, {}
     for regression in surrogate.regressions(some.join_samples(new)):
         start = surrogate.networks[regression.name]
-        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_time_s=seconds, restarts=0)
+        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
         wanted = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
         result = fit(wanted, settings, start=start)
         networks[regression.name], errors[regression.name] = result.network, result.rms

@@ -71,7 +71,7 @@ def run(
     chosen = _chosen(rows)
     writable_folder(out)
     count = min(count, 20) if quick else count
-    known = bench(patch, two_stage, kriging_points=400 if quick else 2000, kernel_seconds=4.0 if quick else 20.0)
+    known = bench(patch, two_stage, kriging_points=400 if quick else 2000, kernel_gflop=60.0 if quick else 300.0)
     lines: list[Line] = []
     curves: dict[str, Any] = {}
     for row in chosen:

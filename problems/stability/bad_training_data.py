@@ -87,7 +87,7 @@ def outcome(regression: Regression, clean: Regression, settings: TrainingSetting
 def measure(bench: Bench, count: int = 1500, iterations: int = 150) -> tuple[list[Line], None]:
     """Lines of row 8, for the first network of both structures."""
     samples = walking_samples(bench.models[EF_ANALYTIC], bench.poses, count, seed=5)
-    settings = TrainingSettings(sizes=((12, 12),), max_time_s=600.0, max_iterations=iterations, restarts=0)
+    settings = TrainingSettings(sizes=((12, 12),), max_iterations=iterations, restarts=0)
     untrained = {m: "is not trained" for m in METHODS if m not in SURROGATES}
     cells: dict[str, dict[str, float | str]] = {case: {} for case in ("clean", *CASES)}
     for method, structure in STRUCTURES.items():

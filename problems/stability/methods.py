@@ -76,7 +76,7 @@ class Bench:
 
 
 def bench(
-    patch: str = "knee", two_stage: str = "knee_two_stage", *, kriging_points: int = 1000, kernel_seconds: float = 20.0
+    patch: str = "knee", two_stage: str = "knee_two_stage", *, kriging_points: int = 1000, kernel_gflop: float = 300.0
 ) -> Bench:
     """Load or build every method. Kriging is fitted to `walking_samples` and left out, with the reason, where
     scikit-learn is absent. Raises FileNotFoundError for an unknown surrogate."""
@@ -97,7 +97,7 @@ def bench(
     try:
         samples = walking_samples(grids["fine"], solved.poses, kriging_points + kriging_points // 4)
         data = TrainingSet.of(samples)
-        kernel, _ = best_kernel(data, kernel_seconds)
+        kernel, _ = best_kernel(data, kernel_gflop)
         models[KRIGING] = KrigingModel(Kriging(data, min(kriging_points, len(data)), kernel), scene, kernel)
     except ImportError as error:
         missing[KRIGING] = str(error)

@@ -6,6 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.benchmark import time_batch, time_single_calls, unseen_walking
+from casadi_contact.benchmark import timing as timing_module
 from casadi_contact.benchmark.timing import compare
 from casadi_contact.dataset import TEST, TRAIN, Samples
 from casadi_contact.dataset.errors import domain_errors, load_errors
@@ -49,6 +50,44 @@ def test_unseen_walking_lies_inside_the_envelopes_and_is_new():
     assert np.all(tx >= envelopes.lower[:, column] - 1e-9)
     assert np.all(tx <= envelopes.upper[:, column] + 1e-9)
     assert not any(np.allclose(tx, cycle[:, 0]) for cycle in motion.poses)
+
+
+class HandClock:
+    """A clock that stands still unless somebody moves it on."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def perf_counter(self):
+        return self.now
+
+
+def test_times_are_seconds_per_pose_of_single_calls_and_of_batches(monkeypatch):
+    clock = HandClock()
+    monkeypatch.setattr(timing_module, "time", clock)
+
+    class Slow(ca.Callback):
+        """Takes two seconds a call."""
+
+        def __init__(self, columns):
+            super().__init__()
+            self.columns = columns
+            self.construct("slow", {})
+
+        def get_sparsity_in(self, i):
+            return ca.Sparsity.dense(6, self.columns)
+
+        def eval(self, arguments):
+            clock.now += 2.0
+            return [0.0]
+
+    def batch(poses):
+        clock.now += 2.0
+
+    poses = np.ones((10, 6))
+    assert time_batch(batch, poses) == pytest.approx(0.2)
+    assert timing_module.time_mapped(Slow(10), poses) == pytest.approx(0.2)
+    assert time_single_calls(Slow(1), poses) == pytest.approx(2.0)
 
 
 def test_timings_call_what_they_time():

@@ -32,7 +32,7 @@ from problems.stability.table import Line, print_table, write_table
 
 @pytest.fixture(scope="module")
 def bench():
-    return methods.bench(kriging_points=150, kernel_seconds=1.0)
+    return methods.bench(kriging_points=150, kernel_gflop=10.0)
 
 
 def only(bench, *chosen):
@@ -203,7 +203,7 @@ def smooth_regression(count=300):
 @pytest.mark.parametrize("case", list(bad_training_data.CASES))
 def test_bad_training_data_end_with_numbers_a_reason_and_an_error_that_tells(case):
     clean = smooth_regression()
-    settings = TrainingSettings(sizes=((6,),), max_time_s=60.0, max_iterations=60, restarts=0)
+    settings = TrainingSettings(sizes=((6,),), max_iterations=60, restarts=0)
     truth = bad_training_data.constant_output(clean) if case == "constant output" else clean
     error, said, stop = bad_training_data.outcome(bad_training_data.CASES[case](clean), truth, settings)
     if case == "a NaN":

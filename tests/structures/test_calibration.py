@@ -45,6 +45,25 @@ def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
     assert 2.0 < np.median(ratio) < 4.5
 
 
+def test_95_in_100_validation_errors_lie_below_and_test_rows_take_no_part(surrogate):
+    """The quantile is taken on validation rows: there coverage is exact but for a row for each coefficient."""
+    samples = made_up_samples(surrogate)
+    trusted = with_trust(surrogate, samples)
+    held_out = samples.select(role=VALIDATION)
+    below = np.abs(surrogate(held_out.poses) - held_out.loads(surrogate.load_names)) <= trusted.expected_error(
+        held_out.poses
+    )
+    loaded = held_out.loads(surrogate.load_names) != 0.0
+    for column, rows in zip(below.T, loaded.T, strict=True):
+        assert 0.945 < column[rows].mean() < 0.957
+    spoilt = samples.wrenches.copy()
+    spoilt[samples.role == TEST] *= 3.0
+    other = with_trust(surrogate, replace(samples, wrenches=spoilt))
+    np.testing.assert_array_equal(other.trust.levels, trusted.trust.levels)
+    np.testing.assert_array_equal(other.trust.shares, trusted.trust.shares)
+    assert other.info().coverage["D1"]["Fy"] < 0.5
+
+
 def test_a_tube_is_a_tube_not_a_box(surrogate):
     """tx and rz lie each within its range, but together they were never sampled."""
     trusted = with_trust(surrogate, made_up_samples(surrogate))

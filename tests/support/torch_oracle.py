@@ -73,14 +73,22 @@ def _two_stage(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.T
     )
 
 
-def oracle(surrogate: Surrogate, pose: np.ndarray, *, loads: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Value (m,), Jacobian (m, 6) and Hessians (m, 6, 6) of loads or root loads by autograd."""
+def oracle(
+    surrogate: Surrogate, pose: np.ndarray, weights: np.ndarray, *, loads: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Value (m,), Jacobian (m, 6) and Hessian (6, 6) of weights (m,)·value, of loads or root loads by autograd."""
     rule = {"patch": _patch, "two_stage": _two_stage}[surrogate.structure]
 
     def f(x):
         return rule(surrogate, x, loads)
 
     x = _tensor(pose)
-    jacobian = torch.autograd.functional.jacobian(f, x)
-    hessian = torch.stack([torch.autograd.functional.hessian(lambda y, i=i: f(y)[i], x) for i in range(len(jacobian))])
-    return f(x).numpy(), jacobian.numpy(), hessian.numpy()
+    hessian = torch.autograd.functional.hessian(lambda y: _tensor(weights) @ f(y), x)
+    return f(x).numpy(), torch.autograd.functional.jacobian(f, x).numpy(), hessian.numpy()
+
+
+def oracles(surrogate: Surrogate, poses: np.ndarray, weights: np.ndarray, *, loads: bool = True) -> list[np.ndarray]:
+    """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of poses (n, 6) with weights (n, m) each."""
+    rows = [oracle(surrogate, pose, w, loads=loads) for pose, w in zip(poses, weights, strict=True)]
+    values, jacobians, hessians = (np.stack(column) for column in zip(*rows, strict=True))
+    return [values, jacobians, hessians[:, None]]

@@ -8,11 +8,12 @@ import pytest
 
 from casadi_contact.network import Regression
 from casadi_contact.training import TrainingSettings, fit, search
-from casadi_contact.training.mlp import flatten
+from casadi_contact.training.arrays import arrays_for
+from casadi_contact.training.mlp import Mlp, flatten, initial_network
 from tests.support.regressions import smooth
 
-FIXED = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=40)
-GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_time_s=300.0, max_iterations=160)
+FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)
+GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 
 
 def sizes_in_order(result, settings):
@@ -25,7 +26,7 @@ def test_the_error_reached_ends_a_fit():
     assert result.stop_reason == "error reached"
     assert result.rms <= 2.0
     assert result.validation_rms <= 2.0
-    assert len(result.history["seconds"]) < 40
+    assert len(result.history["gflop"]) < 40
     weighted = data.weights * (result.network.value(data.inputs) - data.targets)
     assert result.rms == pytest.approx(np.sqrt(np.mean(weighted[~data.validation] ** 2)))
     assert result.parameter_count == result.network.parameter_count == (4 * 6) + (7 * 5) + 6
@@ -37,10 +38,46 @@ def test_iterations_end_a_fit():
     assert len(result.history["training_rms"]) == 40
 
 
-def test_time_ends_a_fit():
-    result = fit(smooth(), replace(FIXED, max_time_s=1e-9, max_iterations=None))
-    assert result.stop_reason == "time used"
+def test_the_budget_ends_a_fit():
+    result = fit(smooth(), replace(FIXED, max_gflop=1e-9, max_iterations=None))
+    assert result.stop_reason == "budget used"
     assert len(result.history["training_rms"]) == 1
+
+
+def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weights():
+    """Growth and restarts too go by work: nothing but the data, the settings and the budget shapes the result."""
+    settings = replace(GROWING, max_gflop=0.15, max_iterations=None)
+    quiet = fit(smooth(), settings)
+    seen = 0
+
+    def held_up(*_):  # a thief of CPU time at every fifth iteration
+        nonlocal seen
+        seen += 1
+        if seen % 5 == 0:
+            smooth(20_000)
+
+    busy = fit(smooth(), settings, progress=held_up)
+    assert quiet.stop_reason == busy.stop_reason == "budget used"
+    assert len(sizes_in_order(quiet, settings)) > 1
+    np.testing.assert_array_equal(flatten(quiet.network), flatten(busy.network))
+    assert quiet.gflop == busy.gflop >= 0.15
+
+
+def test_work_is_two_operations_for_each_row_and_weight_that_a_product_visits():
+    """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
+    data = smooth(100)
+    network = initial_network(data.inputs, data.targets, (4,), "tanh", 0)
+    mlp = Mlp(network, data.inputs, data.targets, data.weights, arrays_for("cpu"))
+    weights = 4 * 4 + 5
+    parameters, _ = mlp.evaluate(flatten(network))
+    assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2
+    mlp.accept(parameters)
+    assert mlp.flop == 6 * 100 * weights + 2 * 100 * 5**2
+    before = mlp.flop
+    mlp.gram_product(parameters)
+    assert mlp.flop - before == 4 * 100 * weights
+    mlp.gram()
+    assert mlp.flop - before == 4 * 100 * weights + 100 * weights**2
 
 
 def noise(rows=60):
@@ -51,7 +88,7 @@ def noise(rows=60):
 
 
 def test_validation_rising_ends_a_fit_and_the_best_weights_are_kept():
-    settings = TrainingSettings(sizes=((12, 12),), max_time_s=300.0, max_iterations=400, max_validation_rises=4)
+    settings = TrainingSettings(sizes=((12, 12),), max_iterations=400, max_validation_rises=4)
     result = fit(noise(), settings)
     assert result.stop_reason == "validation error rising"
     assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
@@ -128,8 +165,9 @@ def kill_after(iterations):
 
 
 @pytest.mark.parametrize("save_s", [0.0, 1000.0])
-def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s):
-    settings = replace(GROWING, checkpoint_every_s=save_s)
+@pytest.mark.parametrize("limit", [{}, {"max_iterations": None, "max_gflop": 0.15}])
+def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s, limit):
+    settings = replace(GROWING, checkpoint_every_s=save_s, **limit)
     whole, path = fit(smooth(), settings), tmp_path / "a.npz"
     for iterations in (1, 33, 50):
         with pytest.raises(KilledError):
@@ -138,7 +176,7 @@ def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s):
     np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
     for column in ("training_rms", "validation_rms", "size"):
         np.testing.assert_array_equal(resumed.history[column], whole.history[column])
-    assert (np.diff(resumed.history["seconds"]) >= 0.0).all()
+    np.testing.assert_array_equal(resumed.history["gflop"], whole.history["gflop"])
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -149,7 +187,7 @@ def test_a_finished_fit_comes_from_its_checkpoint(tmp_path, monkeypatch):
     again = fit(smooth(), FIXED, path)
     np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
     assert again.stop_reason == first.stop_reason
-    assert again.seconds == first.seconds
+    assert (again.gflop, again.cpu_s) == (first.gflop, first.cpu_s)
 
 
 def test_more_iterations_continue_a_finished_fit(tmp_path):
@@ -188,6 +226,9 @@ def test_foreign_and_newer_files_are_refused(tmp_path):
         fit(smooth(), FIXED, path)
     np.savez(path, format=99, digest="x")
     with pytest.raises(ValueError, match="format 99"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=1, digest="x")
+    with pytest.raises(ValueError, match="format 1, whose budget was seconds; delete it"):
         fit(smooth(), FIXED, path)
 
 
@@ -238,9 +279,10 @@ def test_duplicated_rows_and_constant_inputs_are_fitted():
     ("change", "message"),
     [
         ({"activation": "relu"}, "activation"),
-        ({"max_time_s": 0.0}, "max_time_s"),
+        ({"max_gflop": 0.0}, "max_gflop"),
+        ({"max_gflop": np.nan}, "max_gflop"),
         ({"max_iterations": 0}, "max_iterations"),
-        ({"max_iterations": None, "max_time_s": np.inf}, "expected an end"),
+        ({"max_iterations": None, "max_gflop": np.inf}, "expected an end"),
         ({"seed": -1}, "seed"),
         ({"stall_improvement": 1.0}, "stall_improvement"),
         ({"checkpoint_every_s": -1.0}, "checkpoint_every_s"),

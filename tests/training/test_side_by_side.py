@@ -3,15 +3,16 @@
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from threading import Event
 
 import numpy as np
 import pytest
 
-from casadi_contact.training import TrainingSettings, fit, fit_all
+from casadi_contact.training import TrainingSettings, fit, fit_all, side_by_side
 from casadi_contact.training.mlp import flatten
 from tests.support.regressions import smooth
 
-SETTINGS = TrainingSettings(sizes=((6, 5),), max_time_s=300.0, max_iterations=30)
+SETTINGS = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=30)
 DATA = [smooth(seed=k, name=name) for k, name in enumerate(("root_med", "Fx/lat", "root_lat"))]
 
 
@@ -37,28 +38,41 @@ def test_a_second_call_goes_on_from_the_checkpoints(tmp_path):
     second = fit_all(DATA, longer, None, tmp_path)
     for name in first:
         np.testing.assert_array_equal(
-            second[name].history["seconds"][:30], first[name].history["seconds"], "continued, not begun again"
+            second[name].history["gflop"][:30], first[name].history["gflop"], "continued, not begun again"
         )
-        assert len(second[name].history["seconds"]) == 45
+        assert len(second[name].history["gflop"]) == 45
 
 
-def test_the_longest_allotted_time_starts_first():
-    times = {"root_med": 10.0, "Fx/lat": 300.0, "root_lat": 100.0}
+def test_the_largest_budget_starts_first():
+    budgets = {"root_med": 10.0, "Fx/lat": 300.0, "root_lat": 100.0}
     order = []
 
     def progress(name, *_):
         if name not in order:
             order.append(name)
 
-    fit_all(DATA, {n: replace(SETTINGS, max_time_s=t, max_iterations=2) for n, t in times.items()}, progress=progress)
+    fit_all(DATA, {n: replace(SETTINGS, max_gflop=t, max_iterations=2) for n, t in budgets.items()}, progress=progress)
     assert order == ["Fx/lat", "root_lat", "root_med"]
 
 
-def test_progress_of_a_worker_reaches_the_caller(tmp_path):
-    told = []
-    slow = replace(SETTINGS, max_iterations=600, stall_improvement=0.0, max_validation_rises=10**6)
+def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
+    """The worker here goes on only when the caller has heard of its first iteration."""
+    told, heard = [], Event()
+
+    def patient_fit(regression, settings, checkpoint, tell):
+        def tell_and_wait(*line):
+            tell(*line)
+            assert heard.wait(60.0), "the caller heard nothing"
+
+        return fit(regression, settings, checkpoint, tell_and_wait)
+
+    def progress(*line):
+        told.append(line)
+        heard.set()
+
+    monkeypatch.setattr(side_by_side, "fit", patient_fit)
     with ThreadPoolExecutor(1) as pool:
-        fit_all([smooth(8000)], {"smooth": slow}, pool, tmp_path, lambda *line: told.append(line))
+        fit_all([smooth()], {"smooth": SETTINGS}, pool, tmp_path, progress)
     assert told
     assert all(line[0] == "smooth" and line[2] == 300.0 and line[4] == (6, 5) for line in told)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from casadi_contact.training.stopping import error_reached, stalled, time_used, validation_rising
+from casadi_contact.training.stopping import budget_used, error_reached, stalled, validation_rising
 
 NAN = float("nan")
 
@@ -15,9 +15,9 @@ def test_error_reached_on_training_and_validation_rows(training, validation, rea
     assert error_reached(training, validation, tolerance=1.0) is reached
 
 
-def test_time_used():
-    assert time_used(60.0, 60.0)
-    assert not time_used(59.9, 60.0)
+def test_the_budget_is_used_up_when_it_is_reached():
+    assert budget_used(60.0, 60.0)
+    assert not budget_used(59.9, 60.0)
 
 
 @pytest.mark.parametrize(

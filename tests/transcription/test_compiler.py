@@ -1,5 +1,6 @@
 """The cache of compiled kernels: made once, safe against races and damage, and never in the way."""
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -36,6 +37,36 @@ def test_the_same_source_is_compiled_once(cache):
     assert first.stat().st_mtime_ns == made
     other = compiler.shared_library(SOURCE.replace("42", "43"))
     assert {path.name for path in cache.iterdir()} == {first.name, other.name}
+
+
+@needs_compiler
+def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_kept(cache, monkeypatch):
+    """The compiler names in its macros what it was asked for; the cache tells libraries apart by it."""
+    source = """
+    int answer(void) {
+    #ifdef WANTED
+      return WANTED;
+    #else
+      return 0;
+    #endif
+    }
+    """
+    answers = {}
+    for flags in (None, "", "-DWANTED=1", "-DWANTED=2 -O1"):
+        monkeypatch.delenv(compiler.CFLAGS_VARIABLE, raising=False)
+        if flags is not None:
+            monkeypatch.setenv(compiler.CFLAGS_VARIABLE, flags)
+        library = compiler.shared_library(source)
+        assert compiler.shared_library(source) == library
+        answers[library] = ctypes.CDLL(str(library)).answer()
+    assert list(answers.values()) == [0, 0, 1, 2]
+
+
+@needs_compiler
+def test_flags_that_the_compiler_refuses_are_an_error_not_replaced(cache, monkeypatch):
+    monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-march=no-such-processor")
+    with pytest.raises(compiler.CompilerError, match="failed"):
+        compiler.shared_library(SOURCE)
 
 
 @needs_compiler
@@ -158,8 +189,10 @@ def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, refused, tmp
     refused("is a folder or a link")
 
 
-def test_an_unbalanced_quote_in_cc_is_one_line(cache, monkeypatch, refused):
-    monkeypatch.setenv("CC", "gcc '-O2")
+@pytest.mark.parametrize("variable", ["CC", compiler.CFLAGS_VARIABLE])
+@needs_compiler
+def test_an_unbalanced_quote_in_a_variable_is_one_line(cache, monkeypatch, refused, variable):
+    monkeypatch.setenv(variable, "gcc '-O2")
     refused("No closing quotation")
 
 

@@ -6,18 +6,13 @@ import pytest
 
 from casadi_contact.activations import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
+from tests.support.agreement import agree
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-
-
-def close(got, want, digits, least=1e-300):
-    """Equal to a fraction 10^-digits of the largest entry, or of `least` where that is larger."""
-    got, want = np.asarray(got), np.asarray(want)
-    np.testing.assert_allclose(got, want, rtol=10.0**-digits, atol=10.0**-digits * max(least, np.abs(want).max()))
 
 
 def second_derivatives(function: ca.Function) -> ca.Function:
@@ -27,6 +22,18 @@ def second_derivatives(function: ca.Function) -> ca.Function:
     return ca.Function("lagrangian_hessian", [pose, weights], [ca.hessian(lagrangian, pose)[0]])
 
 
+def evaluated(function: ca.Function, poses: np.ndarray, weights: np.ndarray) -> list[np.ndarray]:
+    """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of weights·value, called as nlpsol calls them."""
+    jacobian, hessian = function.jacobian(), second_derivatives(function)
+    found = [
+        np.stack([function(pose).full().ravel() for pose in poses]),
+        np.stack([jacobian(pose, 0).full() for pose in poses]),
+        np.stack([[hessian(pose, w).full()] for pose, w in zip(poses, weights, strict=True)]),
+    ]
+    np.testing.assert_array_equal(found[2], found[2].swapaxes(2, 3))
+    return found
+
+
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 @pytest.mark.parametrize(("scene", "structure"), CASES)
 @pytest.mark.parametrize("what", ["loads", "roots"])
@@ -34,44 +41,34 @@ def test_all_evaluations_agree(scene, structure, activation, what):
     surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
     poses = random_poses(12, seed=1)
     function = surrogate.function() if what == "loads" else surrogate.root_function()
-    hessian, jacobian = second_derivatives(function), function.jacobian()
-    values, jacobians = surrogate.jacobian(poses) if what == "loads" else surrogate.root_loads(poses)
+    in_numpy = surrogate.jacobian(poses) if what == "loads" else surrogate.root_loads(poses)
     if what == "loads":
-        np.testing.assert_array_equal(surrogate(poses), values)
+        np.testing.assert_array_equal(surrogate(poses), in_numpy[0])
     signs = np.sign(surrogate.root_loads(poses)[0])
     assert {-1.0, 1.0} <= set(signs.ravel()), "the poses must lie on both sides of liftoff"
-    rng = np.random.default_rng(5)
-    for pose, value, jac in zip(poses, values, jacobians, strict=True):
-        want, want_jacobian, want_hessian = torch_oracle.oracle(surrogate, pose, loads=what == "loads")
-        close(value, want, 12)
-        close(function(pose).full().ravel(), want, 12)
-        close(jac, want_jacobian, 9)
-        close(jacobian(pose, 0).full(), want_jacobian, 9)
-        weights = rng.normal(size=len(want))
-        got = hessian(pose, weights).full()
-        np.testing.assert_array_equal(got, got.T)
-        close(got, np.einsum("l,lij->ij", weights, want_hessian), 9)
+    weights = np.random.default_rng(5).normal(size=in_numpy[0].shape)
+    wanted = torch_oracle.oracles(surrogate, poses, weights, loads=what == "loads")
+    for order, (graph, want) in enumerate(zip(evaluated(function, poses, weights), wanted, strict=True)):
+        agree(graph, want, order)
+        if order < 2:
+            agree(in_numpy[order], want, order)
+            np.testing.assert_array_equal(in_numpy[order] == 0.0, want == 0.0, "out of contact all is exactly zero")
 
 
 @pytest.mark.parametrize(("scene", "structure"), CASES)
 def test_combined_and_numeric_functions_agree_with_the_single_ones(scene, structure):
     surrogate = random_surrogate(scene_called(scene), structure, seed=8)
     loads, roots, both = surrogate.function(), surrogate.root_function(), surrogate.load_and_root_function()
-    numeric, pose = surrogate.jacobian_function(), ca.MX.sym("pose", 6)
-    weights = ca.MX.sym("w", loads.numel_out(0) + roots.numel_out(0))
-    single = ca.Function(
-        "a", [pose, weights], list(ca.hessian(ca.dot(weights, ca.vertcat(loads(pose), roots(pose))), pose))
-    )
-    double = ca.Function("b", [pose, weights], list(ca.hessian(ca.dot(weights, ca.vertcat(*both(pose))), pose)))
-    rng = np.random.default_rng(2)
-    for x in random_poses(8):
-        close(both(x)[0], loads(x), 14)
-        close(both(x)[1], roots(x), 14)
-        close(numeric(x)[0], loads(x), 14)
-        close(numeric(x)[1], loads.jacobian()(x, 0), 14)
-        w = rng.normal(size=weights.numel())
-        for got, want in zip(double(x, w), single(x, w), strict=True):
-            close(got, want, 13)
+    numeric, pose, poses = surrogate.jacobian_function(), ca.MX.sym("pose", 6), random_poses(8)
+    singles = ca.Function("a", [pose], [ca.vertcat(loads(pose), roots(pose))])
+    together = ca.Function("b", [pose], [ca.vertcat(*both(pose))])
+    weights = np.random.default_rng(2).normal(size=(len(poses), singles.numel_out(0)))
+    wanted = evaluated(singles, poses, weights)
+    for order, (got, want) in enumerate(zip(evaluated(together, poses, weights), wanted, strict=True)):
+        agree(got, want, order)
+    found = [[output.full() for output in numeric(x)] for x in poses]
+    agree([value.ravel() for value, _ in found], wanted[0][:, : loads.numel_out(0)])
+    agree([jacobian for _, jacobian in found], wanted[1][:, : loads.numel_out(0)], 1)
 
 
 def test_third_derivatives_exist():

@@ -10,7 +10,8 @@ from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.chunk import draw_chunk
 from casadi_contact.structures.load import ready_surrogates
-from tests.transcription.test_consistency import close, second_derivatives, torch_oracle
+from tests.support.agreement import CANCELLED, agree
+from tests.transcription.test_consistency import evaluated, torch_oracle
 
 
 @pytest.fixture(scope="module")
@@ -28,27 +29,18 @@ def poses_of_domain():
 
 
 @pytest.mark.parametrize("name", ready_surrogates())
-@pytest.mark.parametrize("domain", DOMAINS)
-def test_all_evaluations_agree_in_every_domain(name, domain, poses_of_domain):
+def test_all_evaluations_agree_in_every_domain(name, poses_of_domain):
     surrogate = cc.load_surrogate(name)
-    functions = [surrogate.function(), surrogate.function(compiled=True)]
-    weights = np.linspace(-1.0, 1.0, len(surrogate.load_names))
-    # Near zero load, digits are lost in differences of numbers of the size of a usual load: that size is the measure.
-    usual = np.abs(surrogate(poses_of_domain["D1"])).max(axis=0)
-    # Trained two_stage networks add up last-layer terms of thousands of times their sum: one more digit is lost.
-    digits = 12 if surrogate.structure == "patch" else 11
-    for pose in poses_of_domain[domain]:
-        want, want_jacobian, want_hessian = torch_oracle.oracle(surrogate, pose, loads=True)
-        loads, jacobian = surrogate.jacobian(pose[None])
-        close(loads[0] / usual, want / usual, digits, least=1.0)
-        close(jacobian[0] / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
-        weighted = np.einsum("l,lij->ij", weights, want_hessian)
-        for function in functions:
-            close(function(pose).full().ravel() / usual, want / usual, digits, least=1.0)
-            got = function.jacobian()(pose, 0).full()
-            close(got / usual[:, None], want_jacobian / usual[:, None], 9, least=1.0)
-            got = second_derivatives(function)(pose, weights).full()
-            close(got / usual.max(), weighted / usual.max(), 9, least=1.0)
+    poses = np.concatenate(list(poses_of_domain.values()))
+    in_numpy = surrogate.jacobian(poses)
+    weights = np.tile(np.linspace(-1.0, 1.0, len(surrogate.load_names)), (len(poses), 1))
+    wanted = torch_oracle.oracles(surrogate, poses, weights)
+    for order in range(2):
+        agree(in_numpy[order], wanted[order], order, amplified=CANCELLED[surrogate.structure])
+    for compiled in (False, True):
+        found = evaluated(surrogate.function(compiled=compiled), poses, weights)
+        for order, (got, want) in enumerate(zip(found, wanted, strict=True)):
+            agree(got, want, order, amplified=CANCELLED[surrogate.structure])
 
 
 def test_the_shipped_knee_is_as_accurate_as_the_readme_says(poses_of_domain):

@@ -32,7 +32,7 @@ def sampled(half_width_mm: float, count: int = 1500) -> Samples:
 def start():
     """A small surrogate of the middle of the plane, and its samples."""
     samples = sampled(2.0)
-    settings = TrainingSettings(sizes=((6, 6),), max_time_s=5.0, max_iterations=150)
+    settings = TrainingSettings(sizes=((6, 6),), max_iterations=150)
     networks = {r.name: fit(r, settings).network for r in PatchSurrogate.regressions(samples)}
     return with_trust(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
 
@@ -55,7 +55,7 @@ def test_a_case_outside_the_learned_region_is_brought_to_tolerance(start):
     surrogate, samples = start
     before = {name: network.weights[0].copy() for name, network in surrogate.networks.items()}
     told = []
-    result = cc.refine(surrogate, samples, solve, MODEL, rounds=5, seconds=2.0, progress=told.append)
+    result = cc.refine(surrogate, samples, solve, MODEL, rounds=5, gflop=5.0, progress=told.append)
     first = result.verifications[0]
     assert not first.passed
     assert not first.solved[-1]

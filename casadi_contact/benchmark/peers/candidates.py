@@ -25,35 +25,36 @@ FAMILIES = ("polynomial", "Kriging", "radial basis", "lazy learning", "time-dela
 def peer_candidates(
     samples: Samples,
     *,
-    seconds: float,
+    gflop: float,
     two_stage: Surrogate | None = None,
     names: Sequence[str] | None = None,
     motion: ReferenceMotion | None = None,
     domains: Sequence[str] | None = None,
     families: Sequence[str] = FAMILIES,
 ) -> Iterator[Candidate]:
-    """Every peer, fitted on the training samples on one thread within about `seconds` a family, as it gets ready.
+    """Every peer, fitted on the training samples on one thread within `gflop` a family, as it gets ready.
 
+    gflop: budget of 10⁹ floating-point operations, counted and not timed, so that a busy machine gives the same peers.
     names: loads to predict, the scene's if left out. two_stage: the surrogate whose other forms are timed. motion:
     what the history model learns from. domains: fit on the samples of these domains alone, and say so in the names; a
     method that holds few points may serve one domain better than all. A family that lacks what it needs, or fails,
     becomes one candidate with model None and the failure's text, beside what it gave before. Raises ValueError for
-    samples without training rows, unknown loads or families, and seconds that are not positive.
+    samples without training rows, unknown loads or families, and a budget that is not positive.
     """
-    if not seconds > 0.0:
-        raise ValueError(f"seconds is {seconds!r}, expected a time above 0")
+    if not gflop > 0.0:
+        raise ValueError(f"gflop is {gflop!r}, expected 10⁹ operations, above 0")
     unknown = [family for family in families if family not in FAMILIES]
     if unknown:
         raise ValueError(f"unknown peer {unknown[0]!r}, expected some of {', '.join(FAMILIES)}")
     data = TrainingSet.of(samples if domains is None else samples.select(domain=domains), names)
     suffix = "" if domains is None else f" ({', '.join(domains)})"
     peers: dict[str, Peer] = {
-        "polynomial": lambda: polynomials(data, seconds),
-        "Kriging": lambda: kriging(data, seconds),
-        "radial basis": lambda: radial_basis(data, seconds),
-        "lazy learning": lambda: lazy_learning(data, seconds),
-        "time-delay network": lambda: history(data, seconds, motion),
-        "two-stage form": lambda: two_stage_forms(two_stage, data.load_names, seconds),
+        "polynomial": lambda: polynomials(data, gflop),
+        "Kriging": lambda: kriging(data, gflop),
+        "radial basis": lambda: radial_basis(data, gflop),
+        "lazy learning": lambda: lazy_learning(data),
+        "time-delay network": lambda: history(data, gflop, motion),
+        "two-stage form": lambda: two_stage_forms(two_stage, data.load_names),
     }
     made = (candidate for family in families for candidate in _kept(family, peers[family]))
     return (replace(candidate, name=candidate.name + suffix) for candidate in made)

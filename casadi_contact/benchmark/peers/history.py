@@ -105,7 +105,7 @@ class SinglePoses:
         return self._networks(self._input.ravel())
 
 
-def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -> Iterator[Candidate]:
+def history(data: TrainingSet, gflop: float, motion: ReferenceMotion | None) -> Iterator[Candidate]:
     """Time-delay networks trained on the motion's cycles, in sequence and on single poses.
 
     The samples have no order in time, so this peer alone is trained on the reference motion's frames, with the
@@ -115,14 +115,14 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
     if motion is None or len(motion.poses) < 2:
         raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
     count, frames = motion.poses.shape[:2]
-    began = time.perf_counter()
+    began = time.process_time()
     teacher = ElasticFoundation(data.scene, data.scene.grids["teacher"])
     columns = [teacher.load_names.index(name) for name in data.load_names]
     loads = teacher(motion.poses.reshape(-1, 6))[:, columns]
     inputs = with_history(motion.poses).reshape(count * frames, -1)
     held = max(1, round(VALIDATION_SHARE * count))
     validation = np.repeat(np.arange(count) >= count - held, frames)
-    settings = TrainingSettings(sizes=((HIDDEN,),), max_time_s=seconds / len(data.load_names))
+    settings = TrainingSettings(sizes=((HIDDEN,),), max_gflop=gflop / len(data.load_names))
     networks = DelayNetworks(
         [
             fit(Regression(name, inputs, loads[:, k], np.ones(len(inputs)), validation, 0.0), settings).network
@@ -130,7 +130,7 @@ def history(data: TrainingSet, seconds: float, motion: ReferenceMotion | None) -
         ],
         data.ceiling,
     )
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     # The cycles that stopped the training: the same frames once with and once without their past.
     held_back, wanted = motion.poses[count - held :].reshape(-1, 6), loads[validation]
     models: tuple[InSequence | SinglePoses, ...] = (

@@ -3,8 +3,8 @@
     F(x) = mean + deviation·Σ_i α_i k(x, x_i),   k = c·(1 + r + r²/3)·exp(-r),   r² = 5·Σ_j (x_j - x_ij)²/l_j²
 
 One kernel serves all loads: one factorisation and one row of k for seven loads, so that more points fit into the
-same time. Length scales and nugget maximise the likelihood of a subset, from several starts; of an interpolating and a
-regressing kernel the better is kept, and the points are doubled.
+same budget. Length scales and nugget maximise the likelihood of a subset, from several starts; of an interpolating and
+a regressing kernel the better is kept, and the points are doubled.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpocon
-from scipy.optimize import OptimizeResult, minimize
+from scipy.optimize import minimize
 
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.peers.growth import grow
@@ -135,41 +135,44 @@ def _condition(lower: Array) -> float:
     return 1.0 / reciprocal if reciprocal > 0.0 else float("inf")
 
 
-class TimedAscent:
-    """scikit-learn's own optimiser (L-BFGS-B on the likelihood), which stops at a limit of seconds per start.
+def likelihood_gflop(count: int) -> float:
+    """10⁹ operations of one likelihood with its gradient: factor and inverse of the kernel matrix, n³/3 and 2n³, and
+    200 an entry for the kernel and its derivatives, counted ten times because they run so much slower."""
+    return 1e-9 * (7.0 / 3.0 * count**3 + 2000.0 * count**2)
 
-    evaluations counts likelihoods, so that the cost of a larger subset can be told beforehand.
-    """
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds, self.evaluations = seconds, 0
+def fit_gflop(count: int) -> float:
+    """10⁹ operations of a fit with a given kernel, some 100 an entry; scikit-learn factorises twice."""
+    return 1e-9 * (2.0 / 3.0 * count**3 + 100.0 * count**2)
+
+
+class Ascent:
+    """scikit-learn's own optimiser (L-BFGS-B on the likelihood) with a limit of likelihoods a start; ``evaluations``
+    counts them over all starts."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.evaluations = most, 0
 
     def __call__(self, objective: Callable[[Array], Any], start: Array, bounds: Array) -> tuple[Array, float]:
         """Best point found within the bounds, and its objective."""
-        deadline = time.perf_counter() + self.seconds
-
-        def stop(intermediate_result: OptimizeResult) -> None:
-            if time.perf_counter() > deadline:
-                raise StopIteration
-
-        found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, callback=stop)
+        found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxfun": self.most})
         self.evaluations += found.nfev
         return found.x, found.fun
 
 
-def tuned_kernel(data: TrainingSet, seconds: float, largest_nugget: float) -> tuple[Any, int]:
-    """The kernel of greatest likelihood on the largest subset that `seconds` allow, and the subset's size.
+def tuned_kernel(data: TrainingSet, gflop: float, largest_nugget: float) -> tuple[Any, int]:
+    """The kernel of greatest likelihood on the largest subset that the budget allows, and the subset's size.
 
     On the smallest subset the likelihood has several maxima: it is climbed from the STARTS most likely isotropic
     kernels of a coarse grid, which finds better ones than random restarts. Each larger subset starts from the answer
-    before; each subset gets half of the time left.
+    before; each subset gets half of what is left of the budget.
     """
     gaussian_process = _sklearn()
     mean, deviation = data.load_scale
     x, y = (data.poses - data.centre) / data.spread, (data.loads - mean) / deviation
-    count, left, ascents = min(SMALLEST_SUBSET, len(data)), seconds, STARTS
+    count, ascents = min(SMALLEST_SUBSET, len(data)), STARTS
 
-    def fitted(kernel: Any, ascent: TimedAscent | None) -> Any:
+    def fitted(kernel: Any, ascent: Ascent | None) -> Any:
         process = gaussian_process.GaussianProcessRegressor(kernel, optimizer=ascent)
         with warnings.catch_warnings():
             # A length scale or nugget at its bound is an answer here (a load may ignore a pose parameter).
@@ -180,19 +183,16 @@ def tuned_kernel(data: TrainingSet, seconds: float, largest_nugget: float) -> tu
         ordered = sorted(processes, key=lambda p: -p.log_marginal_likelihood_value_)
         return [process.kernel_ for process in ordered]
 
-    began = time.perf_counter()
-    starts = most_likely([fitted(kernel, None) for kernel in _isotropic_kernels(largest_nugget)])
-    left -= time.perf_counter() - began
+    grid = _isotropic_kernels(largest_nugget)
+    starts, left = most_likely([fitted(kernel, None) for kernel in grid]), gflop - len(grid) * fit_gflop(count)
     while True:
-        began = time.perf_counter()
-        ascent = TimedAscent(0.5 * left / ascents)
+        ascent = Ascent(max(1, int(0.5 * left / ascents / likelihood_gflop(count))))
         starts = most_likely([fitted(kernel, ascent) for kernel in starts[:ascents]])
-        took = time.perf_counter() - began
-        left, ascents = left - took, 1
-        next_evaluation = 8.0 * took / max(ascent.evaluations, 1)  # a likelihood costs n³
-        if count == len(data) or next_evaluation * FEWEST_EVALUATIONS > 0.5 * left:
+        left, ascents = left - ascent.evaluations * likelihood_gflop(count), 1
+        larger = min(2 * count, len(data))
+        if larger == count or FEWEST_EVALUATIONS * likelihood_gflop(larger) > 0.5 * left:
             return starts[0], count
-        count = min(2 * count, len(data))
+        count = larger
 
 
 def _isotropic_kernels(largest_nugget: float) -> list[Any]:
@@ -205,7 +205,7 @@ def _isotropic_kernels(largest_nugget: float) -> list[Any]:
     ]
 
 
-def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
+def best_kernel(data: TrainingSet, gflop: float) -> tuple[Any, int]:
     """A kernel that interpolates and one that regresses, both tuned; the one that predicts TRIAL_POINTS others better.
 
     The likelihood of few points in six dimensions often takes what it cannot resolve for noise, though the samples
@@ -213,7 +213,7 @@ def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
     """
     count = min(TRIAL_POINTS, len(data) // 2)
     others, deviation = slice(count, 2 * count), data.load_scale[1]
-    tuned = [tuned_kernel(data, seconds / len(LARGEST_NUGGETS), nugget) for nugget in LARGEST_NUGGETS]
+    tuned = [tuned_kernel(data, gflop / len(LARGEST_NUGGETS), nugget) for nugget in LARGEST_NUGGETS]
     errors = []
     for kernel, _ in tuned:
         try:
@@ -225,14 +225,14 @@ def best_kernel(data: TrainingSet, seconds: float) -> tuple[Any, int]:
     return tuned[int(np.argmin(errors))]
 
 
-def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
-    """Gaussian processes on 1000, 2000, ... points: half of the seconds for the kernel, half for the points."""
-    began = time.perf_counter()
-    kernel, subset = best_kernel(data, seconds / 2.0)
-    tuning = time.perf_counter() - began
+def kriging(data: TrainingSet, gflop: float) -> Iterator[Candidate]:
+    """Gaussian processes on 1000, 2000, ... points: half of the budget for the kernel, half for the points."""
+    began = time.process_time()
+    kernel, subset = best_kernel(data, gflop / 2.0)
+    tuning = time.process_time() - began
 
     def fit(count: int) -> Candidate:
-        start = time.perf_counter()
+        start = time.process_time()
         model = Kriging(data, count, kernel)
         return Candidate(
             f"{FAMILY} {count}",
@@ -242,7 +242,7 @@ def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
             time_jacobian=single_calls(model.jacobian_one),
             time_batch=one_call(model),
             samples=count,
-            training_seconds=tuning + time.perf_counter() - start,
+            training_seconds=tuning + time.process_time() - start,
             parameters=model.parameter_count,
             remark=(
                 f"condition number {model.condition:.1e}, nugget {kernel.k2.noise_level:.1e}, kernel tuned on {subset} "
@@ -250,4 +250,11 @@ def kriging(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
             ),
         )
 
-    yield from grow(fit, family=FAMILY, points=len(data), seconds=seconds - tuning, bytes_per_pair=BYTES_PER_PAIR)
+    yield from grow(
+        fit,
+        family=FAMILY,
+        points=len(data),
+        gflop=gflop / 2.0,
+        gflop_of=fit_gflop,
+        bytes_per_pair=BYTES_PER_PAIR,
+    )

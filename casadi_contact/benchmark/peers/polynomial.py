@@ -135,25 +135,29 @@ class Polynomial:
         return (multipliers @ self._order(pose, 2).reshape(-1, 21))[self._full]
 
 
-def polynomials(data: TrainingSet, seconds: float) -> Iterator[Candidate]:
-    """One response surface for each degree that the number of samples allows, within the seconds in all."""
-    spent = took = 0.0
-    last_terms = 0
+def fit_gflop(samples: int, terms: int) -> float:
+    """10⁹ operations of least squares by the singular value decomposition [Golub and Van Loan, §5.5: 2mn² + 11n³]."""
+    return 1e-9 * (2.0 * samples * terms**2 + 11.0 * terms**3)
+
+
+def polynomials(data: TrainingSet, gflop: float) -> Iterator[Candidate]:
+    """One response surface for each degree that the number of samples allows, within the budget in all."""
+    left = gflop
     for degree in DEGREES:
         name, terms = f"{FAMILY} {degree}", comb(degree + 6, 6)
-        needed = took * (terms / last_terms) ** 2 if last_terms else 0.0  # least squares costs samples·terms²
-        if spent + needed > seconds:
-            left = f"needs about {needed:.0f} s, {max(seconds - spent, 0.0):.0f} of {seconds:.0f} s are left"
-            yield Candidate(name, FAMILY, None, samples=len(data), failure=left)
+        needed = fit_gflop(len(data), terms)
+        if needed > left:
+            failure = f"needs about {needed:.3g} Gflop, {left:.3g} of {gflop:.3g} are left"
+            yield Candidate(name, FAMILY, None, samples=len(data), failure=failure)
             continue
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             model = Polynomial(data, degree)
         except (ValueError, np.linalg.LinAlgError, MemoryError) as error:
             yield Candidate(name, FAMILY, None, samples=len(data), failure=str(error) or type(error).__name__)
             continue
-        took, last_terms = time.perf_counter() - began, terms
-        spent += took
+        took = time.process_time() - began
+        left -= needed
         model(data.poses[:1]), model.one(data.poses[0])  # compiles the loops, which is no part of any measured time
         multipliers = np.ones(len(data.load_names))
         yield Candidate(

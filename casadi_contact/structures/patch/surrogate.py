@@ -54,7 +54,7 @@ class PatchSurrogate(Surrogate):
 
     structure = "patch"
     title = "patch surrogate"
-    seconds_shares: ClassVar[Mapping[str, float]] = {"ratio": 0.2}  # smoother than a root load, and sooner good enough
+    budget_shares: ClassVar[Mapping[str, float]] = {"ratio": 0.2}  # smoother than a root load, and sooner good enough
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:

@@ -2,6 +2,9 @@
 
 The file's name holds the digest of what it was made from (source, compiler, flags, processor) and of its own bytes:
 a half-written or damaged file is recognised and made again, and two processes may compile the same source at once.
+
+A library is compiled for the instruction set of this processor. ``CASADI_CONTACT_CFLAGS`` replaces that choice: with
+``-march=x86-64-v3`` it runs on any processor with AVX2, with ``-march=x86-64-v2`` on any x86-64 since 2009.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", 
 NATIVE = ("-march=native",)
 SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
 CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
+CFLAGS_VARIABLE = "CASADI_CONTACT_CFLAGS"
 
 
 class CompilerError(OSError):
@@ -35,11 +39,7 @@ class CompilerError(OSError):
 
 def compiler_command() -> list[str]:
     """$CC, or the first of cc, gcc and clang on the path; raises CompilerError if there is none."""
-    try:
-        wanted = shlex.split(os.environ.get("CC", ""))
-    except ValueError as error:
-        raise CompilerError(f"no C compiler: $CC is {os.environ['CC']!r} ({error})") from None
-    if wanted:
+    if wanted := _words_of("CC"):
         if shutil.which(wanted[0]) is None:
             raise CompilerError(f"no C compiler: $CC is {os.environ['CC']!r}, which is not on the path")
         return wanted
@@ -47,6 +47,19 @@ def compiler_command() -> list[str]:
         if found := shutil.which(name):
             return [found]
     raise CompilerError("no C compiler (cc, gcc, clang or $CC) on the path")
+
+
+def machine_flags() -> tuple[str, ...]:
+    """$CASADI_CONTACT_CFLAGS, which may be empty, or what asks for this processor's own instruction set."""
+    return NATIVE if CFLAGS_VARIABLE not in os.environ else tuple(_words_of(CFLAGS_VARIABLE))
+
+
+def _words_of(variable: str) -> list[str]:
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise CompilerError(f"${variable} is {text!r}, expected words as in a shell ({error})") from None
 
 
 def cache_folder() -> Path:
@@ -71,11 +84,11 @@ def _processor() -> str:
 
 def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+        return subprocess.run(command, capture_output=True, text=True, check=True)
     except subprocess.CalledProcessError as error:
         said = (error.stderr or error.stdout).strip().splitlines()
         raise CompilerError(f"{command[0]} failed: {said[0] if said else f'exit status {error.returncode}'}") from None
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except OSError as error:
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
 
@@ -83,10 +96,11 @@ def shared_library(source: str) -> Path:
     """Path of the compiled source, from the cache if it is there.
 
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails, and for a cache that is not the user's alone.
+    Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and for
+    a cache that is not the user's alone.
     """
-    command = compiler_command()
-    made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *NATIVE, _processor()])
+    command, chosen = compiler_command(), machine_flags()
+    made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
     key = hashlib.sha256(made_from.encode()).hexdigest()[:32]
     folder = Path(os.path.realpath(cache_folder()))
     try:
@@ -98,20 +112,23 @@ def shared_library(source: str) -> Path:
         folder = _process_folder()
         found = _intact(folder, key)
     try:
-        return found or _compiled(source, command, folder, key)
+        return found or _compiled(source, command, chosen, folder, key)
     except CompilerError:
         raise
     except OSError as error:
         raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
 
 
-def _compiled(source: str, command: list[str], folder: Path, key: str) -> Path:
+def _compiled(source: str, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
     with scratch_folder(folder, "kernel") as place:
         library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
         c_file.write_text(source, "utf-8")
         try:
-            _run([*command, *FLAGS, *NATIVE, "-o", str(library), str(c_file), "-lm"])
-        except CompilerError:  # not every compiler knows -march=native
+            _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"])
+        except CompilerError:
+            if chosen != NATIVE:  # what a user asked for is not replaced
+                raise
+            # Not every compiler knows -march=native.
             _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"])
         library.chmod(0o700)
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"

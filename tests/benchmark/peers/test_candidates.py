@@ -10,7 +10,7 @@ from tests.support.smooth_samples import NAMES, smooth_poses, smooth_samples
 
 
 def test_every_family_is_in_the_table_and_every_stopwatch_runs():
-    made = list(peer_candidates(smooth_samples(100), seconds=1.0, names=NAMES))
+    made = list(peer_candidates(smooth_samples(100), gflop=1.0, names=NAMES))
     for family in FAMILIES:
         assert any(c.family.startswith(family) for c in made), family
     poses = smooth_poses(4, seed=1)
@@ -32,12 +32,12 @@ def test_every_family_is_in_the_table_and_every_stopwatch_runs():
 
 
 def test_a_family_that_breaks_does_not_end_the_run(monkeypatch):
-    def broken(data, seconds):
+    def broken(data, gflop):
         raise RuntimeError("out\nof order")
         yield
 
     monkeypatch.setattr("casadi_contact.benchmark.peers.candidates.radial_basis", broken)
-    made = list(peer_candidates(smooth_samples(300), seconds=1.0, families=["radial basis", "polynomial"]))
+    made = list(peer_candidates(smooth_samples(300), gflop=1.0, families=["radial basis", "polynomial"]))
     assert made[0].failure == "out of order"
     assert any(c.model is not None for c in made[1:])
 
@@ -53,15 +53,15 @@ def test_no_test_or_validation_sample_is_fitted():
 
 
 def test_domains_are_named():
-    made = list(peer_candidates(smooth_samples(300), seconds=1.0, domains=["D1"], families=["polynomial"]))
+    made = list(peer_candidates(smooth_samples(300), gflop=1.0, domains=["D1"], families=["polynomial"]))
     assert made[0].name == "polynomial 2 (D1)"
     assert made[0].samples == 160
 
 
 def test_mistakes_are_refused_in_words():
     with pytest.raises(ValueError, match="unknown peer 'magic'"):
-        peer_candidates(smooth_samples(100), seconds=1.0, families=["magic"])
-    with pytest.raises(ValueError, match="expected a time above 0"):
-        peer_candidates(smooth_samples(100), seconds=0.0)
+        peer_candidates(smooth_samples(100), gflop=1.0, families=["magic"])
+    with pytest.raises(ValueError, match="expected 10⁹ operations, above 0"):
+        peer_candidates(smooth_samples(100), gflop=0.0)
     with pytest.raises(ValueError, match="unknown load 'Fq'"):
-        peer_candidates(smooth_samples(100), seconds=1.0, names=["Fq"])
+        peer_candidates(smooth_samples(100), gflop=1.0, names=["Fq"])

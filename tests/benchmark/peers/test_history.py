@@ -35,7 +35,7 @@ def rolling_motion(cycles, frames=41):
 @pytest.fixture(scope="module")
 def trained():
     data = TrainingSet.of(smooth_samples(100), ("Fy",))
-    return {c.name: c for c in history(data, seconds=3.0, motion=rolling_motion(7))}
+    return {c.name: c for c in history(data, gflop=1.0, motion=rolling_motion(7))}
 
 
 def test_in_sequence_it_follows_and_alone_it_fails(trained):
@@ -59,6 +59,6 @@ def test_calls_one_after_the_other_are_the_sequence(trained):
 
 
 def test_without_cycles_it_stays_with_its_reason():
-    (only,) = peer_candidates(smooth_samples(100), seconds=1.0, families=["time-delay network"])
+    (only,) = peer_candidates(smooth_samples(100), gflop=1.0, families=["time-delay network"])
     assert only.model is None
     assert "give the reference motion, of at least 2 cycles" in only.failure

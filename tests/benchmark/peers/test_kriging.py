@@ -7,7 +7,7 @@ import pytest
 
 from casadi_contact.benchmark.peers import peer_candidates
 from casadi_contact.benchmark.peers.growth import grow
-from casadi_contact.benchmark.peers.kriging import Kriging, kriging
+from casadi_contact.benchmark.peers.kriging import Kriging, fit_gflop, kriging, tuned_kernel
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from tests.support.smooth_samples import NAMES, SPREAD, differences, smooth_poses, smooth_samples, smooth_wrenches
 
@@ -53,7 +53,7 @@ def test_jacobian_is_the_slope_of_the_value(data):
 
 def test_a_tuned_process_predicts_held_out_points():
     data = TrainingSet.of(smooth_samples(200), NAMES)
-    made = list(kriging(data, seconds=30.0))
+    made = list(kriging(data, gflop=10.0))
     best = [c for c in made if c.model is not None][-1]
     poses = smooth_poses(100, seed=6)
     off = best.model(poses) - smooth_wrenches(poses)[:, 0, [1, 0, 3]]
@@ -63,29 +63,38 @@ def test_a_tuned_process_predicts_held_out_points():
     assert "condition number" in best.remark
 
 
-def test_what_memory_or_time_does_not_allow_stays_with_its_reason(data):
+def test_the_kernel_is_tuned_on_a_subset_as_large_as_the_budget_allows_the_same_every_time():
+    data = TrainingSet.of(smooth_samples(360), NAMES)
+    small, large = (tuned_kernel(data, gflop, 1e-7) for gflop in (1.0, 14.0))
+    assert (small[1], large[1]) == (250, len(data))
+    np.testing.assert_array_equal(tuned_kernel(data, 1.0, 1e-7)[0].theta, small[0].theta)
+
+
+def test_what_memory_or_budget_does_not_allow_stays_with_its_reason(data):
     def fit(count):
         return Kriging(data, count, SMOOTH_KERNEL)
 
-    small = list(grow(fit, family="K", points=480, seconds=60.0, bytes_per_pair=48.0, first=100, memory=5e6))
+    common = {"family": "K", "points": 480, "gflop_of": fit_gflop, "bytes_per_pair": 48.0, "first": 100}
+    small = list(grow(fit, gflop=60.0, memory=5e6, **common))
     assert [isinstance(c, Kriging) for c in small] == [True, True, False]
     assert "GiB" in small[-1].failure
-    late = list(grow(fit, family="K", points=480, seconds=1e-9, bytes_per_pair=48.0, first=100))
-    assert [isinstance(c, Kriging) for c in late] == [True, False]
-    assert "are left" in late[-1].failure
+    for budget, models in ((1e-9, 1), (fit_gflop(100) + fit_gflop(200), 2)):
+        dear = list(grow(fit, gflop=budget, **common))
+        assert [isinstance(c, Kriging) for c in dear] == [True] * models + [False]
+        assert "are left" in dear[-1].failure
 
 
 def test_a_matrix_that_is_not_positive_stays_with_its_reason():
     def fit(count):
         raise np.linalg.LinAlgError("not positive definite")
 
-    (only,) = grow(fit, family="K", points=50, seconds=1.0, bytes_per_pair=48.0)
+    (only,) = grow(fit, family="K", points=50, gflop=1.0, gflop_of=fit_gflop, bytes_per_pair=48.0)
     assert only.model is None
     assert only.failure == "not positive definite"
 
 
 def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn", None)
-    (only,) = peer_candidates(smooth_samples(200), seconds=1.0, families=["Kriging"])
+    (only,) = peer_candidates(smooth_samples(200), gflop=1.0, families=["Kriging"])
     assert only.model is None
     assert only.failure == "Kriging needs scikit-learn: pip install casadi_contact[peers]"

@@ -50,6 +50,28 @@ def test_inconsistent_neighbours_make_it_ask():
     assert lenient.asked < 20
 
 
+@pytest.mark.parametrize(("limit_in_deviations", "asks"), [(0.5, 1.0), (1.3, 0.0)])
+def test_it_asks_where_the_neighbours_miss_their_plane_by_more_than_the_limit(limit_in_deviations, asks):
+    """Noise of a known deviation on a plane is what neighbours miss it by, about: a limit of half of it asks nearly
+    always, one above it hardly ever."""
+    deviation, tolerance = 50.0, SPHERE.tolerances["Fx"]
+
+    def noisy(poses):
+        values = plane_wrenches(poses)
+        values[:, 0, 0] += deviation * np.random.default_rng(len(poses)).standard_normal(len(poses))
+        return values
+
+    data = TrainingSet.of(smooth_samples(2000, noisy), ("Fx",))
+    learner = LazyLearner(data, CallableModel(SPHERE, noisy), limit_in_deviations * deviation / tolerance)
+    poses = smooth_poses(1, seed=8)[0] * 0.7 + smooth_poses(60, seed=8) * 0.3
+    asked = 0
+    for pose in poses:
+        learner.reset()
+        learner.one(pose)
+        asked += learner.asked
+    assert abs(asked / len(poses) - asks) < 0.35
+
+
 def test_answers_are_remembered_within_a_sequence_and_forgotten_between_sequences(learner):
     rng = np.random.default_rng(1)
     cloud = smooth_poses(1)[0] - 20.0 * SPREAD + 0.1 * SPREAD * rng.uniform(-1.0, 1.0, (80, 6))
@@ -62,7 +84,7 @@ def test_answers_are_remembered_within_a_sequence_and_forgotten_between_sequence
 
 
 def test_candidates_count_how_often_they_asked():
-    made = list(lazy_learning(TrainingSet.of(smooth_samples(600)), seconds=1.0))
+    made = list(lazy_learning(TrainingSet.of(smooth_samples(600))))
     assert [c.family for c in made] == ["lazy learning"] * 3
     assert all("of 60 validation poses" in c.remark for c in made)
     assert made[0].time_value(smooth_poses(5)) > 0.0

@@ -68,7 +68,7 @@ def test_a_pulling_force_is_clamped_with_its_slope():
 
 
 def test_a_degree_with_more_terms_than_samples_stays_as_a_failure():
-    made = {c.name: c for c in polynomials(TrainingSet.of(smooth_samples(150), NAMES), seconds=60.0)}
+    made = {c.name: c for c in polynomials(TrainingSet.of(smooth_samples(150), NAMES), gflop=60.0)}
     assert made["polynomial 3"].model is not None
     assert "condition number" in made["polynomial 3"].remark
     assert made["polynomial 4"].model is None

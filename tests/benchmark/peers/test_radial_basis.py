@@ -22,7 +22,7 @@ def test_it_interpolates_its_points(data, neighbours):
 
 
 def test_held_out_points_are_predicted(data):
-    made = {c.name: c for c in radial_basis(data, seconds=20.0)}
+    made = {c.name: c for c in radial_basis(data, gflop=20.0)}
     poses = smooth_poses(100, seed=6)
     want = smooth_wrenches(poses)[:, 0, [1, 0, 3]]
     for name, share in (("radial basis 640", 0.05), ("radial basis, local 100", 0.1)):

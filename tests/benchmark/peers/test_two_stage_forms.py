@@ -41,7 +41,7 @@ def test_generated_c_agrees_with_the_surrogate(surrogate):
         casadi_forms.compiler()
     except FileNotFoundError:
         pytest.skip("no C compiler")
-    agree(surrogate, compiled_form(plain_form(surrogate, NAMES, ca.MX), seconds=60.0))
+    agree(surrogate, compiled_form(plain_form(surrogate, NAMES, ca.MX)))
 
 
 def test_torch_agrees_with_the_surrogate(surrogate):
@@ -62,7 +62,7 @@ def test_torch_agrees_with_the_surrogate(surrogate):
 
 def test_a_form_that_cannot_be_built_stays_with_its_reason(surrogate, monkeypatch):
     monkeypatch.setattr(casadi_forms.shutil, "which", lambda name: None)
-    made = {c.name: c for c in two_stage_forms(surrogate, NAMES, seconds=60.0)}
+    made = {c.name: c for c in two_stage_forms(surrogate, NAMES)}
     assert made["two-stage, CasADi C"].model is None
     assert "no C compiler" in made["two-stage, CasADi C"].failure
     assert made["two-stage, CasADi MX"].model is not None
@@ -72,4 +72,4 @@ def test_a_form_that_cannot_be_built_stays_with_its_reason(surrogate, monkeypatc
 def test_another_structure_is_refused_in_words():
     patch = random_surrogate(load_scene("knee"), "patch")
     with pytest.raises(ValueError, match="need a two_stage surrogate, got a patch surrogate"):
-        list(two_stage_forms(patch, NAMES, seconds=1.0))
+        list(two_stage_forms(patch, NAMES))
