@@ -96,8 +96,8 @@ def shared_library(source: str) -> Path:
     """Path of the compiled source, from the cache if it is there.
 
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and for
-    a cache that is not the user's alone.
+    Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
+    for a cache that is not the user's alone.
     """
     command, chosen = compiler_command(), machine_flags()
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
