@@ -11,6 +11,8 @@ __version__ = "0.2.0.dev0"
 
 __all__ = [
     "CallableModel",
+    "ContactFrames",
+    "ContactInOpti",
     "ElasticFoundation",
     "RayCastFoundation",
     "Scene",
@@ -28,6 +30,7 @@ __all__ = [
 if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
+    from casadi_contact.optimisation import ContactFrames, ContactInOpti
     from casadi_contact.pipeline import build
     from casadi_contact.scenes import Scene, load_scene
     from casadi_contact.statics import relax, sensitive_directions, settle
@@ -37,6 +40,7 @@ else:
     _ROOMS = {
         "benchmark": ("choose",),
         "contact": ("CallableModel", "ElasticFoundation", "RayCastFoundation"),
+        "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),
         "statics": ("relax", "sensitive_directions", "settle"),

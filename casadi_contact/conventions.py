@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from casadi_contact.quantities import FORCE, quantity
+from casadi_contact.quantities import quantity
 
 Array = NDArray[np.float64]
 _Method = TypeVar("_Method", bound=Callable[..., Any])
@@ -29,16 +29,13 @@ WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 # Where each axis of a joint's frame grows towards, and where it comes from.
 ANATOMY = {"x": ("posterior", "anterior"), "y": ("superior", "inferior"), "z": ("medial", "lateral")}
 POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
+LEVER_MM = 25.0  # about what a knee's condyles lie off its middle: turns N·mm into comparable N, rad into comparable mm
+POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
 
 
 def load_unit(name: str) -> str:
     """Unit of a load by its name."""
     return quantity(name).unit
-
-
-def is_force(name: str) -> bool:
-    """True for a force (``Fy_med``, ``Fx``), False for a torque (``Tx``)."""
-    return quantity(name).kind == FORCE
 
 
 def pose_index(name: str) -> int:

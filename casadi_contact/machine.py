@@ -9,14 +9,25 @@ from pathlib import Path
 
 PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "h5py", "torch")
 
+# The widest vector instructions that the kernels can profit from, widest first, by the flag that Linux shows for them.
+_INSTRUCTION_SETS = {"avx512f": "AVX-512", "avx2": "AVX2", "avx": "AVX", "sse4_2": "SSE4.2", "asimd": "NEON"}
+_FLAGS_VARIABLE = "CASADI_CONTACT_CFLAGS"  # chooses the kernels' instruction set in place of this processor's own
 
-def _processor() -> str:
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.is_file():
-        for line in cpuinfo.read_text(errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+
+def _cpuinfo(*keys: str) -> str:
+    """The value of the first line of /proc/cpuinfo with one of the keys; empty where there is none."""
+    path = Path("/proc/cpuinfo")
+    for line in path.read_text(errors="replace").splitlines() if path.is_file() else ():
+        key, _, value = line.partition(":")
+        if key.strip() in keys:
+            return value.strip()
+    return ""
+
+
+def instruction_set(flags: str | None = None) -> str:
+    """The widest vector instructions of this processor ("AVX2"), or of one with the given flags; "unknown" without."""
+    known = set((_cpuinfo("flags", "Features") if flags is None else flags).split())
+    return next((name for flag, name in _INSTRUCTION_SETS.items() if flag in known), "unknown")
 
 
 def _version(package: str) -> str:
@@ -27,9 +38,11 @@ def _version(package: str) -> str:
 
 
 def machine_record() -> dict[str, str]:
-    """Processor, cores, system and versions, as plain text."""
+    """Processor, its instruction set, what kernels are compiled for, cores, system and versions, as plain text."""
     return {
-        "processor": _processor(),
+        "processor": _cpuinfo("model name") or platform.processor() or platform.machine(),
+        "instruction_set": instruction_set(),
+        "kernel_flags": os.environ.get(_FLAGS_VARIABLE, "-march=native"),
         "cores": str(os.cpu_count()),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),

@@ -4,6 +4,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,17 +12,18 @@ import pytest
 import casadi_contact
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
+PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
+    *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
     *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "activations", "network", "training", "transcription", "structures"),
-    *("presets", "project", "fitting", "verification", "benchmark", "report", "show", "pipeline"),
-    *("command_examples", "progress", "cli", "__main__"),
+    *("presets", "project", "fitting", "verification", "optimisation"),
+    *("benchmark", "report", "show", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]
 
 
-def imported_rooms(path: Path) -> set[str]:
-    """Rooms of casadi_contact that a file imports, anywhere in it, type checking aside."""
+def running_nodes(path: Path) -> list[ast.AST]:
+    """Everything in a file but what is there for type checking alone."""
     tree = ast.parse(path.read_text("utf-8"))
     only_types = {
         id(child)
@@ -29,10 +31,13 @@ def imported_rooms(path: Path) -> set[str]:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
         for child in ast.walk(node)
     }
+    return [node for node in ast.walk(tree) if id(node) not in only_types]
+
+
+def imported_rooms(path: Path) -> set[str]:
+    """Rooms of casadi_contact that a file imports, anywhere in it, type checking aside."""
     found = set()
-    for node in ast.walk(tree):
-        if id(node) in only_types:
-            continue
+    for node in running_nodes(path):
         if isinstance(node, ast.Import):
             modules = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -59,6 +64,41 @@ def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
         assert room in ROOMS, f"{path} is in no room"
         later = {other for other in imported_rooms(path) if ROOMS.index(other) > ROOMS.index(room)}
         assert not later, f"{path} imports from {later}, which comes after {room}"
+
+
+def module_imports(folder: Path) -> dict[str, set[str]]:
+    """Modules of a package, each with those of the same package that it imports, anywhere in it, type checking aside.
+
+    A package's own `__init__` is left out of what its modules import: Python runs it before them in any case.
+    """
+    paths = {".".join(p.relative_to(folder.parent).with_suffix("").parts): p for p in folder.rglob("*.py")}
+    names = {name.removesuffix(".__init__") for name in paths}
+    found: dict[str, set[str]] = {}
+    for name, path in paths.items():
+        module = name.removesuffix(".__init__")
+        used = set()
+        for node in running_nodes(path):
+            if isinstance(node, ast.Import):
+                used |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                full = [f"{node.module}.{alias.name}" for alias in node.names]
+                used |= {name if name in names else node.module for name in full}
+        found[module] = (used & names) - {module}
+    return found
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, PROBLEMS], ids=["library", "problems"])
+def test_no_module_imports_itself_through_others(folder):
+    try:
+        TopologicalSorter(module_imports(folder)).prepare()
+    except CycleError as error:
+        pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
+
+
+def test_only_a_problem_s_command_imports_its_report():
+    for module, used in module_imports(PROBLEMS).items():
+        reports = {name for name in used if name.endswith(".report")}
+        assert not reports or module.endswith("__main__"), f"{module} imports {reports}"
 
 
 def test_only_training_imports_torch_and_peers_inside_functions():

@@ -1,16 +1,82 @@
-"""Columns of numbers by name from a CSV file, checked."""
+"""Columns by name from a CSV file, checked, and into one."""
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, short
+from casadi_contact.files import MOST_TEXT, checked_size, replacing, short
+
+
+@dataclass(frozen=True)
+class TextColumns:
+    """Columns of a CSV file as text, before they are known to be numbers: header, and rows with their line numbers."""
+
+    path: Path
+    header: tuple[str, ...]
+    rows: tuple[tuple[int, tuple[str, ...]], ...]
+
+    @classmethod
+    def read(cls, path: str | Path, what: str = "file") -> TextColumns:
+        """Read a file; what names it in messages.
+
+        Raises FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows
+        and a file without rows.
+        """
+        path = Path(path)
+        if not path.is_file():
+            why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
+            raise FileNotFoundError(f"{what} {path} {why}")
+        checked_size(path, MOST_TEXT)
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as file:
+                rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"{path} is not a CSV text file ({error})") from None
+        if not rows:
+            raise ValueError(f"{path} is empty, expected a header and rows")
+        if len(rows) == 1:
+            raise ValueError(f"{path} has a header only, expected rows below it")
+        header = tuple(name.strip() for name in rows[0][1])
+        for line, row in rows[1:]:
+            if len(row) != len(header):
+                raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")
+        return cls(path, header, tuple((line, tuple(cell.strip() for cell in row)) for line, row in rows[1:]))
+
+    def require(self, *names: str) -> None:
+        """ValueError naming the columns that the file lacks, and those that it has."""
+        missing = [name for name in names if name not in self.header]
+        if missing:
+            which = f"columns {', '.join(missing)}" if len(names) > 1 else f"column {missing[0]}"
+            raise ValueError(f"{self.path} lacks the {which}; it has {short(', '.join(self.header))}")
+
+    def text(self, name: str) -> list[str]:
+        """A column (n,) as it stands; ValueError where the file lacks it or has it more than once."""
+        self.require(name)
+        if self.header.count(name) > 1:
+            raise ValueError(f"{self.path} has the column {name} more than once")
+        place = self.header.index(name)
+        return [row[place] for _, row in self.rows]
+
+    def numbers(self, name: str) -> Array:
+        """A column (n,) of finite numbers; ValueError likewise, and naming line and column of anything else."""
+        numbers = np.empty(len(self.rows))
+        for k, cell in enumerate(self.text(name)):
+            where = f"{self.path} line {self.rows[k][0]}, {name}"
+            try:
+                numbers[k] = float(cell)
+            except ValueError:
+                raise ValueError(f"{where}: got {short(cell)!r}, expected a number") from None
+            if not math.isfinite(numbers[k]):
+                raise ValueError(f"{where}: got {cell}, expected a finite number")
+        return numbers
 
 
 def read_columns(
@@ -18,44 +84,32 @@ def read_columns(
 ) -> dict[str, Array]:
     """The required columns and those of the optional ones that the file has, each (n,); others are ignored.
 
-    what names the file in messages.
-    Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing or repeated columns,
-    text among the numbers, ragged rows, NaN and a file without rows.
+    what names the file in messages. Raises FileNotFoundError and ValueError as `TextColumns` does.
     """
-    path = Path(path)
-    if not path.is_file():
-        why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
-        raise FileNotFoundError(f"{what} {path} {why}")
-    checked_size(path, MOST_TEXT)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV text file ({error})") from None
-    if not rows:
-        raise ValueError(f"{path} is empty, expected a header and rows of numbers")
-    header = [name.strip() for name in rows[0][1]]
-    missing = [column for column in required if column not in header]
-    if missing:
-        raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(header))}")
-    wanted = [column for column in (*required, *optional) if column in header]
-    repeated = [column for column in wanted if header.count(column) > 1]
-    if repeated:
-        raise ValueError(f"{path} has the column {repeated[0]} more than once")
-    places = {column: header.index(column) for column in wanted}
-    numbers = np.empty((len(rows) - 1, len(wanted)))
-    for k, (line, row) in enumerate(rows[1:]):
-        if len(row) != len(header):
-            raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")
-        for c, (column, place) in enumerate(places.items()):
-            try:
-                numbers[k, c] = float(row[place])
-            except ValueError:
-                raise ValueError(
-                    f"{path} line {line}, {column}: got {short(row[place])!r}, expected a number"
-                ) from None
-            if not math.isfinite(numbers[k, c]):
-                raise ValueError(f"{path} line {line}, {column}: got {row[place].strip()}, expected a finite number")
-    if not len(numbers):
-        raise ValueError(f"{path} has a header only, expected rows of numbers below it")
-    return {column: numbers[:, c].copy() for c, column in enumerate(wanted)}
+    table = TextColumns.read(path, what)
+    table.require(*required)
+    return {name: table.numbers(name) for name in (*required, *optional) if name in table.header}
+
+
+def write_columns(
+    path: str | Path, columns: Mapping[str, Sequence[Any] | np.ndarray], *, digits: int | None = None
+) -> None:
+    """Write columns of one length as a CSV file with a header, whole or not at all.
+
+    Floating-point numbers get so many digits, or as many as `read_columns` needs to read them back bit by bit if left
+    out; anything else its text.
+    Raises ValueError for columns of different lengths.
+    """
+
+    def text(value: Any) -> str:
+        if not isinstance(value, float | np.floating):
+            return str(value)
+        return repr(float(value)) if digits is None else f"{value:.{digits}g}"
+
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of a table have different lengths: {lengths}")
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([text(value) for value in row] for row in zip(*columns.values(), strict=True))

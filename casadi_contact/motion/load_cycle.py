@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import replacing
-from casadi_contact.motion.columns import read_columns
+from casadi_contact.motion.columns import read_columns, write_columns
 
 # Column of the file for each curve of a cycle; other columns are ignored.
 COLUMNS = {
@@ -116,10 +114,7 @@ def read_cycle(path: str | Path) -> LoadCycle:
 
 def write_cycle(cycle: LoadCycle, path: str | Path) -> None:
     """Write a CSV file that `read_cycle` reads back bit by bit."""
-    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS.values())
-        writer.writerows(np.column_stack([getattr(cycle, key) for key in COLUMNS]).tolist())
+    write_columns(path, {column: getattr(cycle, key) for key, column in COLUMNS.items()})
 
 
 def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:

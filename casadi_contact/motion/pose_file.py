@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
-from casadi_contact.files import replacing
-from casadi_contact.motion.columns import read_columns
+from casadi_contact.motion.columns import read_columns, write_columns
 from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_opensim_table
 
 OPENSIM_ENDINGS = (".mot", ".sto")
@@ -67,7 +65,4 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
 
 def write_poses(time_s: Array, poses: Array, path: str | Path) -> None:
     """Write poses (n, 6) and their times (n,) as a CSV file that `read_poses` reads back bit by bit."""
-    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([_TIME, *POSE_NAMES])
-        writer.writerows(np.column_stack([time_s, as_poses(poses)]).tolist())
+    write_columns(path, {_TIME: time_s, **dict(zip(POSE_NAMES, as_poses(poses).T, strict=True))})

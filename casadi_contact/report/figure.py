@@ -8,24 +8,25 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.benchmark.front_file import Front, Point
-from casadi_contact.files import replacing
+from casadi_contact.page import new_page, save_page
 from casadi_contact.structures import STRUCTURES
 
 KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
-_DPI = 130
 
 
 def two_panels(front: Front, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
     """A figure and its two axes; measured says on what (the walking sequence if left out), note goes below;
     failures of the file's models are listed there too."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 6.8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_page(14.0, 6.8)
     header = front.header
     walking = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
-    machine = f"{header.get('processor', 'unknown processor')}, {header.get('threads', '?')} thread"
+    machine = ", ".join(
+        (
+            header.get("processor", "unknown processor"),
+            *filter(None, (header.get("instruction_set"),)),
+            f"{header.get('threads', '?')} thread",
+        )
+    )
     figure.suptitle(f"{header['scene']}: {title}\n{measured or walking}; {machine}", fontsize=10)
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
@@ -60,8 +61,7 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
     paths = []
     for ending in ("png", "svg"):
         path = folder / f"{name}.{ending}"
-        with replacing(path) as beside:
-            figure.savefig(beside, dpi=_DPI, format=ending, metadata={"Date": None} if ending == "svg" else None)
+        save_page(figure, path, metadata={"Date": None} if ending == "svg" else None)
         paths.append(path)
     return paths
 

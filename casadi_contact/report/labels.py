@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ _DISTANCES = (7.0, 12.0, 20.0, 30.0, 42.0, 56.0)  # from the marker, in points
 _ANGLES = np.deg2rad([0, 180, 90, 270, 45, 315, 135, 225, 20, 340, 160, 200])
 _LEADER_FROM = 12.0
 _MARKER_PX = 5.0
+_PASSES = 3
 
 
 def place_labels(
@@ -34,39 +35,57 @@ def place_labels(
     for low, high, y in bars:
         (left, level), (right, _) = axis.transData.transform([(low, y), (high, y)])
         taken.append((left, level - 1.0, right, level + 1.0))
-    for (x, y, text, colour), pixel in zip(labels, points, strict=True):
+    halves = []
+    for x, y, text, colour in labels:
         drawn = axis.annotate(text, (x, y), fontsize=size, color=colour)
         extent = drawn.get_window_extent(renderer)
-        half = np.array([extent.width, extent.height]) / 2.0 + 1.0
-        best, least = None, np.inf
-        for distance in _DISTANCES:
-            for angle in _ANGLES:
-                direction = np.array([np.cos(angle), np.sin(angle)])
-                # The box's nearest edge, not its centre, keeps the distance.
-                reach = np.min(half / np.maximum(np.abs(direction), 1e-9))
-                centre = pixel + direction * (distance * scale + min(reach, half[0]))
-                box = (*(centre - half), *(centre + half))
-                covered = sum(_overlap(box, other) for other in taken) + _outside(box, frame)
-                if covered < least:
-                    best, least = (distance, centre, box), covered
-            if least == 0.0:
-                break
+        halves.append(np.array([extent.width, extent.height]) / 2.0 + 1.0)
         drawn.remove()
-        assert best is not None
-        distance, centre, box = best
+    places: dict[int, _Place] = {}
+    for _ in range(_PASSES):  # a label placed early may make way for those placed after it
+        for i, pixel in enumerate(points):
+            others = [*taken, *(place.box for j, place in places.items() if j != i)]
+            places[i] = _free_place(pixel, halves[i], others, frame, scale)
+    for i, (x, y, text, colour) in enumerate(labels):
         line = {"arrowstyle": "-", "lw": 0.4, "color": colour, "shrinkA": 0.0, "shrinkB": 2.0}
         axis.annotate(
             text,
             (x, y),
-            xytext=(centre - pixel) / scale,
+            xytext=(places[i].centre - points[i]) / scale,
             textcoords="offset points",
             ha="center",
             va="center",
             fontsize=size,
             color=colour,
-            arrowprops=line if distance > _LEADER_FROM else None,
+            arrowprops=line if places[i].distance > _LEADER_FROM else None,
         )
-        taken.append(box)
+
+
+class _Place(NamedTuple):
+    """Where a label goes: its distance from the marker [points], its centre and its box [pixels]."""
+
+    distance: float
+    centre: Any
+    box: tuple[float, ...]
+
+
+def _free_place(pixel: Any, half: Any, taken: Sequence[Sequence[float]], frame: Any, scale: float) -> _Place:
+    """The nearest place around a marker that covers nothing, or the one that covers least."""
+    best, least = None, np.inf
+    for distance in _DISTANCES:
+        for angle in _ANGLES:
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            # The box's nearest edge, not its centre, keeps the distance.
+            reach = np.min(half / np.maximum(np.abs(direction), 1e-9))
+            centre = pixel + direction * (distance * scale + min(reach, half[0]))
+            box = (*(centre - half), *(centre + half))
+            covered = sum(_overlap(box, other) for other in taken) + _outside(box, frame)
+            if covered < least:
+                best, least = _Place(distance, centre, box), covered
+        if least == 0.0:
+            break
+    assert best is not None
+    return best
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> float:

@@ -5,17 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# Okabe and Ito, Color universal design (2008); the order keeps the first ones apart in lightness as well.
-COLOURS = {
-    "blue": "#0072B2",
-    "black": "#000000",
-    "orange": "#E69F00",
-    "vermillion": "#D55E00",
-    "purple": "#CC79A7",
-    "green": "#009E73",
-    "sky blue": "#56B4E9",
-    "yellow": "#F0E442",
-}
+from casadi_contact.page import COLOURS
+
 MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
 _FIRST = ("patch", "EF", "two_stage")
 

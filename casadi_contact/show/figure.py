@@ -1,4 +1,4 @@
-"""What the pictures share: a page, discs in true size, files written whole. matplotlib is loaded only here."""
+"""What the pictures share: pages, discs in true size, axes with units."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import replacing
+from casadi_contact.page import new_page, save_page
 from casadi_contact.show.view import View
 
-_DOTS_PER_INCH = 130
 # An open ring, through which the contact shows.
 CENTRE_OF_PRESSURE: dict[str, Any] = {
     "marker": "o",
@@ -30,19 +29,13 @@ def patch_title(patch: str) -> str:
 
 
 def new_figure(width: float, height: float) -> Any:
-    """An empty page [inch] that needs no display."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    spaces = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08, wspace=0.04, hspace=0.04, compress=True)
-    return Figure(figsize=(width, height), layout=spaces)
+    """An empty page [inch] whose panels keep the scale of their axes."""
+    return new_page(width, height, w_pad=0.08, h_pad=0.08, wspace=0.04, hspace=0.04, compress=True)
 
 
 def save(figure: Any, path: str | Path) -> None:
-    """Write the page in the format of the path's ending (PNG if it has none)."""
-    path = Path(path)
-    with replacing(path) as beside:
-        figure.savefig(beside, format=path.suffix[1:] or "png", dpi=_DOTS_PER_INCH, bbox_inches="tight")
+    """Write the page, cut to what is drawn, in the format of the path's ending (PNG if it has none)."""
+    save_page(figure, path, bbox_inches="tight")
 
 
 def discs(axis: Any, points_mm: Array, diameters_mm: Array | float, view: View, **colours: Any) -> Any:

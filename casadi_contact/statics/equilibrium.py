@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, as_poses, pose_index
+from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
-
-LEVER_MM = 25.0  # turns N·mm into comparable N, and rad into comparable mm
 
 
 @dataclass(frozen=True)

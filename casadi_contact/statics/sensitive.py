@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.quantities import newton_scales
-from casadi_contact.statics.equilibrium import LEVER_MM
 
 
 @dataclass(frozen=True)

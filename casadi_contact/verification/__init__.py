@@ -1,6 +1,7 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
 from casadi_contact.verification.refine import Refinement, Solve, refine
+from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
 
-__all__ = ["Refinement", "Solve", "Verification", "refine", "verify"]
+__all__ = ["Refinement", "Solve", "Verdict", "Verification", "judge", "own_model", "refine", "verify"]

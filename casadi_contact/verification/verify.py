@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,16 +95,20 @@ def verify(
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     if solved is not None and np.shape(solved) != (len(poses),):
         raise ValueError(f"solved has shape {np.shape(solved)}, expected ({len(poses)},), one for each pose")
-    missing = [name for name in surrogate.load_names if name not in model.load_names]
-    if missing:
-        raise ValueError(f"the model lacks the loads {', '.join(missing)}, expected all that the surrogate gives")
-    columns = [model.load_names.index(name) for name in surrogate.load_names]
     return Verification(
         surrogate.load_names,
         poses,
         np.ones(len(poses), dtype=bool) if solved is None else np.asarray(solved, dtype=bool),
-        surrogate(poses) - model(poses)[:, columns],
+        surrogate(poses) - loads_on(model, poses, surrogate.load_names),
         np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names]),
         surrogate.validity(poses),
         surrogate.expected_error(poses),
     )
+
+
+def loads_on(model: ContactModel, poses: Array, names: Sequence[str]) -> Array:
+    """Named loads (n, L) of a contact model at poses (n, 6); ValueError naming those that it lacks."""
+    missing = [name for name in names if name not in model.load_names]
+    if missing:
+        raise ValueError(f"the model lacks the loads {', '.join(missing)}, expected all that the surrogate gives")
+    return np.asarray(model(poses)[:, [model.load_names.index(name) for name in names]])

@@ -1,7 +1,6 @@
 """The choice meets its tolerance, and nothing cheaper on the front does."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ from casadi_contact import cli
 from casadi_contact.benchmark.choose import Tolerance, cheapest, meeting
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.quantities import FORCE, quantity
+from tests.support.stored_results import SPEED_ACCURACY as STORED
 
-STORED = Path(__file__).with_name("speed_accuracy.csv")
 TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
 
 

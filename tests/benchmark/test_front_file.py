@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from hypothesis import strategies as st
 from casadi_contact.benchmark.front_file import Front, Point, pareto, read_front, write_front
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.quantities import FORCE, TORQUE
-
-STORED = Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv"
+from tests.support.stored_results import SPEED_ACCURACY as STORED
 
 
 def lines_of(path):

@@ -1,6 +1,6 @@
 """Contact models on real meshes, timed in turn: python -m pytest tests/benchmarks/bench_mesh_foundation.py -s
 
-Needs the meshes that `problems/tka_mesh.toml` names; no wall time is asserted.
+Needs the meshes that `problems/implant/tka_mesh.toml` names; no wall time is asserted.
 """
 
 import time
@@ -11,7 +11,7 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact.benchmark.timing import one_thread, time_batch
 from casadi_contact.machine import machine_record
-from tests.problems.test_tka_mesh import SCENE
+from problems.implant import SCENE
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.shared_data import shared_file
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.optimisation import pose_bounds
 from problems import knee_simulator, static_equilibrium
-from problems.learned_range import pose_bounds
-from problems.simulator_balance import EnergyBalance, lifting_energy, unbalanced
-from problems.simulator_rig import Rig
-from problems.simulator_waveforms import WALKING, Waveforms
+from problems.knee_simulator import __main__
+from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
+from problems.knee_simulator.rig import Rig
+from problems.knee_simulator.waveforms import WALKING, Waveforms
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +159,7 @@ def command(monkeypatch, *arguments):
     """Exit status (text where a mistake is reported) of the command line."""
     monkeypatch.setattr(sys, "argv", ["knee_simulator", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
-        knee_simulator.main()
+        __main__.main()
     return end.value.code
 
 

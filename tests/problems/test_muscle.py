@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from problems import muscle
-from problems.muscle import MuscleParameters, force_capacity
+from problems.muscle_contact.muscle import MuscleParameters, force_capacity
 
 LENGTHS, SPEEDS = np.linspace(0.4, 1.7, 27), np.linspace(-1.0, 1.0, 21)
 ONE = MuscleParameters(("one",), np.array([1000.0]), np.array([0.1]), np.array([0.2]), np.array([0.3]))

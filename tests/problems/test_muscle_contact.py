@@ -16,12 +16,19 @@ import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.opensim import read_opensim_table
+from casadi_contact.optimisation import shear_free_poses
 from problems import muscle_contact
-from problems.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, contact_on_femur, in_newtons
-from problems.muscle_example import example_walk
-from problems.muscle_problem import BALANCED, RESERVE_SIZES
-from problems.muscle_walk import read_walk
-from problems.neutral_pose import neutral_poses
+from problems.muscle_contact import __main__
+from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.knee_coordinates import (
+    CONTACT_LOADS,
+    COORDINATES,
+    contact_expression,
+    contact_on_femur,
+    in_newtons,
+)
+from problems.muscle_contact.problem import BALANCED, RESERVE_SIZES
+from problems.muscle_contact.walk import read_walk
 from tests.support.shared_data import shared_file
 
 ROOT = Path(__file__).parents[2]
@@ -148,7 +155,7 @@ def test_measured_contact_loads_balance_with_these_signs_and_not_with_the_opposi
     columns = ("Fy_med_N", "Fy_lat_N", "Fx_N", "Fz_N", "Tx_Nmm", "Ty_Nmm", "Tz_Nmm")
     time_s = [float(row["time_s"]) for row in rows]
     loads = np.column_stack([np.interp(walk.time_s, time_s, [float(row[name]) for row in rows]) for name in columns])
-    contact = contact_on_femur(neutral_poses(knee, walk), loads)
+    contact = contact_on_femur(shear_free_poses(knee, walk.ry, walk.rz), loads)
 
     def left_n(turn_sign):
         names = BALANCED
@@ -247,7 +254,7 @@ def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, monkeypatch, 
     out = () if "--out" in arguments else ("--out", str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["muscle_contact", *arguments, *out])
     with pytest.raises(SystemExit) as exit_info:
-        muscle_contact.main()
+        __main__.main()
     message = str(exit_info.value)  # Python prints it on stderr and exits with status 1
     assert said in message
     assert len(message.splitlines()) == 1

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from casadi_contact.motion.opensim import ColumnMap, Table, write_table
-from problems.knee_coordinates import load_unit
-from problems.muscle_example import example_walk
-from problems.muscle_walk import PARAMETER_COLUMNS, read_walk
+from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.knee_coordinates import coordinate_unit
+from problems.muscle_contact.walk import PARAMETER_COLUMNS, read_walk
 from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=41)
@@ -39,7 +39,7 @@ def files(tmp_path):
         ),
         "inverse_dynamics": write_csv(
             tmp_path / "walk_inverse_dynamics.csv",
-            ["time_s", *(f"{name}_{load_unit(name)}" for name in WALK.loads)],
+            ["time_s", *(f"{name}_{coordinate_unit(name)}" for name in WALK.loads)],
             np.column_stack([WALK.time_s, *WALK.loads.values()]).tolist(),
         ),
         "muscles": write_csv(

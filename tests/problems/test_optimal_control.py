@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.conventions import WRENCH_NAMES
 from problems import knee_simulator, optimal_control
-from problems.wanted_cycle import WantedCycle, simulated_cycle
+from problems.optimal_control import WantedCycle, __main__, simulated_cycle
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def command(monkeypatch, *arguments):
     """Exit status (text where a mistake is reported) of the command line."""
     monkeypatch.setattr(sys, "argv", ["optimal_control", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
-        optimal_control.main()
+        __main__.main()
     return end.value.code
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.motion.load_cycle import read_cycle, write_cycle
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
-from problems.pose_estimation_starts import one_start, start_from_file
+from problems.pose_estimation import __main__
+from problems.pose_estimation.starts import one_start, start_from_file
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 
@@ -143,6 +144,7 @@ def command(*arguments, cwd):
 def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solved):
     done = command("--out", tmp_path / "results", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("101 of 101 solved and verified on EF 320×160\n")
     assert "101 of 101 frames converged" in done.stdout
     rows = list(csv.DictReader((tmp_path / "results" / "pose_estimation.csv").open()))
     assert len(rows) == 101
@@ -154,6 +156,45 @@ def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solve
     start = start_from_file(tmp_path / "results" / "poses.sto", 101)
     again = pose_estimation.solve(solved[0], start)
     assert again.iterations <= 12, "it begins at the solution"
+
+
+def in_process(monkeypatch, *arguments):
+    """Exit status of the command."""
+    monkeypatch.setattr(sys, "argv", ["pose_estimation", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    return end.value.code
+
+
+def test_a_solution_that_the_contact_model_denies_is_called_so_first_of_all(tmp_path, monkeypatch, capsys, knee):
+    """A surrogate whose medial force is 4 % off: IPOPT solves every frame, and none of the loaded ones is right."""
+    networks = dict(knee.networks)
+    name = next(name for name in networks if "root" in name and "med" in name)
+    networks[name] = replace(networks[name], output_scale=1.02 * networks[name].output_scale)
+    type(knee)(knee.scene, networks, knee.record, knee.trust).save(tmp_path / "wrong.h5")
+    write_cycle(reference_cycle(frames=11), tmp_path / "walk.csv")
+    arguments = ("--surrogate", tmp_path / "wrong.h5", "--cycle", tmp_path / "walk.csv", "--out", tmp_path)
+    assert in_process(monkeypatch, *arguments) == 3
+    said = capsys.readouterr()
+    assert "solved but differ, at most by" in said.out.splitlines()[0]
+    assert "pose_estimation: solved, but the contact model differs: frames 0, 1" in said.err
+    rows = list(csv.DictReader((tmp_path / "pose_estimation.csv").open(encoding="utf-8")))
+    assert rows[0]["verdict"].startswith("solved, differs by ")
+    assert rows[0]["converged"] == "1"
+    summary = json.loads((tmp_path / "summary.json").read_text("utf-8"))
+    assert next(iter(summary)) == "verdict"
+    assert summary["verified"] < summary["converged"] == 11
+
+
+def test_frames_that_are_not_solved_are_called_so_first_of_all(tmp_path, monkeypatch, capsys):
+    cycle = reference_cycle(frames=11)
+    outside = cycle.cop_ml_mm.copy()
+    outside[4] = 60.0  # outside the insert
+    write_cycle(replace(cycle, cop_ml_mm=outside), tmp_path / "walk.csv")
+    assert in_process(monkeypatch, "--cycle", tmp_path / "walk.csv", "--out", tmp_path) == 2
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == "10 of 11 solved and verified on EF 320×160; 1 not solved"
+    assert "pose_estimation: not solved: frames 4; see" in said.err
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.motion.walking import reference_cycle
-from problems import pose_estimation, refine_beyond
+from problems import pose_estimation
+from problems.studies import refine_beyond
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,7 +35,7 @@ def project(tmp_path_factory):
 
 def command(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "problems.refine_beyond", *map(str, arguments)],
+        [sys.executable, "-m", "problems.studies.refine_beyond", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,

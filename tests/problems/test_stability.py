@@ -10,9 +10,9 @@ import pytest
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.network import Regression
+from casadi_contact.optimisation import pose_bounds
 from casadi_contact.training import TrainingSettings
-from problems.learned_range import pose_bounds
-from problems.stability import (
+from problems.studies.stability import (
     __main__,
     bad_training_data,
     clusters,
@@ -25,9 +25,9 @@ from problems.stability import (
     starts,
     time_steps,
 )
-from problems.stability.methods import EF_ANALYTIC, EF_COARSE, KRIGING, METHODS, PATCH, TWO_STAGE
-from problems.stability.picture import draw
-from problems.stability.table import Line, print_table, write_table
+from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, KRIGING, METHODS, PATCH, TWO_STAGE
+from problems.studies.stability.picture import draw
+from problems.studies.stability.table import Line, print_table, write_table
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from problems import knee_simulator, stable_step
+from problems import knee_simulator
 from problems.knee_simulator import start_state
-from problems.simulator_waveforms import Waveforms
+from problems.knee_simulator.waveforms import Waveforms
+from problems.studies import stable_step
 
 
 @pytest.fixture(scope="module")

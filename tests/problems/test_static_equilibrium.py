@@ -10,7 +10,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
 from problems import static_equilibrium
-from problems.static_equilibrium_report import random_starts
+from problems.static_equilibrium import __main__
+from problems.static_equilibrium.starts import solve_from_lifts
 
 FLEXIONS_DEG = (5.0, 30.0, 75.0)
 LOADS = (-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0)
@@ -76,7 +77,7 @@ def test_six_free_parameters_share_the_loads_with_the_springs(knee, rest):
 
 
 def test_starts_far_out_of_contact_and_too_deep_reach_the_same_pose(solved):
-    assert (random_starts(*solved, 3, (2.0, 20.0, -5.0)).shares == 1.0).all()
+    assert (solve_from_lifts(*solved, 3, (2.0, 20.0, -5.0)).shares == 1.0).all()
 
 
 def test_the_elastic_foundation_has_its_equilibrium_close_by(knee, solved):
@@ -119,7 +120,7 @@ def command(monkeypatch, *arguments):
     """Exit status (text where a mistake is reported) of the command line."""
     monkeypatch.setattr(sys, "argv", ["static_equilibrium", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
-        static_equilibrium.main()
+        __main__.main()
     return end.value.code
 
 
@@ -134,7 +135,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
 
 def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):
     assert command(monkeypatch, "--out", tmp_path, "--starts", 0, "--flexions", "20", "--fy", "300") == 2
-    assert "no equilibrium for rows 0" in capsys.readouterr().err
+    assert "static_equilibrium: not solved: frames 0" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from casadi_contact.report import draw_charts
 from casadi_contact.report.charts import CHARTS
 from casadi_contact.report.scatter import draw_speed_accuracy
 from casadi_contact.report.style import COLOURS, MARKERS, family_styles
-
-STORED = Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv"
+from tests.support.stored_results import SPEED_ACCURACY as STORED
 
 
 @pytest.fixture(scope="module")

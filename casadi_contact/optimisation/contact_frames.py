@@ -1,0 +1,163 @@
+"""Poses of a joint as variables of an optimisation problem, with contact loads that an optimiser can steer by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
+from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
+from casadi_contact.optimisation.scaling import pose_steps
+from casadi_contact.optimisation.starts import settle_in_range
+from casadi_contact.quantities import newton_scales
+from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.structures import Surrogate
+
+COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
+# Of each centre of pressure: the torque it is made of, and the sign with which the vertical force multiplies it.
+_COP = {"cop_ap_mm": ("Tz", -1.0), "cop_ml_mm": ("Tx", 1.0)}
+_LEAST_START_N = 20.0  # of each patch, so that a start is in contact
+
+
+class ContactFrames:
+    """n frames of a contact for any NLP: scaled free pose parameters q (f, n) as variables, and what follows from them.
+
+    pose (6, n) [mm, rad], loads (L, n) [N, N·mm] of ``load_names`` and signed root loads (P, n) are CasADi expressions;
+    lower and upper (f·n,) bound ``vec(q)`` to the range of poses that the surrogate has learned.
+
+    locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
+    free. loads: the named loads that are needed, all if left out. compiled: as for `Surrogate.function`. variable:
+    makes q from its shape, ``MX.sym`` if left out.
+    """
+
+    def __init__(
+        self,
+        surrogate: Surrogate,
+        frames: int = 1,
+        *,
+        locked: Mapping[str, Any] | None = None,
+        loads: Iterable[str] | None = None,
+        compiled: bool = False,
+        variable: Callable[[int, int], ca.MX] | None = None,
+    ) -> None:
+        if frames < 1:
+            raise ValueError(f"frames is {frames}, expected a number of 1 or more")
+        locked = {} if locked is None else dict(locked)
+        self.columns = [i for i in range(6) if i not in {pose_index(name) for name in locked}]
+        if not self.columns:
+            raise ValueError("all six pose parameters are locked, expected at least one that is free")
+        self.surrogate, self.frames = surrogate, frames
+        self.load_names = surrogate.check_loads(loads)
+        self.free = tuple(POSE_NAMES[i] for i in self.columns)
+        self._scene, self._locked = surrogate.scene, locked
+        self._scales = pose_steps(self._scene.sensitive_pose)[self.columns]
+        self.q = variable(len(self.free), frames) if variable else ca.MX.sym("q", len(self.free), frames)
+        moving = dict(zip(self.free, ca.vertsplit(ca.mtimes(ca.diag(ca.DM(self._scales)), self.q)), strict=True))
+        self.pose = ca.vertcat(*(moving[n] if n in moving else self._row(n, locked[n]) for n in POSE_NAMES))
+        function = surrogate.load_and_root_function(self.load_names, compiled=compiled, batch=frames)
+        self.loads, self.roots = function(self.pose)
+        low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(surrogate))
+        self.lower, self.upper = low, high
+
+    def load(self, name: str) -> ca.MX:
+        """A named load (1, n) [N, N·mm]; ValueError for one that was not asked for."""
+        if name not in self.load_names:
+            raise ValueError(f"unknown load {name!r}, expected one of {', '.join(self.load_names)}")
+        return self.loads[self.load_names.index(name), :]
+
+    def misfit(self, wanted: Mapping[str, Any]) -> ca.MX:
+        """How far the frames are from wanted loads, (m, n) [N], a row for each of them: 0 where they are carried.
+
+        wanted: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
+        pressure cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy. A normal load is compared as a root load,
+        2·√(N0·N*)·(s - s*) with s* = √(N*/N0): near the solution that is the error in N, and out of contact it keeps
+        its slope, which a load does not. Where a patch's normal load is the magnitude of three wanted forces, its
+        three rows are this and the two forces across the wanted one. Centres of pressure are (T - c·Fy)/10 mm, other
+        torques over 25 mm.
+
+        Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
+        """
+        if not wanted:
+            raise ValueError("no loads are wanted, expected some by name, for example {'Fy_med': -600.0}")
+        rows: dict[str, ca.MX] = {}
+        normals = list(enumerate(self._scene.normal_loads))
+        for patch, normal in normals:
+            if set(normal.loads) <= set(wanted):
+                rows |= self._normal_rows(patch, normal, [self._row(name, wanted[name]) for name in normal.loads])
+        for name, value in wanted.items():
+            if name in _COP:
+                torque, sign = _COP[name]
+                rows[name] = (self.load(torque) + sign * self._row(name, value) * self._vertical()) / COP_LEVER_MM
+            elif name not in rows:
+                rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
+        return ca.vertcat(*(rows[name] for name in wanted))
+
+    def start_poses(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
+        """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
+        middle of the range if left out, along the scene's sensitive pose parameters under the wanted normal loads.
+
+        Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions.
+        """
+        rest = np.tile(middle_pose(self.surrogate), (self.frames, 1))
+        for name, value in self._locked.items():
+            if isinstance(value, ca.MX):
+                raise ValueError(f"{name} is locked to an expression, expected numbers to find a start with")
+            rest[:, pose_index(name)] = value
+        begin = as_poses(rest if poses is None else np.broadcast_to(poses, (self.frames, 6)))
+        wanted = wanted or {}
+        pressing: dict[str, Array] = {}
+        for normal in self._scene.normal_loads:
+            if set(normal.loads) <= set(wanted):
+                forces = np.stack([np.broadcast_to(wanted[name], self.frames) for name in normal.loads], axis=1)
+                pressing |= dict(zip(normal.loads, normal.at_least(forces, _LEAST_START_N).T, strict=True))
+        return settle_in_range(self.surrogate, begin, rest, self.free, pressing)
+
+    def variables(self, poses: Array) -> Array:
+        """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
+        return np.clip((poses[:, self.columns] / self._scales).ravel(), self.lower, self.upper)
+
+    def _row(self, name: str, value: Any) -> Any:
+        """A value for each frame, (1, n)."""
+        if isinstance(value, ca.MX | ca.SX):
+            if value.shape not in ((1, 1), (1, self.frames)):
+                raise ValueError(f"{name} has shape {value.shape}, expected (1, {self.frames})")
+            return value if value.shape[1] == self.frames else ca.repmat(value, 1, self.frames)
+        numbers = np.asarray(value, dtype=float)
+        if numbers.shape not in ((), (1,), (self.frames,)) or not np.isfinite(numbers).all():
+            raise ValueError(f"{name} is {value}, expected a finite number, or one for each of {self.frames} frames")
+        return ca.DM(np.broadcast_to(numbers, self.frames)[None])
+
+    def _vertical(self) -> ca.MX:
+        """Total vertical force (1, n), from the patches' where the scene does not name it."""
+        parts = [self.load(name) for name in self.load_names if name.partition("_")[0] == "Fy"]
+        if not parts:
+            raise ValueError(f"a centre of pressure needs Fy, the loads are {', '.join(self.load_names)}")
+        return sum(parts[1:], parts[0])
+
+    def _normal_rows(self, patch: int, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:
+        """Misfit of the named loads that a patch's normal load is made of."""
+        n0, least = self._scene.reference_load, self._scene.boundary_load
+        if normal.component is not None:
+            size = normal.sign * wanted[0]
+            if isinstance(size, ca.DM) and np.asarray(size).min() < 0.0:
+                raise ValueError(f"{normal.loads[0]} is wanted to pull, contact only pushes: check its sign")
+        else:
+            size = ca.sqrt(sum((part**2 for part in wanted[1:]), wanted[0] ** 2))
+        root = ca.sqrt(size / n0)
+        rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (self.roots[patch, :] - root)}
+        if normal.component is None:
+            rows |= self._across(normal, [part / ca.fmax(size, 1e-9) for part in wanted])
+        return rows
+
+    def _across(self, normal: NormalLoad, along: list[Any]) -> dict[str, ca.MX]:
+        """The parts of the force across a wanted direction (x, y, z): two of the columns of I - 2·vvᵀ that turns the
+        first axis into it, so that they are smooth in the force and never both along the wanted one."""
+        force = [self.load(name) for name in normal.loads]
+        x, y, z = along
+        turn = ca.if_else(x >= 0.0, 1.0, -1.0)
+        share = (x * force[0] + y * force[1] + z * force[2] + turn * force[0]) / (1.0 + turn * x)
+        return {normal.loads[1]: force[1] - y * share, normal.loads[2]: force[2] - z * share}

@@ -1,0 +1,95 @@
+"""A contact in the user's own ``casadi.Opti``: variables, bounds, a start in contact, loads that are found again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import Array, as_poses, pose_index
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.pose_range import pose_bounds
+from casadi_contact.structures import Surrogate
+
+_CONSTRAINT_N = 100.0  # misfits over this are of the size of the scaled variables
+
+
+class ContactInOpti(ContactFrames):
+    """`ContactFrames` whose variables, bounds and start stand in an Opti.
+
+        contact = ContactInOpti(opti, surrogate, locked={"ry": 0.0, "rz": -0.5})
+        contact.carry({"Fy_med": -600.0, "Fy_lat": -400.0})
+        opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))  # forces alone leave tx and tz open
+        opti.solver("ipopt", contact.options())
+        poses = contact.poses(opti.solve())
+
+    ``pose``, ``loads`` and ``roots`` are expressions for the user's own objective and constraints.
+    Raises ValueError like `ContactFrames`, and for a locked number outside what the surrogate has learned.
+    """
+
+    def __init__(
+        self,
+        opti: ca.Opti,
+        surrogate: Surrogate,
+        frames: int = 1,
+        *,
+        locked: Mapping[str, Any] | None = None,
+        loads: Iterable[str] | None = None,
+        compiled: bool = False,
+    ) -> None:
+        _check_locked(surrogate, locked or {})
+        super().__init__(surrogate, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
+        self._opti = opti
+        bounded = np.flatnonzero(np.isfinite(self.lower) & np.isfinite(self.upper)).tolist()
+        if bounded:
+            opti.subject_to(opti.bounded(self.lower[bounded], ca.vec(self.q)[bounded], self.upper[bounded]))
+        if not any(isinstance(value, ca.MX) for value in (locked or {}).values()):
+            self.begin()
+
+    def carry(self, wanted: Mapping[str, Any]) -> None:
+        """Ask for loads (as for `misfit`) as constraints, and begin where the contact carries the normal ones.
+
+        A load that need not be met exactly goes into the objective as ``ca.sumsqr(contact.misfit(wanted))``; the forces
+        that press the joint together had better be constraints. Expressions among the wanted loads leave the start as
+        it is.
+        """
+        self._opti.subject_to(ca.vec(self.misfit(wanted)) / _CONSTRAINT_N == 0.0)
+        if not any(isinstance(value, ca.MX) for value in (*wanted.values(), *self._locked.values())):
+            self.begin(wanted)
+
+    def begin(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
+        """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does."""
+        self.begin_at(self.start_poses(wanted, poses))
+
+    def begin_at(self, poses: ArrayLike) -> None:
+        """Set the start to poses (n, 6) as they are, but for the learned range."""
+        start = as_poses(np.broadcast_to(poses, (self.frames, 6)))
+        self._opti.set_initial(self.q, self.variables(start).reshape(self.frames, -1).T)
+
+    def poses(self, solution: ca.OptiSol) -> Array:
+        """Poses (n, 6) of a solution, or of ``opti.debug``."""
+        return np.asarray(ca.DM(solution.value(self.pose))).reshape(6, self.frames).T
+
+    @staticmethod
+    def options(**ipopt: Any) -> dict[str, Any]:
+        """Options for ``opti.solver("ipopt", ...)`` (`ipopt_options`); bounds reach IPOPT as bounds, so that it never
+        asks for loads outside the learned range."""
+        return {**ipopt_options(**ipopt), "detect_simple_bounds": True}
+
+
+def _check_locked(surrogate: Surrogate, locked: Mapping[str, Any]) -> None:
+    low, high = pose_bounds(surrogate)
+    for name, value in locked.items():
+        column = pose_index(name)
+        if isinstance(value, ca.MX):
+            continue
+        numbers = np.asarray(value, dtype=float)
+        if not ((numbers >= low[column]) & (numbers <= high[column])).all():
+            raise ValueError(
+                f"{name} is locked at {numbers.min():.4g} to {numbers.max():.4g}, the surrogate learned "
+                f"{low[column]:.4g} to {high[column]:.4g}"
+            )

@@ -1,0 +1,98 @@
+"""Starts in contact: from there an optimiser finds its way, from 20 mm off it may not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
+from casadi_contact.statics import settle
+from casadi_contact.structures import Surrogate
+
+SHEAR_FREE_LOAD_N = 500.0
+_LEAST_FORCE_N = 20.0  # of each side, so that a start is always in contact
+
+
+def start_or_default(start: ArrayLike | None, default: Array) -> Array:
+    """A copy of a start (n, 6), of the default (n, 6) if there is none; ValueError for another number of poses."""
+    if start is None:
+        return default.copy()
+    poses = as_poses(start).copy()
+    if len(poses) != len(default):
+        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(default)} frames")
+    return poses
+
+
+def settle_in_range(
+    surrogate: Surrogate, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
+) -> Array:
+    """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6), the sensitive ones settled
+    under wanted normal loads (n,) by name, as far as they are free.
+
+    Settling compares root loads, which keep their slope out of contact; where it leads out of the learned range, it
+    begins again at rest, and where that fails too, the pose is only brought into the range.
+    """
+    columns = [pose_index(name) for name in free]
+    locked = [i for i in range(6) if i not in columns]
+    low, high = pose_bounds(surrogate)
+    poses = poses.copy()
+    poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
+    poses[:, locked] = rest[:, locked]
+    moved = surrogate.scene.sensitive_pose
+    if not pressing or not set(moved) <= set(free):
+        return poses
+    left = np.arange(len(poses))
+    for begin in (poses.copy(), rest):
+        forces = {name: wanted[left] for name, wanted in pressing.items()}
+        tried, report = settle(surrogate, begin[left], moved, forces, tolerance=1.0, max_iterations=30)
+        good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
+        poses[left[good]] = tried[good]
+        left = left[~good]
+        if not len(left):
+            break
+    return poses
+
+
+def press_together(surrogate: Surrogate, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
+    """`settle_in_range` of a joint with two sides, under each side's share of the total loads (n, 6).
+
+    The shares are two vertical forces at the condyles' centres with the wanted Fy and Tx.
+    """
+    sides, anchors_z = surrogate.scene.sensitive_loads, surrogate.scene.anchors_mm[:, 2]
+    if len(sides) != 2:
+        return settle_in_range(surrogate, poses, rest, free, {})
+    down = -loads[:, WRENCH_NAMES.index("Fy")]
+    first = (loads[:, WRENCH_NAMES.index("Tx")] - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
+    least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))
+    first = np.clip(first, least, np.maximum(down - least, least))
+    shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
+    return settle_in_range(surrogate, poses, rest, free, shares)
+
+
+def shear_free_poses(surrogate: Surrogate, ry: Array, rz: Array) -> Array:
+    """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
+    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does.
+
+    Raises ValueError where rotations lie outside what the surrogate learned, or there is no such pose.
+    """
+    low, high = pose_bounds(surrogate)
+    poses = np.tile(middle_pose(surrogate), (len(rz), 1))
+    for name, wanted in (("ry", ry), ("rz", rz)):
+        column = POSE_NAMES.index(name)
+        poses[:, column] = wanted
+        if wanted.min() < low[column] or wanted.max() > high[column]:
+            raise ValueError(
+                f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
+                f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
+            )
+    sides = dict.fromkeys(surrogate.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
+    poses, _ = settle(surrogate, poses, ("ty", "rx"), sides, tolerance=1.0)
+    targets = {**sides, "Fx": 0.0, "Fz": 0.0}
+    poses, report = settle(surrogate, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
+    if not report.converged.all():
+        frame = int(np.argmin(report.converged))
+        raise ValueError(f"frame {frame} has no pose without shear: {report.reason[frame]}")
+    return poses

@@ -1,0 +1,115 @@
+"""A verdict on every frame of a solution: solved and verified, solved but the contact model differs, or not solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact import ContactModel, ElasticFoundation
+from casadi_contact.conventions import Array, as_poses, load_unit
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate
+from casadi_contact.verification.verify import loads_on
+
+ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
+VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the contact model says of a solution on a surrogate; its text is the first line of a summary.
+
+    solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, NaN where there was
+    no model to ask; allowed (L,): the largest error of a verified frame; model: its name, or why there is none.
+    """
+
+    load_names: tuple[str, ...]
+    solved: np.ndarray
+    errors: Array
+    allowed: Array
+    model: str
+
+    @property
+    def checked(self) -> bool:
+        """True where there was a contact model to ask."""
+        return not np.isnan(self.errors).all()
+
+    @property
+    def verified(self) -> np.ndarray:
+        """True (n,) for frames that are solved, and on the contact model as well."""
+        return self.solved & (np.abs(self.errors) <= self.allowed).all(axis=1)
+
+    @property
+    def words(self) -> list[str]:
+        """The verdict of each frame (n,), with the load that differs most against what is allowed."""
+        return [self._of_frame(k) for k in range(len(self.solved))]
+
+    @property
+    def exit_code(self) -> int:
+        """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: all solved, some differ."""
+        if not self.solved.all():
+            return 2
+        return 0 if not self.checked or self.verified.all() else 3
+
+    def __str__(self) -> str:
+        count, solved = len(self.solved), int(self.solved.sum())
+        if not self.checked:
+            return f"{solved} of {count} solved, not checked: {self.model}"
+        verified = int(self.verified.sum())
+        parts = [f"{verified} of {count} solved and verified on {self.model}"]
+        if solved > verified:
+            worst = int(np.where(self.solved, self._excess, -1.0).argmax())
+            parts.append(f"{solved - verified} solved but differ, at most by {self._largest(worst)}")
+        if count > solved:
+            parts.append(f"{count - solved} not solved")
+        return "; ".join(parts)
+
+    @property
+    def _excess(self) -> Array:
+        """Largest error of each frame (n,) over what is allowed."""
+        return np.asarray(np.nan_to_num(np.abs(self.errors) / self.allowed, nan=np.inf).max(axis=1))
+
+    def _largest(self, frame: int) -> str:
+        load = int((np.abs(self.errors[frame]) / self.allowed).argmax())
+        name = self.load_names[load]
+        return f"{abs(self.errors[frame, load]):.3g} {load_unit(name)} ({name})"
+
+    def _of_frame(self, frame: int) -> str:
+        if not self.solved[frame]:
+            return UNSOLVED
+        if not self.checked:
+            return UNCHECKED
+        return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"
+
+
+def own_model(scene: Scene) -> ContactModel | str:
+    """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand."""
+    try:
+        return ElasticFoundation(scene, scene.grids.get("teacher"))
+    except (ValueError, OSError, ImportError) as error:
+        return f"the scene {scene.name} has no contact model at hand ({error})"
+
+
+def judge(
+    surrogate: Surrogate,
+    poses: ArrayLike,
+    solved: ArrayLike,
+    model: ContactModel | str,
+    loads: Sequence[str] | None = None,
+) -> Verdict:
+    """Evaluate a solution, poses (n, 6) and which of them are solved (n,), on a contact model.
+
+    model: `own_model` of the scene as a rule; where it is a reason in words, frames are not checked.
+    loads: those of the surrogate that the problem uses, all if left out.
+    """
+    poses, names = as_poses(poses), surrogate.check_loads(loads)
+    if isinstance(model, str):
+        errors, name = np.full((len(poses), len(names)), np.nan), model
+    else:
+        errors = surrogate(poses, names) - loads_on(model, poses, names)
+        name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
+    allowed = ALLOWED * np.array([surrogate.scene.tolerances[load] for load in names])
+    return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name)

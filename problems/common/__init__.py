@@ -1,0 +1,1 @@
+"""What the problems share: the command line, results as files, pages of pictures."""

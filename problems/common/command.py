@@ -1,0 +1,45 @@
+"""How every problem runs from the command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from casadi_contact.terminal import printable
+from casadi_contact.verification import Verdict
+
+RESULTS = Path("results")  # each problem writes into a folder of its own name in it
+
+
+def new_app() -> typer.Typer:
+    """A command whose mistakes `run_command` reports."""
+    return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+def run_command(app: typer.Typer, name: str) -> None:
+    """Run a problem's command: a user's mistake is one line on stderr and exit status 1, never a traceback."""
+    try:
+        app(prog_name=f"python -m problems.{name}")
+    except (ValueError, OSError, ImportError) as error:
+        sys.exit(f"{name.rpartition('.')[2]}: {printable(str(error))}")
+
+
+def end_with(verdict: Verdict, name: str, out: Path) -> None:
+    """End the command with the verdict's exit code, and one line on stderr where frames are not verified."""
+    if verdict.exit_code:
+        bad = verdict.solved if verdict.exit_code == 2 else verdict.verified
+        frames = ", ".join(map(str, np.flatnonzero(~bad)))
+        what = "not solved" if verdict.exit_code == 2 else "solved, but the contact model differs"
+        print(f"{name}: {what}: frames {frames}; see {out}", file=sys.stderr)
+        raise typer.Exit(verdict.exit_code)
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """Numbers separated by commas; ValueError naming the option."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{option} is {text!r}, expected numbers separated by commas") from None

@@ -1,0 +1,34 @@
+"""What every report says of a solver's work."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from rich.console import Console
+
+
+class Outcome(Protocol):
+    """What the results of problems that IPOPT solves have in common; converged and reason are (n,)."""
+
+    @property
+    def converged(self) -> np.ndarray: ...
+    @property
+    def reason(self) -> np.ndarray: ...
+    @property
+    def ipopt_status(self) -> str: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+
+
+def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:
+    """How many rows are solved, what IPOPT needed, and why each other one is not."""
+    console.print(
+        f"{int(result.converged.sum())} of {len(result.converged)} {what}; IPOPT: {result.ipopt_status}, "
+        f"{result.iterations} iterations, {result.seconds:.2f} s with its start",
+        highlight=False,
+    )
+    for k in np.flatnonzero(~result.converged):
+        console.print(f"{row} {k}: {result.reason[k]}", highlight=False)

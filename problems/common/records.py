@@ -1,0 +1,42 @@
+"""Results as files: columns named with their units, and summaries."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
+from casadi_contact.files import replacing
+from casadi_contact.machine import machine_record
+
+DIGITS = 9  # of numbers in result tables
+
+
+def pose_columns(poses: Array) -> dict[str, Array]:
+    """tx_mm to rz_rad, each (n,), of poses (n, 6)."""
+    return {f"{name}_{unit}": column for name, unit, column in zip(POSE_NAMES, POSE_UNITS, poses.T, strict=True)}
+
+
+def load_columns(names: Sequence[str], loads: Array, what: str = "") -> dict[str, Array]:
+    """Fy_med_N, Tx_Nmm and so on, or Fy_med_what_N, each (n,), of loads (n, L)."""
+    middle = f"_{what}_" if what else "_"
+    return {
+        f"{name}{middle}{load_unit(name).replace('·', '')}": column for name, column in zip(names, loads.T, strict=True)
+    }
+
+
+def rms_and_largest(errors: Array) -> dict[str, float]:
+    """Root mean square and largest size of errors (n,)."""
+    return {"rms": float(np.sqrt(np.mean(errors**2))), "max": float(np.abs(errors).max())}
+
+
+def write_summary(path: Path, content: Mapping[str, Any]) -> None:
+    """A JSON file, whole or not at all, with the machine that made it."""
+    with replacing(path) as beside:
+        beside.write_text(
+            json.dumps({**content, "machine": machine_record()}, indent=1, ensure_ascii=False, default=str), "utf-8"
+        )

@@ -1,0 +1,71 @@
+"""Is a simulated cycle sound? Its energy balance, and what the elastic foundation leaves unbalanced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import Array
+from casadi_contact.optimisation import total_selection
+from casadi_contact.structures import Surrogate
+from problems.knee_simulator.problem import POWERS, KneeSimulator
+from problems.knee_simulator.solve import Simulation
+
+_REACH_MM = 1.0  # lifts any pose that a joint load reaches out of contact
+_PANELS = 40
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Each (n,) since the start [N·mm]: what came in (applied loads, flexion drive), what became of it (kinetic,
+    springs, dissipation, work against contact), and the change of the contact's stored energy, for comparison.
+
+    error = in - out is the integrator's; unstored = work against contact - stored is the contact model's: an elastic
+    foundation's forces derive from an energy only nearly, a surrogate's as nearly as it has learned them.
+    """
+
+    applied: Array
+    drive: Array
+    kinetic: Array
+    springs: Array
+    dissipation: Array
+    contact: Array
+    stored: Array
+
+    @property
+    def error(self) -> Array:
+        return self.applied + self.drive - self.kinetic - self.springs - self.dissipation - self.contact
+
+    @property
+    def unstored(self) -> Array:
+        return self.contact - self.stored
+
+    @classmethod
+    def of(cls, simulator: KneeSimulator, simulation: Simulation) -> EnergyBalance:
+        """Raises ValueError where the simulation was run without ``energies=True``."""
+        if len(simulation.work) != len(simulation.time_s):
+            raise ValueError("the simulation holds no work, expected one solved with energies=True")
+        work = {name: simulation.work[:, column] for column, name in enumerate(POWERS)}
+        q, v = np.split(simulation.states, 2, axis=1)
+        kinetic = 0.5 * v**2 @ simulator.rig.inertia
+        springs = 0.5 * (q - np.array(simulator.rig.rest_mm_rad)) ** 2 @ simulator.rig.stiffness
+        stored = lifting_energy(simulator.model, simulation.poses)
+        return cls(**work, kinetic=kinetic - kinetic[0], springs=springs - springs[0], stored=stored - stored[0])
+
+
+def lifting_energy(model: ContactModel | Surrogate, poses: Array) -> Array:
+    """Energy (n,) [N·mm] that contact gives back when the body is lifted straight off: U = ∫ N(ty + h) dh, h >= 0."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    width = _REACH_MM / _PANELS
+    heights = (width * (np.arange(_PANELS)[:, None] + 0.5 * (nodes + 1.0))).ravel()
+    lifted = np.repeat(poses, len(heights), axis=0)
+    lifted[:, 1] += np.tile(heights, len(poses))
+    downward = -(model(lifted) @ total_selection(model.load_names)[1])
+    return downward.reshape(len(poses), -1) @ np.tile(0.5 * width * weights, _PANELS)
+
+
+def unbalanced(simulation: Simulation, other: ContactModel) -> Array:
+    """Wrench (n, 6) [N, N·mm] left over when another model's contact takes the place of the simulation's."""
+    return np.asarray(other(simulation.poses) @ total_selection(other.load_names).T - simulation.wrenches)

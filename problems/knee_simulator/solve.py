@@ -1,0 +1,108 @@
+"""The motion of a knee simulator: its start at rest, and integration over a cycle."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import Array
+from casadi_contact.structures import Surrogate
+from problems import static_equilibrium
+from problems.knee_simulator.problem import POWERS, KneeSimulator
+
+INTEGRATORS = ("cvodes", "idas")
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """time_s (n,), states (n, 10), poses (n, 6), contact wrenches (n, 6); work (n, 4) since the start, as in `POWERS`
+    [N·mm], empty if not asked for; steps and right-hand sides of the integrator; seconds of the integration alone."""
+
+    time_s: Array
+    states: Array
+    poses: Array
+    wrenches: Array
+    work: Array
+    steps: int
+    evaluations: int
+    jacobians: int
+    seconds: float
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+def start_state(simulator: KneeSimulator, time_s: float = 0.0) -> Array:
+    """State (10,) at rest in static equilibrium with the loads at a time; needs a simulator on a surrogate.
+
+    Raises ValueError where no pose in the learned range carries the loads.
+    """
+    model, rig = simulator.model, simulator.rig
+    if not isinstance(model, Surrogate):
+        raise ValueError("a start is sought on a surrogate; pass that state to solve for any other contact model")
+    rest = np.array([*rig.rest_mm_rad, float(simulator.flexion_rz(time_s))])
+    loads = np.asarray(simulator.applied(time_s)).T
+    stiffness = np.append(rig.stiffness, 0.0)
+    held = static_equilibrium.build(
+        model, loads, free=static_equilibrium.FREE, rest=rest, stiffness=stiffness, about="moving"
+    )
+    result = static_equilibrium.solve(held)
+    if not result.converged.all():
+        raise ValueError(f"no equilibrium to start from at {time_s:g} s: {result.reason[0]}")
+    return np.concatenate([result.poses[0, :5], np.zeros(5)])
+
+
+def solve(
+    simulator: KneeSimulator,
+    start: ArrayLike | None = None,
+    *,
+    cycles: float = 1.0,
+    frames: int = 101,
+    integrator: str = "cvodes",
+    tolerance: float = 1e-6,
+    energies: bool = False,
+) -> Simulation:
+    """Integrate from a start state (10,), `start_state` if left out, over a number of cycles, reported at equal frames.
+
+    tolerance: relative and absolute, per step [mm, rad, mm/s, rad/s]. Raises ValueError for an unknown integrator,
+    a wrong start, or where the integrator gives up.
+    """
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}, expected one of {', '.join(INTEGRATORS)}")
+    if frames < 2 or not cycles > 0.0 or not tolerance > 0.0:
+        raise ValueError(f"frames {frames}, cycles {cycles}, tolerance {tolerance}: expected >= 2 and positive numbers")
+    first = start_state(simulator) if start is None else np.asarray(start, dtype=float)
+    if first.shape != (10,) or not np.isfinite(first).all():
+        raise ValueError(f"start has shape {first.shape}, expected 10 finite numbers: pose without rz, then its rates")
+    time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
+    options: dict[str, Any] = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
+    dae = simulator.dae(energies=energies)
+    function = ca.integrator("simulate", integrator, dae, 0.0, time_s[1:].tolist(), options)
+    began = time.perf_counter()
+    try:
+        answer = function(x0=first)
+    except RuntimeError as error:
+        said = next((line for line in reversed(str(error).splitlines()) if line.strip()), "no reason given")
+        raise ValueError(
+            f"{integrator} gave up, expected loads and poses that the joint carries: {said.strip()}"
+        ) from None
+    seconds = time.perf_counter() - began
+    stats = function.stats()
+    states = np.vstack([first, np.asarray(answer["xf"]).T])
+    poses = simulator.poses(states, time_s)
+    work = np.vstack([np.zeros(len(POWERS)), np.asarray(answer["qf"]).T]) if energies else np.empty((0, len(POWERS)))
+    return Simulation(
+        time_s=time_s,
+        states=states,
+        poses=poses,
+        wrenches=np.asarray(simulator.contact.map(len(poses))(poses.T)).T,
+        work=work,
+        steps=int(stats["nsteps"]),
+        evaluations=int(stats["n_call_daeF"]),
+        jacobians=int(stats["n_call_jacF"]),
+        seconds=seconds,
+        settings={"integrator": integrator, "tolerance": tolerance, "cycles": cycles},
+    )

@@ -1,0 +1,88 @@
+"""The command ``python -m problems.muscle_contact``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.motion.opensim import ColumnMap
+from casadi_contact.structures import load_surrogate
+from casadi_contact.verification import judge, own_model
+from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
+from problems.muscle_contact.problem import BALANCED, FREE, build
+from problems.muscle_contact.report import report
+from problems.muscle_contact.solve import solve
+from problems.muscle_contact.walk import ROTATION_MAPS, read_walk
+
+NAME = "muscle_contact"
+app = new_app()
+
+
+@app.command()
+def run(
+    inverse_dynamics: Annotated[Path | None, typer.Option(help="CSV or .sto; the built-in walk if left out")] = None,
+    muscles: Annotated[Path | None, typer.Option(help="CSV, or folder of a MuscleAnalysis: lengths and arms")] = None,
+    parameters: Annotated[Path | None, typer.Option(help="CSV of the muscles' parameters")] = None,
+    rotations: Annotated[Path | None, typer.Option(help="CSV or .sto with flexion_rz_rad and rotation_ry_rad")] = None,
+    maps: Annotated[
+        list[str] | None, typer.Option("--map", help="other columns of it, such as knee_angle_r=-rz:deg")
+    ] = None,
+    measured: Annotated[Path | None, typer.Option(help="cycle (CSV) to compare with; never used to solve")] = None,
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    out: Annotated[Path, typer.Option(help="folder for muscle_contact.csv, .sto, .png, summary.json")] = (
+        RESULTS / NAME
+    ),
+    model: Annotated[str, typer.Option(help="hill or isometric")] = "hill",
+    fit_lengths: Annotated[bool, typer.Option(help="scale fibres and tendons to the person's lengths")] = True,
+    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
+    least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
+    all_six: Annotated[
+        bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
+    ] = False,
+) -> None:
+    """Find the muscle activations and contact forces of a walking cycle that balance its inverse dynamics.
+
+    Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
+    """
+    writable_folder(out)
+    files = {"inverse-dynamics": inverse_dynamics, "muscles": muscles, "parameters": parameters, "rotations": rotations}
+    missing = [f"--{name}" for name, path in files.items() if path is None]
+    if inverse_dynamics and muscles and parameters and rotations:
+        columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
+        walk = read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
+    elif len(missing) == len(files):
+        walk = example_walk()
+    else:
+        raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
+    comparison = None if measured is None else read_cycle(measured)
+    problem = build(
+        load_surrogate(surrogate),
+        walk,
+        model=model,
+        fit_lengths=fit_lengths,
+        balanced=tuple(COORDINATES) if all_six else BALANCED,
+        free=("tx", "ty", "tz", "rx") if all_six else FREE,
+        exponent=exponent,
+        least_activation=least_activation,
+    )
+    result = solve(problem)
+    verdict = judge(
+        problem.surrogate, result.poses, result.converged, own_model(problem.surrogate.scene), CONTACT_LOADS
+    )
+    report(problem, result, verdict, out, comparison)
+    end_with(verdict, NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

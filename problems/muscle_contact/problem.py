@@ -1,0 +1,166 @@
+"""Muscle and contact forces of a knee together, over a whole walking cycle, from inverse dynamics.
+
+Muscles pull the femur onto the tibia, contact pushes back, and both balance the knee's inverse-dynamics loads. For all
+frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz by choice) and reserve loads r:
+
+    min Σ a^p + Σ (r/size)²        p = 2: least squared activation
+
+    Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
+    s_med(q), s_lat(q) >= 0,   least activation <= a <= 1,   q in the learned range
+
+F is linear in a (`force_capacity`). contact(q) is the surrogate's load on the femur, as a generalised load: F of
+translations, Eᵀ(T - t×F) of rotations, about the moving origin (`angular_velocity_map`). s is the signed root load: a
+side that carries nothing just touches, because nothing else says where it floats. tx and tz where they are not free
+stand where equal forces on both sides cause no shear. ry and rz are prescribed. Measured contact forces enter nowhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.optimisation import KNEE_STEPS, ContactFrames, shear_free_poses
+from casadi_contact.structures import Surrogate
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
+from problems.muscle_contact.muscle import ForceCapacity, force_capacity
+from problems.muscle_contact.walk import MuscleWalk
+
+BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
+FREE = ("ty", "rx")
+# What stands in for ligaments and for errors of inverse dynamics, N and N·m at the cost of one full activation. The
+# contact alone balances ty and adduction, and muscles flexion: reserves there only keep an overloaded frame solvable.
+RESERVE_SIZES = {
+    "knee_tx": 100.0,
+    "knee_ty": 10.0,
+    "knee_tz": 100.0,
+    "knee_adduction": 1.0,
+    "knee_rotation": 10.0,
+    "knee_flexion": 1.0,
+}
+_MAY_MOVE = ("tx", "ty", "tz", "rx")
+
+
+@dataclass(frozen=True)
+class MuscleContact:
+    """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
+
+    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates.
+    """
+
+    surrogate: Surrogate
+    walk: MuscleWalk
+    balanced: tuple[str, ...]
+    free: tuple[str, ...]
+    capacity: ForceCapacity
+    shear_free: Array
+    nlp: dict[str, Any]
+    lower: Array
+    upper: Array
+    lower_g: Array
+    upper_g: Array
+    start: Array
+
+    @property
+    def scales(self) -> Array:
+        """Size of one unit of each variable of a frame: activation, mm or rad, N or N·m."""
+        moves = KNEE_STEPS[[pose_index(name) for name in self.free]]
+        reserves = [RESERVE_SIZES[name] for name in self.balanced]
+        return np.concatenate([np.ones(len(self.walk.muscles.names)), moves, reserves])
+
+
+def _contact_function(balanced: Sequence[str]) -> ca.Function:
+    """(pose (6), contact loads (7)) of one frame -> contact loads of balanced coordinates [N, N·m]."""
+    pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(CONTACT_LOADS))
+    contact = contact_expression(pose, loads)
+    return ca.Function("contact", [pose, loads], [ca.vertcat(*(contact[name] for name in balanced))])
+
+
+def build(
+    surrogate: Surrogate,
+    walk: MuscleWalk,
+    *,
+    model: str = "hill",
+    fit_lengths: bool = True,
+    balanced: Sequence[str] = BALANCED,
+    free: Sequence[str] = FREE,
+    exponent: float = 2.0,
+    least_activation: float = 0.01,
+) -> MuscleContact:
+    """Pose the problem for all frames of a walk.
+
+    model: "hill" or "isometric" (`force_capacity`); fit_lengths scales generic fibre and tendon lengths to the
+    person (`MuscleParameters.fitted_to`), by lengths only. balanced: coordinates of `COORDINATES`; free: ty, rx, and
+    by choice tx and tz. exponent p >= 2 of the cost.
+
+    Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
+    """
+    balanced, free = tuple(balanced), tuple(free)
+    _check(walk, balanced, free, exponent, least_activation)
+    muscles = walk.muscles.fitted_to(walk.lengths_m) if fit_lengths else walk.muscles
+    capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
+    try:
+        poses = shear_free_poses(surrogate, walk.ry, walk.rz)
+    except ValueError as error:
+        raise ValueError(f"walk {walk.name}: {error}") from None
+    frames, count, size = len(walk), len(muscles.names), len(balanced)
+
+    variables = ca.MX.sym("variables", count + len(free) + size, frames)
+    a, q, reserves = ca.vertsplit(variables, [0, count, count + len(free), variables.shape[0]])
+    locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
+    knee = ContactFrames(surrogate, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
+    contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
+    rows = []
+    for row, name in enumerate(balanced):
+        arms = walk.arms[name]
+        muscle_load = ca.sum1(ca.DM((arms * capacity.active_n).T) * a).T
+        rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
+        load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
+        rows.append(0.1 * in_newtons(name) * load.T)  # about as large as what a scaled variable changes
+    g = ca.vertcat(*rows, knee.roots)
+    objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
+    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
+
+    patches, muscles_and_pose = len(surrogate.patch_names), count + len(free)
+    start, lower, upper = np.zeros((3, frames, muscles_and_pose + size))
+    start[:, :count], lower[:, :count], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
+    for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
+        table[:, count:muscles_and_pose] = values.reshape(frames, -1)
+    lower[:, muscles_and_pose:], upper[:, muscles_and_pose:] = -np.inf, np.inf
+    return MuscleContact(
+        surrogate,
+        walk,
+        balanced,
+        knee.free,
+        capacity,
+        poses,
+        nlp,
+        lower=lower.ravel(),
+        upper=upper.ravel(),
+        lower_g=np.zeros(frames * (size + patches)),
+        upper_g=np.tile([0.0] * size + [np.inf] * patches, frames),
+        start=start.ravel(),
+    )
+
+
+def _check(
+    walk: MuscleWalk, balanced: tuple[str, ...], free: tuple[str, ...], exponent: float, least_activation: float
+) -> None:
+    for name in balanced:
+        if name not in walk.loads:
+            raise ValueError(f"walk {walk.name} has no loads and arms of {name!r}; it has {', '.join(walk.loads)}")
+    if not balanced or len(set(balanced)) != len(balanced):
+        raise ValueError(f"balanced is {balanced}, expected coordinates, each named once")
+    if not set(FREE) <= set(free) <= set(_MAY_MOVE) or len(set(free)) != len(free):
+        raise ValueError(f"free is {free}, expected ty and rx, and by choice tx and tz, each named once")
+    needed = {COORDINATES[name] for name in balanced}
+    if not set(free) <= needed:
+        raise ValueError(f"{', '.join(set(free) - needed)} is free, but nothing balanced moves along it")
+    if not exponent >= 2.0 or not 0.0 <= least_activation < 1.0:
+        raise ValueError(
+            f"exponent is {exponent} and least activation {least_activation}, expected >= 2 and from 0 to below 1"
+        )

@@ -1,0 +1,216 @@
+"""What muscle and contact say together: a table, every frame as CSV and .sto, a JSON summary and a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.motion.opensim import loads_table, poses_table, write_table
+from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
+from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, coordinate_unit
+from problems.muscle_contact.problem import MuscleContact
+from problems.muscle_contact.solve import MuscleContactResult
+
+SIDES = ("Fy_med", "Fy_lat")
+_MUSCLES = {
+    "bflh": "biceps femoris, long head",
+    "bfsh": "biceps femoris, short head",
+    "gaslat": "gastrocnemius, lateral head",
+    "gasmed": "gastrocnemius, medial head",
+    "grac": "gracilis",
+    "recfem": "rectus femoris",
+    "sart": "sartorius",
+    "semimem": "semimembranosus",
+    "semiten": "semitendinosus",
+    "tfl": "tensor fasciae latae",
+    "vasint": "vastus intermedius",
+    "vaslat": "vastus lateralis",
+    "vasmed": "vastus medialis",
+}
+_DRAWN_MUSCLES = 6
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Contact loads (n, 7) as in `CONTACT_LOADS` of the surrogate, on the fine EF grid and on the teacher grid, which
+    has next to no error of its own; measured (n, 2) as in `SIDES`, at the walk's times, or None."""
+
+    got: Array
+    ef: Array
+    teacher: Array
+    measured: Array | None
+
+    @classmethod
+    def of(cls, problem: MuscleContact, result: MuscleContactResult, measured: LoadCycle | None) -> Compared:
+        """Re-evaluate the solution on the scene's fine and teacher EF grids, and take measured forces at its times.
+
+        Raises ValueError where the measured cycle and the walk share no time.
+        """
+        scene, walk = problem.surrogate.scene, problem.walk
+        columns = [scene.load_names.index(name) for name in CONTACT_LOADS]
+        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
+        if measured is None:
+            return cls(result.loads, grids[0], grids[1], None)
+        if measured.time_s[0] > walk.time_s[-1] or measured.time_s[-1] < walk.time_s[0]:
+            raise ValueError(f"measured cycle {measured.name} and walk {walk.name} share no time")
+        forces = [np.interp(walk.time_s, measured.time_s, curve) for curve in (measured.fy_med, measured.fy_lat)]
+        return cls(result.loads, grids[0], grids[1], np.column_stack(forces))
+
+    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+        """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus surrogate."""
+        pairs = {"fine_ef": self.ef - self.got, "teacher_ef": self.teacher - self.got}
+        if self.measured is not None:
+            pairs["prediction"] = self.measured - self.got[:, : len(SIDES)]
+        return {
+            name: {
+                key: {**rms_and_largest(off[:, column]), "mean": float(off[:, column].mean())}
+                for key, off in pairs.items()
+            }
+            for column, name in enumerate(SIDES)
+        }
+
+
+def report(
+    problem: MuscleContact,
+    result: MuscleContactResult,
+    verdict: Verdict,
+    out: Path,
+    measured: LoadCycle | None = None,
+) -> None:
+    """Print the table; write muscle_contact.csv, .png, poses.sto, loads.sto and summary.json in the folder out."""
+    writable_folder(out)
+    walk = problem.walk
+    compared = Compared.of(problem, result, measured)
+    errors = compared.errors()
+    _print(problem, result, verdict, errors)
+    _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
+    write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
+    write_table(
+        loads_table(walk.time_s, result.loads, CONTACT_LOADS, f"{walk.name} contact on insert"), out / "loads.sto"
+    )
+    grids = {name: "×".join(map(str, problem.surrogate.scene.grids[name])) for name in ("fine", "teacher")}
+    summary: dict[str, Any] = {
+        "verdict": str(verdict),
+        "walk": walk.name,
+        "frames": len(walk),
+        "converged": int(result.converged.sum()),
+        "verified": int(verdict.verified.sum()),
+        "ipopt_status": result.ipopt_status,
+        "ipopt_iterations": result.iterations,
+        "seconds": result.seconds,
+        "overloaded_frames": np.flatnonzero(result.overloaded).tolist(),
+        "balanced": problem.balanced,
+        "free": problem.free,
+        "measured": None if measured is None else measured.name,
+        "errors_n": errors,
+        "largest_reserve": {name: float(np.abs(curve).max()) for name, curve in result.reserves.items()},
+        "largest_imbalance": {name: float(np.abs(curve).max()) for name, curve in result.unbalanced.items()},
+        "largest_activation": dict(zip(walk.muscles.names, result.activations.max(axis=0).tolist(), strict=True)),
+        "ef_grids": grids,
+        "scene": problem.surrogate.scene.name,
+    }
+    write_summary(out / "summary.json", summary)
+    draw(problem, result, compared, out / "muscle_contact.png")
+    PlainConsole().print(f"results in {out}", highlight=False)
+
+
+def _print(problem: MuscleContact, result: MuscleContactResult, verdict: Verdict, errors: dict[str, Any]) -> None:
+    walk, console = problem.walk, PlainConsole()
+    console.print(str(verdict), highlight=False)
+    table = Table(title=f"Muscle and contact, {walk.name}: {len(walk)} frames, compression in N")
+    table.add_column("")
+    for title in ("largest", "predicted - measured: RMS", "mean", "EF fine - surrogate: RMS / max", "EF teacher"):
+        table.add_column(title, justify="right")
+    for column, name in enumerate(SIDES):
+        row = errors[name]
+        prediction = [f"{row['prediction'][key]:.0f}" if "prediction" in row else "-" for key in ("rms", "mean")]
+        grids = [f"{row[key]['rms']:.2g} / {row[key]['max']:.2g}" for key in ("fine_ef", "teacher_ef")]
+        table.add_row(name, f"{-result.loads[:, column].min():.0f}", *prediction, *grids)
+    console.print(table)
+    largest = ", ".join(
+        f"{name} {np.abs(curve).max():.2g} {coordinate_unit(name)}" for name, curve in result.reserves.items()
+    )
+    console.print(f"largest reserves: {largest}; largest activation: {result.activations.max():.2f}", highlight=False)
+    print_outcome(console, result)
+    if result.overloaded.any():
+        frames = ", ".join(map(str, np.flatnonzero(result.overloaded)))
+        console.print(f"beyond what muscles and contact balance, reserves stand in: frames {frames}", highlight=False)
+
+
+def _write_table(
+    path: Path, problem: MuscleContact, result: MuscleContactResult, compared: Compared, verdict: Verdict
+) -> None:
+    walk = problem.walk
+    columns: dict[str, Any] = {"frame": range(len(walk)), "time_s": walk.time_s, "cycle_percent": walk.percent}
+    columns |= pose_columns(result.poses) | load_columns(CONTACT_LOADS, compared.got)
+    for what, table in (("ef", compared.teacher), ("measured", compared.measured)):
+        if table is not None:
+            columns |= {f"{name}_{what}_N": curve for name, curve in zip(SIDES, table.T, strict=False)}
+    for muscle, name in enumerate(walk.muscles.names):
+        columns[f"{name}_activation"] = result.activations[:, muscle]
+        columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
+    for name in problem.balanced:
+        columns[f"{name}_reserve_{coordinate_unit(name)}"] = result.reserves[name]
+        columns[f"{name}_imbalance_{coordinate_unit(name)}"] = result.unbalanced[name]
+    columns |= {"converged": result.converged.astype(int), "reason": result.reason, "verdict": verdict.words}
+    write_columns(path, columns, digits=DIGITS)
+
+
+def draw(problem: MuscleContact, result: MuscleContactResult, compared: Compared, path: Path) -> None:
+    """Forces of both sides (predicted, EF, measured), activations and the greatest muscle forces, as a PNG."""
+    walk, errors = problem.walk, compared.errors()
+    page = new_page(13.0, 8.5)
+    parts = panels(page, 2, 2, {(0, 0), (0, 1)})
+    failed = ~result.converged
+    for column, (name, side) in enumerate(zip(SIDES, ("medial", "lateral"), strict=True)):
+        panel, axis = parts[0, column], parts[0, column].curves
+        title = f"{side} side"
+        if compared.measured is not None:
+            axis.plot(walk.percent, -compared.measured[:, column], label="measured", **WANTED)
+            title += f": RMS error {errors[name]['prediction']['rms']:.0f} N"
+        axis.plot(walk.percent, -compared.got[:, column], label="predicted", **SURROGATE)
+        axis.plot(walk.percent, -compared.teacher[:, column], label="EF, same poses", **FOUNDATION)
+        if failed.any():
+            axis.plot(walk.percent[failed], -compared.got[failed, column], label="not converged", **FAILED)
+        axis.set(title=title, ylabel="compression [N]")
+        axis.legend(fontsize=8)
+        off = compared.got[:, column] - compared.teacher[:, column]  # of compressions, which have the other sign
+        panel.difference(walk.percent, off, "EF - predicted", **FOUNDATION)
+        panel.differences.set_ylabel("EF - predicted [N]", fontsize=7)
+    forces = [parts[0, column].curves for column in range(2)]
+    top = max(axis.get_ylim()[1] for axis in forces)
+    for axis in forces:
+        axis.set_ylim(-0.03 * top, top)
+    names = [_MUSCLES.get(name, name) for name in walk.muscles.names]
+    activation, strongest_forces = parts[1, 0].curves, parts[1, 1].curves
+    image = activation.pcolormesh(
+        walk.percent, np.arange(len(names)), result.activations.T, shading="nearest", cmap="viridis", vmin=0.0
+    )
+    activation.set_yticks(np.arange(len(names)), names, fontsize=8)
+    page.colorbar(image, ax=activation, label="activation [-]")
+    strongest = np.argsort(result.muscle_forces_n.max(axis=0))[::-1][:_DRAWN_MUSCLES]
+    colours = [COLOURS[name] for name in ("blue", "vermillion", "green", "purple", "orange", "sky blue")]
+    for muscle, color in zip(strongest, colours, strict=True):
+        strongest_forces.plot(walk.percent, result.muscle_forces_n[:, muscle], color=color, label=names[muscle])
+    strongest_forces.set(title="strongest muscles", ylabel="force [N]")
+    strongest_forces.legend(fontsize=8)
+    frame((panel.lowest for panel in parts.values()), "cycle [%]")
+    for panel in parts.values():
+        panel.curves.set_xlim(0.0, 100.0)
+    activation.grid(visible=False)
+    converged = f"{int(result.converged.sum())} of {len(walk)} frames converged"
+    page.suptitle(f"Muscle and contact forces from inverse dynamics, {walk.name}: {converged}")
+    save_page(page, path, dots_per_inch=110)

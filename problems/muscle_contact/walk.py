@@ -1,0 +1,194 @@
+"""What a muscle problem is given: inverse dynamics, the muscles' geometry and the joint's rotations over a cycle.
+
+Arms are those of `knee_coordinates`: arm = -∂length/∂coordinate, m for rotations, direction cosines for
+translations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from casadi_contact.conventions import Array
+from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
+from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
+from problems.muscle_contact.muscle import MuscleParameters
+
+# How the rotations stand in the measured cycles' files (`casadi_contact.motion.load_cycle`).
+ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
+PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad")
+
+
+@dataclass(frozen=True)
+class MuscleWalk:
+    """One cycle of n frames and m muscles: time_s, rz, ry (n,); loads (n,) [N, N·m] and arms (n, m) by coordinate;
+    lengths_m and velocities_m_per_s (n, m) of the musculotendons; the muscles' parameters.
+
+    Raises ValueError for shapes that do not fit, NaN, unsorted time, or a coordinate without both loads and arms.
+    """
+
+    name: str
+    time_s: Array
+    rz: Array
+    ry: Array
+    loads: Mapping[str, Array]
+    arms: Mapping[str, Array]
+    lengths_m: Array
+    velocities_m_per_s: Array
+    muscles: MuscleParameters
+
+    def __post_init__(self) -> None:
+        frames, count = len(self.time_s), len(self.muscles.names)
+        expected: dict[str, tuple[Array, tuple[int, ...]]] = {
+            "time": (self.time_s, (frames,)),
+            "rz": (self.rz, (frames,)),
+            "ry": (self.ry, (frames,)),
+            "lengths": (self.lengths_m, (frames, count)),
+            "velocities": (self.velocities_m_per_s, (frames, count)),
+        }
+        expected |= {f"loads of {key}": (curve, (frames,)) for key, curve in self.loads.items()}
+        expected |= {f"arms about {key}": (table, (frames, count)) for key, table in self.arms.items()}
+        for what, (values, shape) in expected.items():
+            if values.shape != shape:
+                raise ValueError(f"walk {self.name}: {what} have shape {values.shape}, expected {shape}")
+            if not np.isfinite(values).all():
+                frame = int(np.argwhere(~np.isfinite(values))[0][0])
+                raise ValueError(f"walk {self.name}: {what} hold NaN at frame {frame}, expected finite numbers")
+        if frames < 2 or np.any(np.diff(self.time_s) <= 0.0):
+            raise ValueError(f"walk {self.name}: time does not rise over at least 2 frames")
+        odd = (set(self.loads) | set(self.arms)) - set(COORDINATES)
+        odd |= set(self.loads) ^ set(self.arms)
+        if odd:
+            raise ValueError(
+                f"walk {self.name}: coordinates {', '.join(sorted(odd))} lack loads or arms, or are none of "
+                f"{', '.join(COORDINATES)}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+
+def read_walk(
+    rotations: Path,
+    inverse_dynamics: Path,
+    muscles: Path,
+    parameters: Path,
+    maps: Sequence[ColumnMap] = ROTATION_MAPS,
+) -> MuscleWalk:
+    """Read a walk; all curves are taken at the times of inverse dynamics, and stay at their ends beyond their own.
+
+    rotations: CSV or .sto with time (``time_s`` or ``time``) and the columns that maps turn into rz and ry.
+    inverse_dynamics: CSV or .sto with time and coordinates of `COORDINATES` (``knee_ty`` or ``knee_ty_N``, N, N·m).
+    muscles: a CSV with ``frame, muscle, length_m, velocity_m_per_s, arm_knee_ty, ...``, a frame for each row of
+    inverse dynamics; or a folder of OpenSim's MuscleAnalysis (``*_Length.sto``, ``*_MomentArm_knee_ty.sto``, ...),
+    velocities then come from the lengths. parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`.
+
+    Raises FileNotFoundError for no file and ValueError, naming file, line, column or muscle, for what cannot be used.
+    """
+    turns, dynamics = _table(rotations), _table(inverse_dynamics).columns
+    time_s = dynamics["time"]
+    loads = {
+        name: dynamics[label]
+        for name in COORDINATES
+        for label in (name, f"{name}_{coordinate_unit(name)}")
+        if label in dynamics
+    }
+    if not loads:
+        raise ValueError(f"{inverse_dynamics} has none of the columns {', '.join(COORDINATES)}")
+    known = _parameters(parameters)
+    lengths, velocities, arms = (_analysis if muscles.is_dir() else _geometry)(muscles, known.names, time_s)
+    try:
+        curves = mapped_curves(turns, maps)
+    except ValueError as error:
+        raise ValueError(f"{rotations}: {error}") from None
+    if not {"rz", "ry"} <= set(curves):
+        raise ValueError(f"{rotations} is mapped to {', '.join(curves)}, expected columns for rz and ry")
+    rz, ry = (np.interp(time_s, curves["time"], curves[name]) for name in ("rz", "ry"))
+    shared = [name for name in COORDINATES if name in loads and name in arms]
+    return MuscleWalk(
+        inverse_dynamics.stem.removesuffix("_inverse_dynamics"),
+        time_s,
+        rz,
+        ry,
+        {name: loads[name] for name in shared},
+        {name: arms[name] for name in shared},
+        lengths,
+        velocities,
+        known,
+    )
+
+
+def _table(path: Path) -> Table:
+    """A CSV or OpenSim file as a table whose time [s] rises."""
+    if path.suffix.lower() in (".sto", ".mot"):
+        table = read_opensim_table(path)
+    else:
+        text = TextColumns.read(path)
+        text.require("time_s")
+        columns = {name: text.numbers(name) for name in text.header}
+        table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
+    if np.any(np.diff(table.column("time")) <= 0.0):
+        raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
+    return table
+
+
+def _parameters(path: Path) -> MuscleParameters:
+    table = TextColumns.read(path)
+    numbers = [table.numbers(column) for column in PARAMETER_COLUMNS]
+    try:
+        return MuscleParameters(tuple(table.text("muscle")), *numbers)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:
+    """Lengths, velocities (n, m) and arms by coordinate from a CSV with one line for each frame and muscle."""
+    table = TextColumns.read(path)
+    table.require("length_m")
+    table.require("velocity_m_per_s")
+    muscle, frame = table.text("muscle"), table.numbers("frame")
+    place: dict[tuple[int, str], int] = {}
+    for k, key in enumerate(zip(frame.astype(int), muscle, strict=True)):
+        if key in place:
+            raise ValueError(f"{path} line {table.rows[k][0]}: muscle {key[1]} at frame {key[0]} is there twice")
+        place[key] = k
+    missing = [(k, name) for k in range(len(time_s)) for name in names if (k, name) not in place]
+    if missing:
+        raise ValueError(f"{path} lacks muscle {missing[0][1]} at frame {missing[0][0]} of {len(time_s)}")
+    last = int(frame.max())
+    if last >= len(time_s):
+        raise ValueError(f"{path} has frame {last}, but inverse dynamics has {len(time_s)} frames, counted from 0")
+    order = np.array([[place[k, name] for name in names] for k in range(len(time_s))])
+    arms = {name: table.numbers(f"arm_{name}")[order] for name in COORDINATES if f"arm_{name}" in table.header}
+    return table.numbers("length_m")[order], table.numbers("velocity_m_per_s")[order], arms
+
+
+def _analysis(folder: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:
+    """The same from the files that OpenSim's MuscleAnalysis writes, a column for each muscle."""
+
+    def only(ending: str) -> Table | None:
+        found = sorted(folder.glob(f"*_{ending}.sto"))
+        if len(found) > 1:
+            raise ValueError(f"{folder} holds {len(found)} files *_{ending}.sto, expected one")
+        return read_opensim_table(found[0]) if found else None
+
+    def at(table: Table) -> CubicSpline:
+        return CubicSpline(table.column("time"), np.column_stack([table.column(name) for name in names]))
+
+    table = only("Length")
+    if table is None:
+        raise FileNotFoundError(f"folder {folder} holds no file *_Length.sto")
+    length = at(table)
+    tables = {name: only(f"MomentArm_{name}") for name in COORDINATES}
+    arms = {name: at(table)(time_s) for name, table in tables.items() if table is not None}
+    return length(time_s), length(time_s, 1), arms

@@ -1,0 +1,10 @@
+"""Optimal control of a joint by direct collocation: build the transcribed problem, solve it.
+
+Run ``python -m problems.optimal_control --help``.
+"""
+
+from problems.optimal_control.problem import OptimalControl, build
+from problems.optimal_control.solve import ControlResult, solve, start_values
+from problems.optimal_control.wanted_cycle import WantedCycle, simulated_cycle
+
+__all__ = ["ControlResult", "OptimalControl", "WantedCycle", "build", "simulated_cycle", "solve", "start_values"]

@@ -1,0 +1,62 @@
+"""The command ``python -m problems.optimal_control``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from casadi_contact.files import writable_folder
+from casadi_contact.structures import load_surrogate
+from casadi_contact.verification import judge, own_model
+from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.optimal_control.problem import build
+from problems.optimal_control.report import report
+from problems.optimal_control.solve import solve
+from problems.optimal_control.wanted_cycle import simulated_cycle
+
+NAME = "optimal_control"
+app = new_app()
+
+
+@app.command()
+def run(
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    intervals: Annotated[int, typer.Option(help="collocation intervals over the cycle")] = 50,
+    degree: Annotated[int, typer.Option(help="collocation points of each interval")] = 3,
+    scheme: Annotated[str, typer.Option(help="radau or legendre")] = "radau",
+    periodic: Annotated[bool, typer.Option(help="end where the cycle began")] = True,
+    steadiness: Annotated[float, typer.Option(help="weight of the actuators' change from point to point")] = 1e-4,
+    out: Annotated[Path, typer.Option(help="folder for optimal_control.csv, .png, .json")] = RESULTS / NAME,
+) -> None:
+    """Find the actuator loads and the motion that carry the knee simulator's contact loads; check them on the EF.
+
+    Exit status 2: not solved; 3: solved, but the contact model differs at some collocation points.
+    """
+    writable_folder(out)
+    model = load_surrogate(surrogate)
+    wanted = simulated_cycle(model)
+    problem = build(
+        model,
+        wanted,
+        intervals=intervals,
+        degree=degree,
+        scheme=scheme,
+        periodic=periodic,
+        steadiness=steadiness,
+    )
+    result = solve(problem)
+    verdict = judge(model, result.poses, np.full(len(result.poses), result.converged), own_model(model.scene))
+    report(problem, result, verdict, out)
+    end_with(verdict, NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

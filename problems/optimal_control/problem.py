@@ -1,0 +1,159 @@
+"""Optimal control of a joint: find the actuator loads whose motion carries wanted contact loads, all six degrees free.
+
+Direct collocation (Radau or Legendre points) over one cycle of N intervals, all in one IPOPT problem with exact
+Hessian. With pose q (6), rates v (6) and actuator wrenches u (6) about the moving origin at every collocation point,
+
+    q̇ = v,    M·v̇ = Q(q; u) - Q(q; W(q)) - k·(q - q_rest) - c·v
+
+(as in the knee simulator, with flexion now moving as freely as the rest), find
+
+    min ½ Σ |(loads(q) - wanted)/L|² + ½ Σ ((rz - wanted rz)/δ)² + ½ steadiness·Σ |Δu/L|²    [N²]
+
+over the collocation points: L = 1 for forces and 25 mm for torques, δ = 0.01 degrees (contact does not hold flexion,
+so wanted loads alone leave it open), Δu the change from point to point. Poses stay in the learned range; the cycle is
+periodic by choice. Poses, rates and dynamics are scaled to like size.
+
+The wanted loads of the built-in example are those that a forward simulation of the knee simulator carries, so the
+answer is known: the simulator's motion, and its applied loads as controls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
+from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, pose_bounds, total_selection
+from casadi_contact.quantities import newton_scales
+from casadi_contact.structures import Surrogate
+from problems.knee_simulator.rig import Rig
+from problems.optimal_control.wanted_cycle import WantedCycle
+
+SCHEMES = ("radau", "legendre")
+FLEXION_RAD = np.radians(0.01)  # flexion off by this weighs as much as a force off by 1 N
+_FLEXION_INERTIA = 20.0  # t·mm², that is 0.02 kg·m², as about the other axes
+_FLEXION_DAMPING = 1000.0  # N·mm·s/rad
+RATES = 20.0 * KNEE_STEPS  # [mm/s, rad/s] like in effect
+LOAD_SCALE_N = 100.0  # of actuator loads (torques over 25 mm) and dynamics
+_RZ = pose_index("rz")
+
+
+@dataclass(frozen=True)
+class OptimalControl:
+    """A problem that can be looked at unsolved: CasADi's nlp and bounds, collocation times, and what it came from.
+
+    times (points,) are those of the collocation points; unpack: x -> poses (6, points), rates (6, points), actuator
+    wrenches (6, points) and poses at the ends of intervals (6, intervals + 1), in physical units.
+    """
+
+    surrogate: Surrogate
+    wanted: WantedCycle
+    times: Array
+    nlp: dict[str, Any]
+    lower: Array
+    upper: Array
+    unpack: ca.Function
+    intervals: int
+    degree: int
+
+
+def _point_function(surrogate: Surrogate, rig: Rig) -> ca.Function:
+    """(scaled q, v, u, wanted loads, wanted rz) -> (acceleration forces (6) [N], tracking residuals (L + 1) [N])."""
+    q, v, u = (ca.MX.sym(name, 6) for name in ("q", "v", "u"))
+    wanted, rz = ca.MX.sym("wanted", len(surrogate.load_names)), ca.MX.sym("rz")
+    pose = q * KNEE_STEPS
+    loads = surrogate.function(compiled=True)(pose)
+    contact = ca.mtimes(ca.DM(total_selection(surrogate.load_names)), loads)
+    actuators = u * (LOAD_SCALE_N * POSE_IN_MM)
+    stiffness, rest = np.append(rig.stiffness, 0.0), np.append(rig.rest_mm_rad, 0.0)
+    damping = np.append(rig.damping, _FLEXION_DAMPING)
+    forces = (
+        generalised_forces(pose, actuators, about="moving")
+        - generalised_forces(pose, contact)
+        - ca.DM(stiffness) * (pose - ca.DM(rest))
+        - ca.DM(damping) * (v * RATES)
+    )
+    levers = newton_scales(surrogate.load_names, LEVER_MM)
+    off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[_RZ] - rz) / FLEXION_RAD)
+    return ca.Function("point", [q, v, u, wanted, rz], [forces / ca.DM(POSE_IN_MM), off])
+
+
+def build(
+    surrogate: Surrogate,
+    wanted: WantedCycle,
+    *,
+    rig: Rig | None = None,
+    intervals: int = 50,
+    degree: int = 3,
+    scheme: str = "radau",
+    periodic: bool = True,
+    steadiness: float = 1e-4,
+) -> OptimalControl:
+    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals or a negative steadiness."""
+    rig = Rig() if rig is None else rig
+    if scheme not in SCHEMES:
+        raise ValueError(f"scheme is {scheme!r}, expected one of {', '.join(SCHEMES)}")
+    if intervals < 2 or not 1 <= degree <= 9 or not steadiness >= 0.0:
+        raise ValueError(
+            f"intervals {intervals}, degree {degree}, steadiness {steadiness}: expected >= 2, 1 to 9, and >= 0"
+        )
+    if wanted.loads.shape != (len(wanted.time_s), len(surrogate.load_names)):
+        raise ValueError(
+            f"wanted loads have shape {wanted.loads.shape}, expected "
+            f"({len(wanted.time_s)}, {len(surrogate.load_names)}): {' '.join(surrogate.load_names)}"
+        )
+    taus = ca.collocation_points(degree, scheme)
+    slopes, ends, _ = (np.asarray(part) for part in ca.collocation_coeff(taus))
+    step = (wanted.time_s[-1] - wanted.time_s[0]) / intervals
+    times = ((np.arange(intervals)[:, None] + np.asarray(taus)) * step).ravel()
+    points = intervals * degree
+    loads, rz = wanted.at(wanted.time_s[0] + times)
+
+    nodes_q, nodes_v = ca.MX.sym("node_q", 6, intervals + 1), ca.MX.sym("node_v", 6, intervals + 1)
+    q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
+    forces, off = _point_function(surrogate, rig).map(points)(q, v, u, ca.DM(loads.T), ca.DM(rz[None]))
+    inertia = np.append(rig.inertia, _FLEXION_INERTIA)
+    # Each interval's polynomial through its node and collocation points: slopes there, and the value at its end.
+    to_steps = ca.DM(RATES / KNEE_STEPS * step)
+    to_newtons = ca.DM(inertia * RATES / POSE_IN_MM / step)
+    defects = []
+    for k in range(intervals):
+        here = slice(k * degree, (k + 1) * degree)
+        stacked_q, stacked_v = ca.horzcat(nodes_q[:, k], q[:, here]), ca.horzcat(nodes_v[:, k], v[:, here])
+        defects += [
+            ca.vec(ca.mtimes(stacked_q, slopes) - ca.repmat(to_steps, 1, degree) * v[:, here]),
+            ca.vec(ca.repmat(to_newtons, 1, degree) * ca.mtimes(stacked_v, slopes) - forces[:, here]) / LOAD_SCALE_N,
+            ca.mtimes(stacked_q, ends) - nodes_q[:, k + 1],
+            ca.mtimes(stacked_v, ends) - nodes_v[:, k + 1],
+        ]
+    if periodic:
+        defects += [nodes_q[:, 0] - nodes_q[:, -1], nodes_v[:, 0] - nodes_v[:, -1]]
+    changes = LOAD_SCALE_N * (u[:, 1:] - u[:, :-1])
+    x = ca.vertcat(*(ca.vec(part) for part in (nodes_q, nodes_v, q, v, u)))
+    low, high = (bound / KNEE_STEPS for bound in pose_bounds(surrogate))
+    free_rates, free_loads = np.full(6 * points, np.inf), np.full(6 * points, np.inf)
+    node_rates = np.full(6 * (intervals + 1), np.inf)
+    parts = (np.tile(low, intervals + 1), -node_rates, np.tile(low, points), -free_rates, -free_loads)
+    tops = (np.tile(high, intervals + 1), node_rates, np.tile(high, points), free_rates, free_loads)
+    physical = [ca.DM(scale) for scale in (KNEE_STEPS, RATES, LOAD_SCALE_N * POSE_IN_MM)]
+    return OptimalControl(
+        surrogate=surrogate,
+        wanted=wanted,
+        times=times,
+        nlp={"x": x, "f": 0.5 * (ca.sumsqr(off) + steadiness * ca.sumsqr(changes)), "g": ca.vertcat(*defects)},
+        lower=np.concatenate(parts),
+        upper=np.concatenate(tops),
+        unpack=ca.Function(
+            "unpack",
+            [x],
+            [
+                *(ca.repmat(scale, 1, points) * part for scale, part in zip(physical, (q, v, u), strict=True)),
+                ca.repmat(physical[0], 1, intervals + 1) * nodes_q,
+            ],
+        ),
+        intervals=intervals,
+        degree=degree,
+    )

@@ -1,0 +1,123 @@
+"""What optimal control says: tracking and EF errors, a CSV of every point, a JSON summary and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_unit
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
+from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.optimal_control.problem import OptimalControl
+from problems.optimal_control.solve import ControlResult
+
+
+def report(problem: OptimalControl, result: ControlResult, verdict: Verdict, out: Path) -> None:
+    """Print the table and write optimal_control.csv, .json and .png in the folder out."""
+    writable_folder(out)
+    scene = problem.surrogate.scene
+    grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
+    columns = [scene.load_names.index(name) for name in problem.surrogate.load_names]
+    ef = {name: ElasticFoundation(scene, grid)(result.poses)[:, columns] for name, grid in grids.items()}
+    off = {"surrogate - wanted": result.load_error}
+    off |= {f"EF {nx}×{nz} - surrogate": ef[name] - result.loads for name, (nx, nz) in grids.items()}
+    console = PlainConsole()
+    console.print(str(verdict), highlight=False)
+    table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
+    table.add_column("RMS / max")
+    for what in off:
+        table.add_column(what, justify="right")
+    for column, name in enumerate(problem.surrogate.load_names):
+        cells = [_rms_and_largest(error[:, column]) for error in off.values()]
+        table.add_row(f"{name} ({load_unit(name)})", *cells)
+    flexion = result.flexion_error_deg
+    table.add_row("flexion (deg)", _rms_and_largest(flexion), "", "")
+    console.print(table)
+    console.print(
+        f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start, "
+        f"{problem.nlp['x'].numel()} variables, {problem.nlp['g'].numel()} constraints",
+        highlight=False,
+    )
+    _write_table(out / "optimal_control.csv", problem, result, verdict)
+    summary: dict[str, Any] = {
+        "verdict": str(verdict),
+        "intervals": problem.intervals,
+        "degree": problem.degree,
+        "variables": problem.nlp["x"].numel(),
+        "constraints": problem.nlp["g"].numel(),
+        "ipopt_status": result.ipopt_status,
+        "ipopt_iterations": result.iterations,
+        "seconds": result.seconds,
+        "errors": {
+            what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.surrogate.load_names)}
+            for what, error in off.items()
+        },
+        "flexion_error_deg": rms_and_largest(flexion),
+    }
+    write_summary(out / "optimal_control.json", summary)
+    draw(problem, result, ef["fine"], out / "optimal_control.png")
+    console.print(f"results in {out}", highlight=False)
+
+
+def _rms_and_largest(errors: Array) -> str:
+    found = rms_and_largest(errors)
+    return f"{found['rms']:.2g} / {found['max']:.2g}"
+
+
+def _write_table(path: Path, problem: OptimalControl, result: ControlResult, verdict: Verdict) -> None:
+    names = problem.surrogate.load_names
+    columns: dict[str, Any] = {"time_s": problem.times, **pose_columns(result.poses)}
+    columns |= {f"actuator_{name}": column for name, column in load_columns(WRENCH_NAMES, result.actuators).items()}
+    columns |= load_columns(names, result.loads, "contact") | load_columns(names, result.load_error, "error")
+    write_columns(path, {**columns, "verdict": verdict.words}, digits=DIGITS)
+
+
+def draw(problem: OptimalControl, result: ControlResult, ef: Array, path: Path) -> None:
+    """Contact loads wanted, got and on the EF, the pose, and the actuator loads found, as a PNG."""
+    page = new_page(14.0, 8.5)
+    parts = panels(page, 2, 4, {(0, column) for column in range(4)})
+    time_s = problem.times
+    names = problem.surrogate.load_names
+    wanted = result.loads - result.load_error
+    for place, name in enumerate(("Fy_med", "Fy_lat", "Fx", "Ty")):
+        panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
+        axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
+        axis.plot(time_s, result.loads[:, column], label="surrogate", **SURROGATE)
+        axis.plot(time_s, ef[:, column], label="elastic foundation", **FOUNDATION)
+        axis.set(title=f"contact {name}", ylabel=f"{name} [{load_unit(name)}]")
+        panel.difference(time_s, result.loads[:, column] - wanted[:, column], "surrogate - wanted", **SURROGATE)
+        panel.difference(time_s, ef[:, column] - result.loads[:, column], "EF - surrogate", **FOUNDATION)
+        panel.differences.set_ylabel(f"off [{load_unit(name)}]", fontsize=8)
+    parts[0, 0].curves.legend(fontsize=8)
+    parts[0, 0].differences.legend(fontsize=6)
+    axes = {place: panel.curves for place, panel in parts.items()}
+    colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
+    ty = POSE_NAMES.index("ty")
+    shift = np.zeros(6)
+    shift[ty] = np.round(result.poses[:, ty].mean())
+    for axis, picked, title in ((axes[1, 0], POSE_NAMES[:3], "[mm]"), (axes[1, 1], POSE_NAMES[3:], "[degrees]")):
+        for name, colour in zip(picked, colours, strict=True):
+            column = POSE_NAMES.index(name)
+            values = result.poses[:, column] - shift[column]
+            label = f"{name} - {shift[column]:g}" if shift[column] else name
+            if name == "rz":
+                values, label = -values / 10.0, "flexion = -rz, over 10"
+            axis.plot(time_s, np.degrees(values) if name.startswith("r") else values, color=colour, label=label)
+        axis.set(title="pose", ylabel=title)
+        axis.legend(fontsize=8)
+    for axis, picked, unit in ((axes[1, 2], WRENCH_NAMES[:3], "N"), (axes[1, 3], WRENCH_NAMES[3:], "N·mm")):
+        for name, colour in zip(picked, colours, strict=True):
+            axis.plot(time_s, result.actuators[:, WRENCH_NAMES.index(name)], color=colour, label=name)
+        axis.set(title="actuators", ylabel=f"[{unit}]")
+        axis.legend(fontsize=8)
+    frame((panel.lowest for panel in parts.values()), "time [s]")
+    page.suptitle(f"Optimal control: {result.ipopt_status}, {result.iterations} iterations")
+    save_page(page, path, dots_per_inch=72)

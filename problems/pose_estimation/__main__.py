@@ -1,0 +1,66 @@
+"""The command ``python -m problems.pose_estimation``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.structures import load_surrogate
+from casadi_contact.verification import judge, own_model
+from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.pose_estimation.problem import LOADS, build
+from problems.pose_estimation.report import report
+from problems.pose_estimation.solve import solve
+from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
+
+NAME = "pose_estimation"
+app = new_app()
+
+
+@app.command()
+def run(
+    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the reference cycle if left out")] = None,
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, poses.sto, .png and summary.json")] = (
+        RESULTS / NAME
+    ),
+    smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
+    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
+    start: Annotated[
+        Path | None,
+        typer.Option(help="begin at these poses (CSV, .sto), spread over the cycle, with its ry and rz"),
+    ] = None,
+    warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
+    compiled: Annotated[bool, typer.Option("--compiled", help="use a compiled C kernel of the surrogate")] = False,
+) -> None:
+    """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF.
+
+    Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
+    """
+    if start is not None and warm is not None:
+        raise ValueError("got both --start and --warm, expected one of them")
+    writable_folder(out)  # before minutes of random starts
+    measured = reference_cycle() if cycle is None else read_cycle(cycle)
+    problem = build(load_surrogate(surrogate), measured, smoothness, compiled=compiled)
+    poses = None if start is None else start_from_file(start, len(measured))
+    if warm is not None:
+        poses = solve(build(load_surrogate(warm), measured)).poses
+    result = solve(problem, poses)
+    verdict = judge(problem.surrogate, result.poses, result.converged, own_model(problem.surrogate.scene), LOADS)
+    tried = solve_from_random_starts(surrogate, measured, result.poses, starts) if starts else None
+    report(problem, result, verdict, out, tried)
+    end_with(verdict, NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

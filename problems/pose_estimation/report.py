@@ -1,0 +1,167 @@
+"""What pose estimation says: a table, a CSV of every frame, a JSON summary and a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.motion.opensim import poses_table, write_table
+from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
+from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
+from problems.pose_estimation.problem import LOADS, PoseEstimation, cop
+from problems.pose_estimation.solve import PoseResult
+from problems.pose_estimation.starts import RandomStarts
+
+QUANTITIES = ("Fy_med", "Fy_lat", "cop_ap", "cop_ml")
+UNITS = ("N", "N", "mm", "mm")
+COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
+_TITLES = {
+    "Fy_med": "medial vertical force",
+    "Fy_lat": "lateral vertical force",
+    "cop_ap": "centre of pressure, anterior-posterior",
+    "cop_ml": "centre of pressure, medial-lateral",
+}
+_PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Values of `QUANTITIES`, each (n, 4): wanted, got (surrogate), on the fine EF grid, and on the teacher grid,
+    which has next to no error of its own."""
+
+    wanted: Array
+    got: Array
+    ef: Array
+    teacher: Array
+
+    @classmethod
+    def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
+        """Re-evaluate the solution on the scene's fine and teacher EF grids."""
+        cycle, scene = problem.cycle, problem.surrogate.scene
+        wanted = np.column_stack([cycle.fy_med, cycle.fy_lat, cycle.cop_ap_mm, cycle.cop_ml_mm])
+        columns = [scene.load_names.index(name) for name in LOADS]
+        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
+        return cls(wanted, *(np.column_stack([loads[:, :2], cop(loads)]) for loads in (result.loads, *grids)))
+
+    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+        """RMS and largest difference by quantity: surrogate - wanted, fine EF - surrogate, teacher EF - surrogate."""
+        pairs = (self.got - self.wanted, self.ef - self.got, self.teacher - self.got)
+        return {
+            name: {key: rms_and_largest(off[:, column]) for key, off in zip(COMPARISONS, pairs, strict=True)}
+            for column, name in enumerate(QUANTITIES)
+        }
+
+
+def report(
+    problem: PoseEstimation, result: PoseResult, verdict: Verdict, out: Path, starts: RandomStarts | None = None
+) -> None:
+    """Print the table and write pose_estimation.csv, poses.sto (OpenSim), summary.json and .png in the folder out."""
+    writable_folder(out)
+    cycle, scene = problem.cycle, problem.surrogate.scene
+    tracked = Tracked.of(problem, result)
+    grids = {name: "×".join(map(str, scene.grids[name])) for name in ("fine", "teacher")}
+    errors = tracked.errors()
+    _print(problem, result, verdict, errors, grids, starts)
+    _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
+    write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
+    summary: dict[str, Any] = {
+        "verdict": str(verdict),
+        "cycle": cycle.name,
+        "frames": len(cycle),
+        "converged": int(result.converged.sum()),
+        "verified": int(verdict.verified.sum()),
+        "ipopt_status": result.ipopt_status,
+        "ipopt_iterations": result.iterations,
+        "seconds": result.seconds,
+        "errors": errors,
+        "ef_grids": grids,
+        "structure": problem.surrogate.structure,
+        "scene": scene.name,
+    }
+    if starts is not None:
+        summary["random_starts"] = {
+            "count": len(starts.reached),
+            "reached": int(starts.reached.sum()),
+            "share_of_frames": float(starts.frames_reached.mean()),
+            "median_iterations": float(np.median(starts.iterations)),
+        }
+    write_summary(out / "summary.json", summary)
+    draw(problem, result, tracked, out / "pose_estimation.png")
+    PlainConsole().print(f"results in {out}", highlight=False)
+
+
+def _print(
+    problem: PoseEstimation,
+    result: PoseResult,
+    verdict: Verdict,
+    errors: dict[str, dict[str, dict[str, float]]],
+    grids: dict[str, str],
+    starts: RandomStarts | None,
+) -> None:
+    console, frames = PlainConsole(), len(problem.cycle)
+    console.print(str(verdict), highlight=False)
+    table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
+    table.add_column("RMS / max")
+    for column in ("surrogate - wanted", f"EF {grids['fine']} - surrogate", f"EF {grids['teacher']} - surrogate"):
+        table.add_column(column, justify="right")
+    for name, unit in zip(QUANTITIES, UNITS, strict=True):
+        cells = [f"{errors[name][key]['rms']:.2g} / {errors[name][key]['max']:.2g}" for key in COMPARISONS]
+        table.add_row(f"{name} ({unit})", *cells)
+    console.print(table)
+    print_outcome(console, result)
+    if starts is not None:
+        console.print(str(starts), highlight=False)
+
+
+def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracked: Tracked, verdict: Verdict) -> None:
+    cycle = problem.cycle
+    columns: dict[str, Any] = {"frame": range(len(cycle)), "time_s": cycle.time_s, "cycle_percent": cycle.percent}
+    columns |= pose_columns(result.poses)
+    for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
+        names = [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
+        columns |= dict(zip(names, values.T, strict=True))
+    columns |= {"converged": result.converged.astype(int), "reason": result.reason, "verdict": verdict.words}
+    write_columns(path, columns, digits=DIGITS)
+
+
+def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Path) -> None:
+    """Forces and centres of pressure (wanted, got, EF) and the poses over the cycle, as a PNG."""
+    page = new_page(14.0, 8.5)
+    parts = panels(page, 2, 4, {(0, column) for column in range(4)})
+    percent, failed = problem.cycle.percent, ~result.converged
+    for column, (name, unit) in enumerate(zip(QUANTITIES, UNITS, strict=True)):
+        panel, axis = parts[0, column], parts[0, column].curves
+        axis.plot(percent, tracked.wanted[:, column], label="wanted", **WANTED)
+        axis.plot(percent, tracked.got[:, column], label="surrogate", **SURROGATE)
+        axis.plot(percent, tracked.ef[:, column], label="elastic foundation", **FOUNDATION)
+        axis.set(title=_TITLES[name], ylabel=f"{name} [{unit}]")
+        panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], "surrogate - wanted", **SURROGATE)
+        panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], "EF - surrogate", **FOUNDATION)
+        panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
+        if failed.any():
+            axis.plot(percent[failed], tracked.got[failed, column], label="not converged", **FAILED)
+    parts[0, 0].curves.legend(fontsize=8)
+    parts[0, 0].differences.legend(fontsize=6)
+    for place, names in enumerate(_PANELS):
+        axis = parts[1, place].curves
+        for name, colour, line in zip(names, (COLOURS["blue"], COLOURS["vermillion"]), ("-", "--"), strict=False):
+            values = result.poses[:, POSE_NAMES.index(name)] * (-1.0 if name == "rz" else 1.0)
+            label = "flexion = -rz" if name == "rz" else name
+            axis.plot(percent, np.degrees(values) if name[0] == "r" else values, color=colour, ls=line, label=label)
+        axis.set_ylabel("[degrees]" if names[0][0] == "r" else "[mm]")
+        axis.legend(fontsize=8)
+    frame((panel.lowest for panel in parts.values()), "cycle [%]")
+    converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
+    page.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
+    save_page(page, path, dots_per_inch=110)

@@ -1,1 +1,0 @@
-"""Stability where methods fail: one table, method by failure, measured (``python -m problems.stability --help``)."""

@@ -1,0 +1,71 @@
+"""The command ``python -m problems.static_equilibrium``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from casadi_contact.conventions import POSE_NAMES, pose_index
+from casadi_contact.files import writable_folder
+from casadi_contact.optimisation import middle_pose
+from casadi_contact.structures import Surrogate, load_surrogate
+from casadi_contact.verification import judge, own_model
+from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
+from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
+from problems.static_equilibrium.report import report
+from problems.static_equilibrium.solve import solve
+from problems.static_equilibrium.starts import solve_from_lifts
+
+NAME = "static_equilibrium"
+app = new_app()
+
+
+@app.command()
+def run(
+    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    fx: Annotated[float, typer.Option(help="posterior force on the insert [N]")] = -100.0,
+    fy: Annotated[float, typer.Option(help="vertical force on the insert, compression negative [N]")] = -1500.0,
+    fz: Annotated[float, typer.Option(help="medial force on the insert [N]")] = 0.0,
+    tx: Annotated[float, typer.Option(help="torque about x, at the moving origin [N·mm]")] = 7500.0,
+    ty: Annotated[float, typer.Option(help="torque about y [N·mm]")] = -2000.0,
+    tz: Annotated[float, typer.Option(help="torque about z [N·mm]; balanced by the lock while rz is locked")] = 0.0,
+    flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,5,15,30,45,60,75",
+    soft: Annotated[bool, typer.Option(help="free rz too, with soft-tissue springs slack at the flexion")] = False,
+    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 20,
+    warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
+    out: Annotated[Path, typer.Option(help="folder for static_equilibrium.csv, .png, .json")] = RESULTS / NAME,
+) -> None:
+    """Find the poses that carry six loads over flexion; check them on the EF and from random starts.
+
+    Exit status 2: some loads have no equilibrium; 3: all have, but the contact model differs in some.
+    """
+    writable_folder(out)
+    model = load_surrogate(surrogate)
+    angles = np.radians(numbers(flexions, "flexions"))
+    rest = np.tile(middle_pose(model), (len(angles), 1))
+    rest[:, [pose_index(name) for name in ("tx", "tz", "ry")]] = 0.0
+    rest[:, pose_index("rz")] = -angles
+    loads = np.tile([fx, fy, fz, tx, ty, tz], (len(angles), 1))
+    free = POSE_NAMES if soft else FREE
+    springs = np.array([SOFT_TISSUE[name] for name in POSE_NAMES]) if soft else None
+
+    def on(chosen: Surrogate) -> StaticEquilibrium:
+        return build(chosen, loads, free=free, rest=rest, stiffness=springs, about="moving")
+
+    problem = on(model)
+    result = solve(problem, None if warm is None else solve(on(load_surrogate(warm))).poses)
+    verdict = judge(model, result.poses, result.converged, own_model(model.scene))
+    report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None)
+    end_with(verdict, NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

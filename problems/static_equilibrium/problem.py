@@ -1,0 +1,124 @@
+"""Settling: the pose at which contact and soft tissue carry six given loads.
+
+The loads (Fx, Fy, Fz, Tx, Ty, Tz) press the moving body on the fixed one and are given as they reach the fixed body,
+about its origin or the moving one. For the free pose parameters i the generalised forces must balance,
+
+    r_i(q) = Q_i(q; loads) - Q_i(q; W(q)) - k_i·(q_i - rest_i) = 0    [N, N·mm]
+
+(Q as in `generalised_forces`, W the surrogate's wrench, k the stated soft-tissue stiffness), solved as
+
+    min ½ Σ |r_i / L_i|²    with q in the learned range, L = 1 for forces and 25 mm for torques
+
+by IPOPT with exact Hessian, all given loads in one problem. Without springs (k = 0) and with all six parameters free
+this asks for W(q) = loads. Two condyles without friction cannot carry any six loads: their forces pass through the
+axis of the condyle arcs, so nothing holds the flexion rz, and along tz and about ry the dishes hold only as much as
+the joint is pressed together. So rz is locked by default, and where it is free a spring holds it; `SOFT_TISSUE` are
+stated springs of about the size of a knee held by its tissue and muscles, used where asked for. Loads that no pose
+carries end at the nearest pose in the sense of the sum above and are reported with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, middle_pose, pose_bounds, wrench_function
+from casadi_contact.structures import Surrogate
+
+FREE = ("tx", "ty", "tz", "rx", "ry")
+SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.0e5}  # [N/mm, N·mm/rad]
+TOLERANCE_N = 0.1  # of every residual, torques over 25 mm
+
+
+@dataclass(frozen=True)
+class StaticEquilibrium:
+    """A problem that can be looked at unsolved: CasADi's nlp, bounds on its variables, and what it came from.
+
+    loads (n, 6) as in `WRENCH_NAMES`; rest (n, 6) poses: values of the locked parameters and ends of the springs;
+    stiffness (6,); residuals: function of the stacked scaled free parameters (f, n) -> r/L (f, n) [N].
+    """
+
+    surrogate: Surrogate
+    loads: Array
+    about: str
+    free: tuple[str, ...]
+    rest: Array
+    stiffness: Array
+    nlp: dict[str, Any]
+    lower: Array
+    upper: Array
+    residuals: ca.Function
+
+    @property
+    def columns(self) -> list[int]:
+        """Columns of the free parameters in a pose array."""
+        return [pose_index(name) for name in self.free]
+
+
+def residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
+    """(scaled free q (f), loads (6), rest (6)) -> r/L of the free parameters (f) [N]."""
+    columns = [pose_index(name) for name in free]
+    q, loads, rest = ca.MX.sym("q", len(columns)), ca.MX.sym("loads", 6), ca.MX.sym("rest", 6)
+    entries = [q[columns.index(i)] * KNEE_STEPS[i] if i in columns else rest[i] for i in range(6)]
+    pose = ca.vertcat(*entries)
+    given = generalised_forces(pose, loads, about=about)
+    carried = generalised_forces(pose, contact(pose))
+    r = (given - carried - ca.DM(stiffness) * (pose - rest)) / ca.DM(POSE_IN_MM)
+    return ca.Function("residuals", [q, loads, rest], [r[columns]])
+
+
+def build(
+    surrogate: Surrogate,
+    loads: ArrayLike,
+    *,
+    free: Sequence[str] = FREE,
+    rest: ArrayLike | None = None,
+    stiffness: ArrayLike | None = None,
+    about: str = "fixed",
+) -> StaticEquilibrium:
+    """Pose the problem for loads (n, 6) about the ``fixed`` or ``moving`` origin.
+
+    rest: poses (n, 6) or (6,) that hold the locked parameters and where springs are slack (the middle of the learned
+    range if left out); stiffness (6,) [N/mm, N·mm/rad], none if left out.
+    Raises ValueError for wrong shapes, unknown names, negative stiffness, or six free parameters without a spring
+    on rz.
+    """
+    wanted = np.atleast_2d(np.asarray(loads, dtype=float))
+    if wanted.ndim != 2 or wanted.shape[1] != 6 or not np.isfinite(wanted).all():
+        raise ValueError(f"loads has shape {wanted.shape}, expected finite (n, 6): {' '.join(WRENCH_NAMES)}")
+    if not free or len(set(free)) != len(free):
+        raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
+    columns = [pose_index(name) for name in free]
+    springs = np.zeros(6) if stiffness is None else np.asarray(stiffness, dtype=float)
+    if springs.shape != (6,) or not (np.isfinite(springs) & (springs >= 0.0)).all():
+        raise ValueError(f"stiffness is {springs.tolist()}, expected 6 numbers >= 0: {' '.join(POSE_NAMES)}")
+    if "rz" in free and springs[pose_index("rz")] == 0.0:
+        raise ValueError("rz is free but contact does not hold flexion: lock rz, or give it a spring")
+    count = len(wanted)
+    at = np.asarray(middle_pose(surrogate) if rest is None else rest, dtype=float)
+    poses = as_poses(np.broadcast_to(at, (count, 6)) if at.shape == (6,) else at)
+    if len(poses) != count:
+        raise ValueError(f"rest has {len(poses)} poses, expected one, or one for each of {count} loads")
+    residual = residual_function(wrench_function(surrogate), free, about, springs)
+    q = ca.MX.sym("q", len(columns), count)
+    residuals = residual.map(count)(q, ca.DM(wanted.T), ca.DM(poses.T))
+    nlp = {"x": ca.vec(q), "f": 0.5 * ca.sumsqr(residuals)}
+    low, high = (np.tile((bound / KNEE_STEPS)[columns], count) for bound in pose_bounds(surrogate))
+    return StaticEquilibrium(
+        surrogate=surrogate,
+        loads=wanted,
+        about=about,
+        free=tuple(free),
+        rest=poses,
+        stiffness=springs,
+        nlp=nlp,
+        lower=low,
+        upper=high,
+        residuals=ca.Function("all_residuals", [q], [residuals]),
+    )

@@ -1,0 +1,136 @@
+"""What settling says: a table, a CSV of every row, a JSON summary and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.optimisation import total_selection
+from casadi_contact.page import COLOURS, frame, new_page, save_page
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
+from problems.common.outcome import print_outcome
+from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
+from problems.static_equilibrium.problem import StaticEquilibrium
+from problems.static_equilibrium.solve import EquilibriumResult, on_model
+from problems.static_equilibrium.starts import LIFTS_MM, LiftedStarts
+
+
+def report(
+    problem: StaticEquilibrium,
+    result: EquilibriumResult,
+    verdict: Verdict,
+    out: Path,
+    starts: LiftedStarts | None = None,
+) -> None:
+    """Print the table and write static_equilibrium.csv, .json and .png in the folder out."""
+    writable_folder(out)
+    scene = problem.surrogate.scene
+    grids = {name: scene.grids[name] for name in ("fine", "teacher")}
+    foundations = {name: ElasticFoundation(scene, grid) for name, grid in grids.items()}
+    ef = {
+        name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
+    }
+    ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
+    console = PlainConsole()
+    console.print(str(verdict), highlight=False)
+    table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
+    table.add_column("flexion [deg]", justify="right")
+    shown_names = [name for name in problem.free if name != "rz"]
+    for name in shown_names:
+        table.add_column(f"{name} [{'deg' if name.startswith('r') else 'mm'}]", justify="right")
+    table.add_column("misfit [N]", justify="right")
+    for pose, misfit in zip(result.poses, result.misfit_n, strict=True):
+        shown = np.concatenate([pose[:3], np.degrees(pose[3:])])
+        cells = [f"{shown[POSE_NAMES.index(name)]:.4f}" for name in shown_names]
+        table.add_row(f"{-shown[5]:.1f}", *cells, f"{np.abs(misfit).max():.1e}")
+    console.print(table)
+    print_outcome(console, result, "in equilibrium", "row")
+    off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
+    moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
+    for name, difference in off.items():
+        found = int(np.isfinite(ef_poses[name][:, 0]).sum())
+        console.print(
+            f"EF {grids[name][0]}×{grids[name][1]} - surrogate, largest: force {difference[:, :3].max():.2g} N, "
+            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium, found in {found} rows, lies "
+            f"{moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away",
+            highlight=False,
+        )
+    if starts is not None:
+        console.print(str(starts), highlight=False)
+    _write_table(out / "static_equilibrium.csv", problem, result, ef["fine"], verdict)
+    summary: dict[str, Any] = {
+        "verdict": str(verdict),
+        "free": problem.free,
+        "about": problem.about,
+        "rows": len(result.poses),
+        "converged": int(result.converged.sum()),
+        "verified": int(verdict.verified.sum()),
+        "ipopt_status": result.ipopt_status,
+        "ipopt_iterations": result.iterations,
+        "seconds": result.seconds,
+        "ef_off_max": {
+            name: dict(zip(WRENCH_NAMES, difference.max(axis=0).tolist(), strict=True))
+            for name, difference in off.items()
+        },
+        "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
+    }
+    if starts is not None:
+        summary["random_starts"] = {
+            "count": starts.count,
+            "lifts_mm": LIFTS_MM,
+            "shares": starts.shares.tolist(),
+            "median_iterations": starts.iterations.tolist(),
+        }
+    write_summary(out / "static_equilibrium.json", summary)
+    draw(result, ef_poses["fine"], ef["fine"], out / "static_equilibrium.png")
+    console.print(f"results in {out}", highlight=False)
+
+
+def _largest(moves: Array) -> Array:
+    """Largest size (6,) over the rows that hold numbers, 0 where none does."""
+    return np.abs(np.nan_to_num(moves)).max(axis=0)
+
+
+def _write_table(
+    path: Path, problem: StaticEquilibrium, result: EquilibriumResult, ef: Array, verdict: Verdict
+) -> None:
+    columns: dict[str, Any] = {"row": range(len(result.poses)), **pose_columns(result.poses)}
+    for what, wrenches in (("wanted", problem.loads), ("contact", result.wrenches), ("ef", ef)):
+        columns |= load_columns(WRENCH_NAMES, wrenches, what)
+    columns |= {"converged": result.converged.astype(int), "reason": result.reason, "verdict": verdict.words}
+    write_columns(path, columns, digits=DIGITS)
+
+
+def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, path: Path) -> None:
+    """The settled poses over flexion and the EF's own; and what the EF says of the loads there, as a PNG."""
+    page = new_page(13.0, 3.6)
+    axes = page.subplots(1, 4)
+    flexion = np.degrees(-result.poses[:, POSE_NAMES.index("rz")])
+    colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
+    low_ty = np.floor(result.poses[:, POSE_NAMES.index("ty")].min())
+    for axis, names, title in ((axes[0], POSE_NAMES[:3], "pose [mm]"), (axes[1], POSE_NAMES[3:5], "pose [degrees]")):
+        for name, colour in zip(names, colours, strict=False):
+            column = POSE_NAMES.index(name)
+            shift, scale = (low_ty if name == "ty" else 0.0), (180.0 / np.pi if name.startswith("r") else 1.0)
+            label = f"{name} - {shift:g}" if shift else name
+            axis.plot(flexion, scale * (result.poses[:, column] - shift), "-", color=colour, label=label)
+            axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
+        axis.set_ylabel(title)
+        axis.legend(fontsize=7)
+    off = ef - result.wrenches
+    for axis, names, title in ((axes[2], WRENCH_NAMES[:3], "force [N]"), (axes[3], WRENCH_NAMES[3:], "torque [N·mm]")):
+        for name, colour in zip(names, colours, strict=True):
+            axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
+        axis.set_ylabel(f"EF - surrogate, {title}")
+        axis.legend(fontsize=7)
+    frame(axes, "flexion = -rz [degrees]")
+    page.suptitle(f"Settling: {int(result.converged.sum())} of {len(flexion)} poses in equilibrium")
+    save_page(page, path, dots_per_inch=80)

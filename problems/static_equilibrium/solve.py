@@ -1,0 +1,109 @@
+"""The solution of settling under six loads, and the same on another contact model."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import root
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array
+from casadi_contact.optimisation import (
+    KNEE_STEPS,
+    IpoptOutcome,
+    ipopt_options,
+    press_together,
+    start_or_default,
+    total_selection,
+    wrench_function,
+)
+from problems.static_equilibrium.problem import TOLERANCE_N, StaticEquilibrium, residual_function
+
+
+@dataclass(frozen=True)
+class EquilibriumResult:
+    """Poses (n, 6), contact wrench there (n, 6), misfit r/L (n, free) [N], and what became of each row."""
+
+    poses: Array
+    wrenches: Array
+    misfit_n: Array
+    converged: np.ndarray
+    reason: np.ndarray
+    ipopt_status: str
+    iterations: int
+    seconds: float
+
+
+def solve(
+    problem: StaticEquilibrium, start: ArrayLike | None = None, max_iterations: int = 300, print_level: int = 0
+) -> EquilibriumResult:
+    """Solve with IPOPT from a start (n, 6), the rest poses if left out.
+
+    A start may be anywhere: it is brought into the learned range, and ty and rx are settled under the shares of Fy and
+    Tx that condyles carry at their offset (`press_together`).
+
+    Never raises for loads that no pose carries: each row is reported with its misfit and the reason.
+    """
+    began = time.perf_counter()
+    poses = start_or_default(start, problem.rest)
+    poses = press_together(problem.surrogate, poses, problem.rest, problem.loads, problem.free)
+    columns = problem.columns
+    options = ipopt_options(max_iterations=max_iterations, print_level=print_level)
+    solver = ca.nlpsol("static_equilibrium", "ipopt", problem.nlp, options)
+    x0 = np.clip((poses / KNEE_STEPS)[:, columns].ravel(), problem.lower, problem.upper)
+    answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper)
+    outcome = IpoptOutcome.of(solver)
+    q = np.asarray(answer["x"]).reshape(len(columns), -1, order="F")
+    poses[:, columns] = q.T * KNEE_STEPS[columns]
+    misfit = np.asarray(problem.residuals(q)).T
+    converged = np.abs(misfit).max(axis=1) <= TOLERANCE_N
+    return EquilibriumResult(
+        poses=poses,
+        wrenches=problem.surrogate(poses) @ total_selection(problem.surrogate.load_names).T,
+        misfit_n=misfit,
+        converged=converged,
+        reason=_reasons(problem, misfit, converged, outcome),
+        ipopt_status=outcome.status,
+        iterations=outcome.iterations,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def on_model(problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel) -> Array:
+    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by SciPy's
+    Powell hybrid method with the model's Jacobian; NaN where there was none to begin from or none is found."""
+    columns = problem.columns
+    contact = wrench_function(model)
+    residual = residual_function(contact, problem.free, problem.about, problem.stiffness)
+    q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
+    slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
+    found = np.full_like(result.poses, np.nan)
+    for row in np.flatnonzero(result.converged):
+        given = (problem.loads[row], problem.rest[row])
+        answer = root(
+            lambda q, given=given: np.asarray(residual(q, *given)).ravel(),
+            result.poses[row, columns] / KNEE_STEPS[columns],
+            jac=lambda q, given=given: np.asarray(slope(q, *given)),
+        )
+        if np.abs(answer.fun).max() <= TOLERANCE_N:
+            found[row] = problem.rest[row]
+            found[row, columns] = answer.x * KNEE_STEPS[columns]
+    return found
+
+
+def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome) -> np.ndarray:
+    reason = np.full(len(misfit), "", dtype=object)
+    for row in np.flatnonzero(~converged):
+        worst = int(np.abs(misfit[row]).argmax())
+        left = f"{problem.free[worst]} is unbalanced by {misfit[row, worst]:.3g} N (torques over {LEVER_MM:g} mm)"
+        if problem.loads[row, WRENCH_NAMES.index("Fy")] >= 0.0:
+            reason[row] = f"Fy does not press the bodies together (compression is negative); {left}"
+        elif not outcome.solved:
+            reason[row] = f"IPOPT stopped: {outcome.status}; {left}"
+        else:
+            reason[row] = f"no pose in the learned range carries these loads: at the nearest {left}"
+    return reason

@@ -1,0 +1,50 @@
+"""How often settling from starts out of contact and too deep ends at the same poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_IN_MM, Array
+from problems.static_equilibrium.problem import StaticEquilibrium
+from problems.static_equilibrium.solve import EquilibriumResult, solve
+
+LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # starts out of contact, and too deep
+SAME_MM = 0.01  # rotations over 25 mm
+
+
+@dataclass(frozen=True)
+class LiftedStarts:
+    """For each lift of `LIFTS_MM`: share of rows (lifts,) that end at the same pose, and median IPOPT iterations."""
+
+    count: int
+    shares: Array
+    iterations: Array
+
+    def __str__(self) -> str:
+        parts = [
+            f"{lift:+g} mm: {100 * share:.1f} % ({iterations:.0f} iterations)"
+            for lift, share, iterations in zip(LIFTS_MM, self.shares, self.iterations, strict=True)
+        ]
+        return f"{self.count} random starts that end at the same poses, lifted by up to " + ", ".join(parts)
+
+
+def solve_from_lifts(
+    problem: StaticEquilibrium, result: EquilibriumResult, count: int, lifts_mm: tuple[float, ...] = LIFTS_MM
+) -> LiftedStarts:
+    """Solve again, in turn for every lift, from poses moved by up to the lift along ty, 4 mm along tx and 1 mm along
+    tz, and 0.05 rad (rx) and 0.1 rad (ry)."""
+    rng = np.random.default_rng(7)
+    shares, iterations = [], []
+    for lift in lifts_mm:
+        same, used = [], []
+        for _ in range(count):
+            moves = rng.uniform(-1.0, 1.0, result.poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
+            moves[:, 1] = lift * rng.uniform(0.0, 1.0, len(moves))
+            again = solve(problem, result.poses + moves)
+            same.append((np.abs((again.poses - result.poses) * POSE_IN_MM).max(axis=1) < SAME_MM).mean())
+            used.append(again.iterations)
+        shares.append(float(np.mean(same)))
+        iterations.append(float(np.median(used)))
+    return LiftedStarts(count, np.array(shares), np.array(iterations))

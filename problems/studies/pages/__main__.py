@@ -1,0 +1,75 @@
+"""Write the pages of results from result files: ``python -m problems.studies.pages``.
+
+The folder of result files holds, as far as measured: speed_accuracy.csv (``casadi-contact chart``), evaluation.json
+(``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the
+problems), stability.json (``python -m problems.studies.stability``). A page is written for each that is there.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.files import replacing, writable_folder
+from problems.common.command import new_app, run_command
+from problems.studies.pages.headline import headline, write_headline
+from problems.studies.pages.problems import muscle_contact_page, pose_estimation_page, stability_page
+from problems.studies.pages.surrogates import (
+    domains_page,
+    draw_speed_accuracy,
+    kernel_speed_page,
+    speed_accuracy_page,
+)
+
+app = new_app()
+
+
+def pages(data: Path) -> dict[str, str]:
+    """Text of every page by file name, of the result files that are in the folder."""
+    found: dict[str, str] = {}
+    if (path := data / "speed_accuracy.csv").is_file():
+        found["speed-accuracy.md"] = speed_accuracy_page(path)
+    if (path := data / "evaluation.json").is_file():
+        found["domains.md"] = domains_page(path)
+    if (path := data / "kernel_speed.json").is_file():
+        found["kernel-speed.md"] = kernel_speed_page(path)
+    if summaries := sorted((data / "pose_estimation").glob("*.json")):
+        found["pose-estimation.md"] = pose_estimation_page(summaries)
+    if summaries := sorted((data / "muscle_contact").glob("*.json")):
+        found["muscle-contact.md"] = muscle_contact_page(summaries)
+    if (path := data / "stability.json").is_file():
+        found["stability.md"] = stability_page(path)
+    return found
+
+
+@app.command()
+def run(
+    data: Annotated[Path, typer.Argument(help="folder of result files")] = Path("docs/results/data"),
+    out: Annotated[Path, typer.Option(help="folder of the pages")] = Path("docs/results"),
+    readme: Annotated[Path | None, typer.Option(help="put the headline numbers into this README too")] = None,
+) -> None:
+    """Write the pages of results; no number of theirs is typed by hand."""
+    writable_folder(out)
+    found = pages(data)
+    if not found:
+        raise ValueError(f"no result file in {data}, expected speed_accuracy.csv, evaluation.json or others")
+    for name, text in found.items():
+        with replacing(out / name) as beside:
+            beside.write_text(text, "utf-8")
+        print(f"written {out / name}")
+    if "speed-accuracy.md" in found:
+        draw_speed_accuracy(data / "speed_accuracy.csv", out)
+    if readme is not None:
+        write_headline(readme, headline(data))
+        print(f"numbers in {readme}")
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, "studies.pages")
+
+
+if __name__ == "__main__":
+    main()

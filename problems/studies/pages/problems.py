@@ -1,0 +1,113 @@
+"""Pages of what problems measure: pose estimation, muscle and contact together, stability."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from problems.studies.pages.markdown import machine, number, page, table
+from problems.studies.stability.table import FAILURES, Line
+
+_SIDES = ("Fy_med", "Fy_lat")
+
+
+def pose_estimation_page(paths: Sequence[Path]) -> str:
+    """One line per ``summary.json`` of ``python -m problems.pose_estimation``."""
+    found = [_read(path) for path in paths]
+    rows = []
+    for summary in found:
+        errors = summary["errors"]
+        forces = [
+            ", ".join(_rms_and_largest(errors[side][key]) for side in _SIDES) for key in ("fine_ef", "teacher_ef")
+        ]
+        starts = summary.get("random_starts")
+        rows.append(
+            [
+                summary["cycle"],
+                f"{summary['converged']} of {summary['frames']}",
+                str(summary["ipopt_iterations"]),
+                f"{summary['seconds']:.2f}",
+                *forces,
+                f"{starts['reached']} of {starts['count']}" if starts else "",
+            ]
+        )
+    grids = found[0]["ef_grids"]
+    columns = [
+        *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
+        *(f"EF {grids[key]} − surrogate, medial, lateral [N]" for key in ("fine", "teacher")),
+        "random starts that end at the same poses",
+    ]
+    return page(
+        "Pose estimation",
+        f"All frames of a cycle in one IPOPT problem on the `{found[0]['structure']}` surrogate of scene "
+        f"`{found[0]['scene']}`, with [`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
+        "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1 to og4 are the "
+        "measured ones that the built-in walking derives from; they are not part of the repository.",
+        machine(found[0]["machine"]),
+        table(columns, rows),
+    )
+
+
+def muscle_contact_page(paths: Sequence[Path]) -> str:
+    """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces."""
+    found = [_read(path) for path in paths]
+    rows = []
+    for summary in found:
+        errors = summary["errors_n"]
+        measured = [
+            f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in _SIDES
+        ]
+        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in _SIDES)
+        solved = f"{summary['converged']} of {summary['frames']}"
+        rows.append(
+            [summary["walk"], solved, str(summary["ipopt_iterations"]), f"{summary['seconds']:.2f}", *measured, teacher]
+        )
+    columns = [
+        *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
+        *("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"),
+        f"EF {found[0]['ef_grids']['teacher']} − surrogate, medial, lateral [N]",
+    ]
+    return page(
+        "Muscle and contact forces",
+        "Contact forces predicted by [`python -m problems.muscle_contact`](../problems/muscle-contact.md) against "
+        "those that the instrumented implant measured, which enter the prediction nowhere. The last column is the "
+        "elastic foundation (EF) at the solved poses: RMS (largest).",
+        machine(found[0]["machine"]),
+        table(columns, rows),
+    )
+
+
+def stability_page(path: Path) -> str:
+    """The table of ``stability.json``, method by failure."""
+    content = _read(path)
+    lines = [Line(**line) for line in content["lines"]]
+    methods = list(dict.fromkeys(method for line in lines for method in line.values))
+    settings = ", ".join(f"{name} {value}" for name, value in content["settings"].items())
+    parts = [
+        "Every method is put through the same trouble by `python -m problems.studies.stability`; what each row does is "
+        "told on the page of that [study](../problems/stability.md). A dash says that the quantity makes no sense for "
+        "the method.",
+        f"Settings of this run: {settings}.",
+        machine(content["machine"]),
+    ]
+    for row in sorted({line.row for line in lines}):
+        mine = [line for line in lines if line.row == row]
+        cells = [[f"{x.case}: {x.quantity}", *(x.cell(method) for method in methods)] for x in mine]
+        parts += [f"## {row}. {FAILURES[row]}", table(["case: quantity", *methods], cells)]
+        reasons = dict.fromkeys(f"{method}: {why}" for line in mine for method, why in line.reasons.items())
+        if reasons:
+            parts.append(f"No entry: {'; '.join(reasons)}.")
+    return page("Stability where methods fail", *parts)
+
+
+def _rms_and_largest(error: dict[str, float]) -> str:
+    return f"{error['rms']:.2f} ({error['max']:.1f})"
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is damaged ({error}): run the command that wrote it again") from None

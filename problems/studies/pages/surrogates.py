@@ -1,0 +1,133 @@
+"""Pages of what the library measures: speed and accuracy, errors by domain, kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Point, read_front
+from casadi_contact.conventions import load_unit
+from casadi_contact.files import replacing
+from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
+from problems.studies.pages.markdown import machine, number, page, table
+
+_CHARTS = {
+    "speed_accuracy": "Time per pose against error on unseen walking",
+    "gradient_hessian_time": "Time of Jacobian and Hessian against error",
+    "error_by_domain": "Error by domain of the cheapest and of the most accurate model of each family",
+    "error_by_samples": "Error against the number of samples",
+    "error_by_training_time": "Error against training time",
+}
+
+
+def speed_accuracy_page(path: Path) -> str:
+    """Charts (see `draw_speed_accuracy`) and table of a ``speed_accuracy.csv``."""
+    front = read_front(path)
+    sweeps = {p.sweep for p in front.points if not p.failure}
+    needs = {"error_by_samples": SAMPLES, "error_by_training_time": SECONDS}
+    pictures = [f"![{what}]({x}.png)" for x, what in _CHARTS.items() if needs.get(x, SIZE) in sweeps]
+    header = front.header
+    intro = (
+        f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
+        f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
+        f"the time per pose. `casadi-contact chart {header['scene']} --preset {header.get('preset', 'standard')}` "
+        "measures this table and draws the charts."
+    )
+    compared = [p for p in front.points if p.sweep == SIZE and not p.failure]
+    swept = [p for p in front.points if p.sweep != SIZE and not p.failure]
+    parts = [intro, machine(header), *pictures[:2], "## All sizes", _front_table(compared)]
+    remarks = sorted({p.remark for p in compared if p.remark})
+    if remarks:
+        parts.append(f"Remarks of the file: {'; '.join(remarks)}.")
+    if swept:
+        parts += ["## One size with fewer samples and less training", _front_table(swept), *pictures[3:]]
+    failed = [f"- {p.name}: {p.failure}" for p in front.points if p.failure]
+    if failed:
+        parts += ["## Not measured", "\n".join(failed)]
+    return page("Speed and accuracy", *parts, "## By domain", *pictures[2:3])
+
+
+def draw_speed_accuracy(path: Path, out: Path) -> None:
+    """Draw the charts of a ``speed_accuracy.csv`` as PNG into the folder."""
+    with TemporaryDirectory() as folder:
+        for drawn in draw_charts(read_front(path), Path(folder)):
+            if drawn.suffix == ".png":
+                with replacing(out / drawn.name) as beside:
+                    beside.write_bytes(drawn.read_bytes())
+
+
+def _front_table(points: list[Point]) -> str:
+    rows = []
+    for point in points:
+        timings = [getattr(point, what) for what in TIMES[:3]]
+        times = ["" if timing is None else number(timing.median_us) for timing in timings]
+        trained = [str(point.samples), number(point.training_seconds)] if point.samples else ["", ""]
+        rows.append([point.name, *times, number(point.force_rms_n), number(point.torque_rms_nmm), *trained])
+    columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "trained [s]"]
+    return table(["model", *columns], rows)
+
+
+def domains_page(path: Path) -> str:
+    """Errors of each load by domain, and the walking table, of an ``evaluation.json``."""
+    content = read_evaluation(path)
+    loads = content["loads"]
+    parts = [
+        f"RMS errors of scene `{content['scene']}` on held-back samples, against the elastic foundation (EF) of "
+        f"{content['teacher']} elements per side; the largest error stands in parentheses. "
+        f"`casadi-contact evaluate {content['scene']}` measures this. The domains are explained in the "
+        "[glossary](../glossary.md).",
+        machine(content["machine"]),
+    ]
+    for model, domains in content["domain_errors"].items():
+        rows = []
+        for domain, errors in domains.items():
+            cells = [_rms_and_largest(errors[load]) if load in errors else "" for load in loads]
+            rows.append([domain, str(content["test_samples"][domain]), *cells])
+        parts += [f"## {model}", table(["domain", "samples", *(f"{x} [{load_unit(x)}]" for x in loads)], rows)]
+    if "walking" in content:
+        parts += _walking(content["walking"])
+    return page("Errors by domain", *parts)
+
+
+def _rms_and_largest(error: Mapping[str, float]) -> str:
+    return f"{number(error['rms'])} ({number(error['max'])})"
+
+
+def _walking(walking: Mapping[str, Any]) -> list[str]:
+    rows = []
+    for model, row in walking["models"].items():
+        cells = [number(row[against][kind]) for against in ("converged", "fine") for kind in ("force", "torque")]
+        rows.append([model, *cells])
+    columns = [
+        f"{kind} against EF {walking[grid]} [{unit}]"
+        for grid in ("converged", "fine")
+        for kind, unit in (("force", "N"), ("torque", "N·mm"))
+    ]
+    return [
+        f"## Unseen walking\n\nRMS errors over all forces and over all torques on {walking['poses']} poses; times are "
+        "on the page of [kernel speed](kernel-speed.md).",
+        table(["model", *columns], rows),
+    ]
+
+
+def kernel_speed_page(path: Path) -> str:
+    """Times of graphs, kernels, a batch and the machine's limit of a ``kernel_speed.json``."""
+    content = read_kernel_speed(path)
+    parts = [
+        "Time per pose of all loads on one core: a CasADi graph and the compiled C kernel in single buffered calls as "
+        "an optimiser makes them, EF in one batch. Medians of repeats taken in turn; where other programs ran "
+        "beside it, the lowest is the better guide. `casadi-contact speed knee` measures this.",
+        machine(content["machine"]),
+    ]
+    for structure, found in content["surrogates"].items():
+        times = found["microseconds"]
+        rows = []
+        for what, timing in times.items():
+            kernel = times.get(f"{what.partition(',')[0]}, kernel", times["value, kernel"])["low_us"]
+            span = f"{number(timing['low_us'])} to {number(timing['high_us'])}"
+            rows.append([what, number(timing["median_us"]), span, number(timing["low_us"] / kernel)])
+        columns = ["what", "median [µs]", "lowest to highest [µs]", "lowest, in multiples of the kernel's"]
+        parts += [f"## {structure}", table(columns, rows), f"The {found['limit']}."]
+    return page("Kernel speed", *parts)

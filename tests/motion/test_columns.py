@@ -1,0 +1,58 @@
+"""Columns go into a CSV file and come back as they were; a file that is none is refused, and none is half written."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from casadi_contact.motion.columns import TextColumns, read_columns, write_columns
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
+def test_numbers_come_back_bit_by_bit(tmp_path_factory, numbers):
+    path = tmp_path_factory.mktemp("columns") / "table.csv"
+    write_columns(path, {"a": numbers, "b": range(len(numbers))})
+    back = read_columns(path, required=("b", "a"))
+    assert back["a"].tolist() == numbers
+    assert back["b"].tolist() == list(range(len(numbers)))
+
+
+def test_digits_round_numbers_and_leave_text_and_counts_alone(tmp_path):
+    columns = {"x": np.array([1.0 / 3.0, 2e-12]), "n": np.array([1234567, 2]), "why": ["a, b", ""]}
+    write_columns(tmp_path / "t.csv", columns, digits=4)
+    assert (tmp_path / "t.csv").read_text().splitlines() == ["x,n,why", '0.3333,1234567,"a, b"', "2e-12,2,"]
+    assert TextColumns.read(tmp_path / "t.csv").text("why") == ["a, b", ""]
+
+
+def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
+    path = tmp_path / "t.csv"
+    write_columns(path, {"x": [1.0]})
+    with pytest.raises(ValueError, match=r"different lengths: \{'x': 2, 'y': 1\}"):
+        write_columns(path, {"x": [1.0, 2.0], "y": [1.0]})
+    assert read_columns(path, required=("x",))["x"].tolist() == [1.0]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty, expected a header and rows"),
+        ("x,y\n", "has a header only, expected rows below it"),
+        ("x,y\n1\n", "line 2: got 1 values, expected 2"),
+        ("x\n1\n", "lacks the columns y; it has x"),
+        ("x,y,x\n1,2,3\n", "has the column x more than once"),
+        ("x,y\n1,2\n\n3,three\n", "line 4, y: got 'three', expected a number"),
+        ("x,y\n1,inf\n", "line 2, y: got inf, expected a finite number"),
+    ],
+)
+def test_what_is_no_table_of_these_numbers_is_refused_with_its_place(tmp_path, text, said):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_no_file_and_a_folder_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"walk none\.csv does not exist"):
+        read_columns("none.csv", required=("x",), what="walk")
+    with pytest.raises(FileNotFoundError, match="is a folder, expected a CSV file"):
+        read_columns(tmp_path, required=("x",))

@@ -1,0 +1,176 @@
+"""A contact in the user's own Opti or NLP: wanted loads are found from far away, and misfits are what they say."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.conventions import pose_index
+from casadi_contact.optimisation import ipopt_options, pose_bounds
+
+LOCKED = {"ry": 0.02, "rz": -0.5}
+FORCES = {"Fy_med": -600.0, "Fy_lat": -400.0}
+CENTRE = {"cop_ap_mm": 3.0, "cop_ml_mm": 1.0}
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+def values(surrogate, poses):
+    return dict(zip(surrogate.load_names, surrogate(poses).T, strict=True))
+
+
+def in_opti(knee, wanted, frames=1, locked=LOCKED):
+    opti = ca.Opti()
+    contact = cc.ContactInOpti(opti, knee, frames, locked=locked)
+    contact.carry(wanted)
+    return opti, contact
+
+
+@pytest.mark.parametrize("wanted", [FORCES, FORCES | CENTRE], ids=["forces", "forces and centre of pressure"])
+def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_exact_loads(knee, wanted):
+    opti, contact = in_opti(knee, wanted)
+    opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))  # slide no farther than is needed
+    opti.solver("ipopt", contact.options())
+    rng = np.random.default_rng(5)
+    starts = np.repeat(contact.start_poses(wanted), 120, axis=0)
+    starts[:, 1] += np.concatenate([rng.uniform(0.0, 20.0, 100), rng.uniform(-5.0, 0.0, 20)])
+    starts[:, [0, 2, 3]] += rng.uniform(-1.0, 1.0, (120, 3)) * [4.0, 2.0, 0.05]
+    for start in cc.ContactFrames(knee, 120, locked=LOCKED).start_poses(wanted, starts):
+        contact.begin_at(start)
+        pose = contact.poses(opti.solve())
+        got = values(knee, pose)
+        np.testing.assert_allclose([got["Fy_med"][0], got["Fy_lat"][0]], [-600.0, -400.0], atol=1e-3)
+        if wanted is not FORCES:
+            fy = got["Fy_med"] + got["Fy_lat"]
+            np.testing.assert_allclose([got["Tz"] / fy, -got["Tx"] / fy], [[3.0], [1.0]], atol=1e-4)
+
+
+def test_starts_that_nothing_settles_still_find_their_way_by_root_loads(knee):
+    """Lifted clear of contact, where every load and its slope are zero."""
+    opti, contact = in_opti(knee, FORCES)
+    opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
+    opti.solver("ipopt", contact.options())
+    near = contact.start_poses(FORCES)
+    for lift_mm in (0.5, 2.0, 5.0):
+        lifted = near + np.array([0.0, lift_mm, 0.0, 0.0, 0.0, 0.0])
+        assert not knee(lifted).any()
+        contact.begin_at(lifted)
+        got = values(knee, contact.poses(opti.solve()))
+        np.testing.assert_allclose([got["Fy_med"][0], got["Fy_lat"][0]], [-600.0, -400.0], atol=1e-3)
+
+
+def test_several_frames_carry_their_own_loads_at_their_own_flexion(knee):
+    flexion, medial = np.linspace(-0.1, -0.9, 5), np.linspace(-300.0, -900.0, 5)
+    opti, contact = in_opti(knee, {"Fy_med": medial, "Fy_lat": -400.0}, 5, {"ry": 0.0, "rz": flexion})
+    steps = contact.q[:, 1:] - contact.q[:, :-1]
+    opti.minimize(1e-3 * ca.sumsqr(steps))
+    opti.solver("ipopt", contact.options())
+    poses = contact.poses(opti.solve())
+    np.testing.assert_array_equal(poses[:, pose_index("rz")], flexion)
+    np.testing.assert_allclose(values(knee, poses)["Fy_med"], medial, atol=1e-3)
+
+
+def test_a_side_that_should_carry_nothing_just_touches(knee):
+    opti, contact = in_opti(knee, {"Fy_med": -500.0, "Fy_lat": 0.0})
+    opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
+    opti.solver("ipopt", contact.options())
+    pose = contact.poses(opti.solve())
+    assert knee.root_loads(pose)[0][0, 1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_loads_may_be_the_user_s_own_variables(knee):
+    """Two muscles of 500 N at most hold a pole of 700 N up: contact carries what they pull, found with the pose."""
+    opti = ca.Opti()
+    pull = opti.variable(2)
+    contact = cc.ContactInOpti(opti, knee, locked=LOCKED)
+    contact.begin(FORCES)
+    opti.subject_to(opti.bounded(0.0, pull, 500.0))
+    opti.subject_to(ca.sum1(pull) == 700.0)
+    contact.carry({"Fy_med": -pull[0], "Fy_lat": -pull[1]})
+    opti.minimize(ca.sumsqr(pull / 100.0) + 1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
+    opti.set_initial(pull, 100.0)
+    opti.solver("ipopt", contact.options())
+    solution = opti.solve()
+    got = values(knee, contact.poses(solution))
+    np.testing.assert_allclose([-got["Fy_med"][0], -got["Fy_lat"][0]], solution.value(pull), atol=1e-3)
+    assert solution.value(ca.sum1(pull)) == pytest.approx(700.0)
+
+
+def test_frames_serve_a_plain_nlp_as_well(knee):
+    frames = cc.ContactFrames(knee, 2, locked=LOCKED)
+    nlp = {"x": ca.vec(frames.q), "f": 0.5 * ca.sumsqr(frames.misfit(FORCES | CENTRE))}
+    solver = ca.nlpsol("nlp", "ipopt", nlp, ipopt_options())
+    start = frames.variables(frames.start_poses(FORCES))
+    answer = solver(x0=start, lbx=frames.lower, ubx=frames.upper)
+    pose = ca.Function("pose", [frames.q], [frames.pose])
+    got = values(knee, np.asarray(pose(ca.reshape(answer["x"], 4, 2))).T)
+    np.testing.assert_allclose(got["Fy_lat"], [-400.0, -400.0], atol=1e-2)
+
+
+def test_near_the_solution_a_misfit_is_the_error_in_newtons(knee):
+    frames = cc.ContactFrames(knee, locked=LOCKED)
+    pose = frames.start_poses(FORCES)
+    got = {name: load[0] for name, load in values(knee, pose).items()}
+    wanted = {"Fy_med": got["Fy_med"] - 1.0, "Fx": got["Fx"] - 3.0, "Tz": got["Tz"] - 50.0}
+    misfit = ca.Function("misfit", [frames.q], [frames.misfit(wanted)])
+    found = np.asarray(misfit(frames.variables(pose))).ravel()
+    np.testing.assert_allclose(found, [-1.0, 3.0, 2.0], rtol=2e-3)  # N up, N, and N·mm over 25 mm
+
+
+def test_three_forces_whose_magnitude_is_the_normal_load_are_met_as_a_vector(monkeypatch, knee):
+    """A normal load without one direction: its rows vanish for the wanted force alone, by its size and across it."""
+    frames = cc.ContactFrames(knee, locked=LOCKED)
+    normal = knee.scene.normal_loads[0].__class__("med", None, 1.0, ("Fx", "Fy_med", "Fz"))
+    force = ca.MX.sym("force", 3)
+    monkeypatch.setattr(frames, "load", lambda name: force[normal.loads.index(name)])
+    n0 = knee.scene.reference_load
+    monkeypatch.setattr(frames, "roots", ca.sqrt(ca.norm_2(force) / n0))
+    rng = np.random.default_rng(2)
+    for wanted in rng.normal(size=(10, 3)) * 300.0:
+        rows = ca.Function(
+            "rows", [force], [ca.vertcat(*frames._normal_rows(0, normal, list(ca.vertsplit(ca.DM(wanted)))).values())]
+        )
+        np.testing.assert_allclose(np.asarray(rows(wanted)).ravel(), 0.0, atol=1e-9)
+        off = rng.normal(size=3)
+        assert np.linalg.norm(np.asarray(rows(wanted + off))) == pytest.approx(np.linalg.norm(off), rel=0.02)
+
+
+def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
+    frames = cc.ContactFrames(knee, 3, locked=LOCKED)
+    low, high = pose_bounds(knee)
+    poses = frames.start_poses(FORCES, np.array([50.0, 90.0, -40.0, 0.5, 0.0, 0.0]))
+    assert ((poses >= low) & (poses <= high)).all()
+    np.testing.assert_allclose(values(knee, poses)["Fy_med"], -600.0, atol=2.0)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        ({}, "no loads are wanted"),
+        ({"Fy_med": 600.0}, "Fy_med is wanted to pull"),
+        ({"Fy": -600.0}, "unknown load 'Fy', expected one of Fy_med"),
+        ({"Fy_med": [-600.0, -500.0]}, "expected a finite number, or one for each of 1 frames"),
+        ({"Fy_med": np.nan}, "expected a finite number"),
+    ],
+)
+def test_wrong_wishes_are_refused(knee, wanted, said):
+    with pytest.raises(ValueError, match=said):
+        cc.ContactFrames(knee, locked=LOCKED).misfit(wanted)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"frames": 0}, "frames is 0"),
+        ({"locked": {"rz": -5.0}}, "rz is locked at -5 to -5, the surrogate learned"),
+        ({"locked": {"flexion": 0.0}}, "unknown pose parameter 'flexion'"),
+        ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "all six pose parameters"),
+        ({"loads": ("Fy_med", "My")}, "My"),
+    ],
+)
+def test_wrong_frames_are_refused(knee, settings, said):
+    with pytest.raises(ValueError, match=said):
+        cc.ContactInOpti(ca.Opti(), knee, **settings)

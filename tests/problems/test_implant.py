@@ -1,0 +1,73 @@
+"""Real knee components, from their mesh files: measured poses settle under wanted loads; one line for a mistake."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
+from problems.implant import SCENE
+from problems.pose_estimation.starts import start_from_file
+from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
+from tests.support.shared_data import shared_file
+
+COLUMNS = ("knee_ant_r", "knee_sup_r", "knee_lat_r", "knee_flex_r", "knee_add_r", "knee_rot_r")  # tx ... rz, m and rad
+
+
+def test_measured_poses_of_real_components_settle_under_wanted_loads(tmp_path):
+    folder = shared_file("data/dm_tka/femoral_component.stl").parent
+    text = SCENE.read_text("utf-8").replace("../../../shared/data/dm_tka", str(folder))
+    (tmp_path / "tka.toml").write_text(text.replace('units = "m"', 'units = "m"\nspacing = 1.0'))
+    model = cc.ElasticFoundation(cc.load_scene(tmp_path / "tka.toml"), (80, 40))
+    rows = (folder / "fluoroscopic_gait.sto").read_text().split("endheader\n")[1].splitlines()
+    columns = [rows[0].split().index(name) for name in COLUMNS]
+    measured = np.array([[float(v) for v in row.split()] for row in rows[1::20]])[:, columns]
+    measured[:, :3] *= 1000.0
+    assert np.abs(model.gaps(measured)).max() < 2.0  # as measured they touch, to what fluoroscopy can tell
+    targets = {"Fy_med": -700.0, "Fy_lat": -500.0}
+    poses, report = cc.settle(model, measured, free=("ty", "rx"), targets=targets)
+    assert report.converged.all()
+    assert np.abs(poses[:, 1] - measured[:, 1]).max() < 1.5
+    assert model.at_edge(poses).sum() <= 1  # in deep flexion the lateral contact nears the corner of the insert
+    named = dict(zip(model.load_names, model(poses).T, strict=True))
+    np.testing.assert_allclose(named["Fy_med"], -700.0, atol=0.1)
+    flat = -cc.RayCastFoundation(model.scene).wrenches(poses)[:, :, 1].sum(axis=1)
+    assert 0.85 < (flat / 1200.0).min() < (flat / 1200.0).max() < 1.0  # facets lose force
+
+
+def test_poses_of_a_file_are_spread_over_the_frames(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("tx,ty,tz,rx,ry,rz\n0,40,0,0,0,0\n2,41,0,0,0.1,-1\n")
+    poses = start_from_file(path, 5)
+    np.testing.assert_allclose(poses[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0])
+    np.testing.assert_allclose(poses[[0, 2, 4], 5], [0.0, -0.5, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "cycle", "said"),
+    [
+        ("none.toml", "walk.csv", "scene file none.toml does not exist"),
+        ("scene.toml", "none.csv", "cycle file none.csv does not exist"),
+        ("scene.toml", "walk.csv", "femur.stl does not exist: a scene's mesh paths are absolute or relative"),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
+    write_cycle(reference_cycle(frames=5), tmp_path / "walk.csv")
+    text = SCENE.read_text("utf-8").replace("../../../shared/data/dm_tka/femoral_component.stl", "femur.stl")
+    (tmp_path / "scene.toml").write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-m", "problems.implant", cycle, "--scene", scene],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(SCENE.parents[2])},
+    )
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "results").exists()
