@@ -36,7 +36,7 @@ from tests.support.smooth_samples import smooth_samples
 from tests.test_own_contact import table_rows, write_csv, write_hdf5
 
 POSES = random_poses(12)
-FRONT = Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv"
+FRONT = Path(cc.__file__).parent / "benchmark" / "ready" / "knee.csv"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from casadi_contact.report import figure as report_figure
 from casadi_contact.show import figure as show_figure
 from casadi_contact.training import checkpoint, fit
 from casadi_contact.transcription import save_function
+from tests.fuzz.readers import FRONT
 from tests.sampling.test_draw import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate
@@ -52,7 +53,7 @@ def _picture() -> Figure:
 def writers() -> dict[str, Callable[[Path], object]]:
     """By the name of the file; what takes long is made beforehand."""
     surrogate, samples = random_surrogate(SCENE, "patch"), smooth_samples(60)
-    function, front = surrogate.function(), read_front(Path(__file__).parents[1] / "benchmark" / "speed_accuracy.csv")
+    function, front = surrogate.function(), read_front(FRONT)
     return {
         "samples.h5": lambda path: write_samples(path, samples),
         "drawn.h5": drawn,
