@@ -40,6 +40,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
             *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
+            c_text("chart_axes.h", _C),
             c_text("polar_surfaces.h", _C),
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
             c_text("polar_rays.h", _C),
