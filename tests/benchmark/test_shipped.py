@@ -10,6 +10,7 @@ import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.benchmark.kernel_speed import KernelSpeed, MachineLimit
 from casadi_contact.benchmark.shipped import shipped_front
+from casadi_contact.benchmark.timing import Timing
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
 from casadi_contact.report import read_kernel_speed
@@ -85,7 +86,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
 
     def kernel_speed(surrogate, poses):
         timed[surrogate.structure] = surrogate.scene.digest, len(poses)
-        return KernelSpeed({}, MachineLimit(1, 1, 1.0, 1.0))
+        return KernelSpeed({"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0))
 
     monkeypatch.setattr(speed_room, "kernel_speed", kernel_speed)
     monkeypatch.setattr(speed_room, "motion_at_hand", lambda project: motion)
