@@ -20,7 +20,7 @@ from casadi_contact.verification.verify import LEAST_VALIDITY, loads_on
 from problems.pose_estimation.march import solve_alone
 from problems.pose_estimation.problem import FREE_COLUMNS, FREE_STEPS, LOADS, PoseEstimation, wanted_of
 from problems.pose_estimation.reach import beyond_reach_mm
-from problems.pose_estimation.search import Settled, search
+from problems.pose_estimation.search import Found, search
 from problems.pose_estimation.solve import COP_TOLERANCE_MM, PoseResult, carried, errors_of, frame_solver, solve
 
 
@@ -41,10 +41,10 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     began = time.perf_counter()
     reach = beyond_reach_mm(model, problem.cycle)
     left = ~result.converged & (reach <= COP_TOLERANCE_MM)
-    settled = _settled(problem, result, model, left)
-    on_model = left & settled.found
+    found = _searched(problem, result, model, left)
+    on_model = left & found.found
     poses, reason = result.poses.copy(), result.reason.copy()
-    poses[on_model] = settled.poses[on_model]
+    poses[on_model] = found.poses[on_model]
     beyond = _beyond(problem.surrogate, poses)
     again, iterations = _again(problem, poses, on_model & (beyond == ""))
     on_model &= ~again
@@ -62,7 +62,7 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
             why = beyond[k] or "inside the learned range, where the surrogate has no such pose"
             reason[k] = f"on the contact model, {where}: {why}"
         else:
-            reason[k] = f"infeasible: the contact model, from {settled.starts[k]} starts: {settled.reason[k]}"
+            reason[k] = f"no equilibrium on the contact model, from {found.starts[k]} starts: {found.reason[k]}"
     return replace(
         result,
         poses=poses,
@@ -77,7 +77,7 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     )
 
 
-def _settled(problem: PoseEstimation, result: PoseResult, model: ContactModel, left: np.ndarray) -> Settled:
+def _searched(problem: PoseEstimation, result: PoseResult, model: ContactModel, left: np.ndarray) -> Found:
     """Poses on the contact model for the frames left (n,)."""
     middle = problem.start_poses()
     if not isinstance(model, ElasticFoundation):
