@@ -40,7 +40,8 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
         return result
     began = time.perf_counter()
     reach = beyond_reach_mm(model, problem.cycle)
-    left = ~result.converged & (reach <= COP_TOLERANCE_MM)
+    # Without load there is no centre of pressure to look for.
+    left = ~result.converged & (reach <= COP_TOLERANCE_MM) & (problem.cycle.fy_med + problem.cycle.fy_lat < 0.0)
     found = _searched(problem, result, model, left)
     on_model = left & found.found
     poses, reason = result.poses.copy(), result.reason.copy()
@@ -51,14 +52,14 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     loads = problem.surrogate(poses, LOADS)
     loads[on_model] = loads_on(model, poses[on_model], LOADS)
     force_error, cop_error = errors_of(problem.cycle, loads)
-    edge = model.at_edge(poses).any(axis=1) if hasattr(model, "at_edge") else np.zeros(len(poses), dtype=bool)
-    for k in np.flatnonzero(~result.converged):
+    on_rim = on_model & (model.at_edge(poses).any(axis=1) if hasattr(model, "at_edge") else False)
+    for k in np.flatnonzero(~result.converged & (left | (reach > 0.0))):
         if not left[k]:
             reason[k] = f"infeasible: {reach[k]:.3g} mm beyond any centre of pressure that contact can have"
         elif again[k]:
             reason[k] = "not found at first: solved from the pose of the contact model"
         elif on_model[k]:
-            where = "carried on its rim" if edge[k] else "fits on the insert"
+            where = "carried on its rim" if on_rim[k] else "fits on the insert"
             why = beyond[k] or "inside the learned range, where the surrogate has no such pose"
             reason[k] = f"on the contact model, {where}: {why}"
         else:
@@ -71,6 +72,7 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
         cop_error_mm=cop_error,
         converged=carried(force_error, cop_error) & (result.converged | again | on_model),
         on_model=on_model,
+        on_rim=on_rim,
         reason=reason,
         iterations=result.iterations + iterations,
         seconds=result.seconds + time.perf_counter() - began,

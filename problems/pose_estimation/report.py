@@ -84,6 +84,7 @@ def report(
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
+        "of_these_on_the_rim": int(result.on_rim.sum()),
         "ipopt_status": result.ipopt_status,
         "ipopt_iterations": result.iterations,
         "seconds": result.seconds,
@@ -92,7 +93,7 @@ def report(
         "structure": problem.surrogate.structure,
         "scene": scene.name,
     }
-    if result.on_model.any():
+    if (result.on_model & ~result.on_rim).any():
         summary["refine"] = _REFINE
     if starts is not None:
         summary["random_starts"] = {
@@ -125,8 +126,9 @@ def _print(
         table.add_row(f"{name} ({unit})", *cells)
     console.print(table)
     print_outcome(console, result)
-    if result.on_model.any():
-        console.print(f"{int(result.on_model.sum())} frames on the contact model: {_REFINE}", highlight=False)
+    learnable = int((result.on_model & ~result.on_rim).sum())
+    if learnable:
+        console.print(f"{learnable} frames on the contact model fit on the insert: {_REFINE}", highlight=False)
     if starts is not None:
         console.print(str(starts), highlight=False)
 
@@ -139,6 +141,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
         names = [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
         columns |= dict(zip(names, values.T, strict=True))
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
+    columns["on_rim"] = result.on_rim.astype(int)
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 

@@ -28,7 +28,8 @@ _SCALING: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 
 class PoseResult:
     """Poses (n, 6), surrogate loads there (n, 4) as in `LOADS`, and what became of each frame.
 
-    on_model (n,): True for frames that are solved on the contact model itself, with its loads (`complete`).
+    on_model (n,): True for frames that are solved on the contact model itself, with its loads (`complete`);
+    on_rim (n,): for those of them whose contact reaches the edge of the insert.
     """
 
     poses: Array
@@ -37,6 +38,7 @@ class PoseResult:
     cop_error_mm: Array
     converged: np.ndarray
     on_model: np.ndarray
+    on_rim: np.ndarray
     reason: np.ndarray
     ipopt_status: str
     iterations: int
@@ -117,5 +119,5 @@ def _result(
         )
     none = np.zeros(len(cycle), dtype=bool)
     return PoseResult(
-        poses, loads, force_error, cop_error, converged, none, reason, outcome.status, iterations, seconds
+        poses, loads, force_error, cop_error, converged, none, none, reason, outcome.status, iterations, seconds
     )
