@@ -16,6 +16,7 @@ from casadi_contact.verification.verify import loads_on
 
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
+ON_MODEL = "solved on the contact model"
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class Verdict:
     """What the contact model says of a solution on a surrogate; its text is the first line of a summary.
 
     solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, NaN where there was
-    no model to ask; allowed (L,): the largest error of a verified frame; model: its name, or why there is none.
+    no model to ask; allowed (L,): the largest error of a verified frame; model: its name, or why there is none;
+    on_model (n,): frames that were solved on that model itself, which have no error.
     """
 
     load_names: tuple[str, ...]
@@ -31,6 +33,7 @@ class Verdict:
     errors: Array
     allowed: Array
     model: str
+    on_model: np.ndarray
 
     @property
     def checked(self) -> bool:
@@ -59,7 +62,9 @@ class Verdict:
         if not self.checked:
             return f"{solved} of {count} solved, not checked: {self.model}"
         verified = int(self.verified.sum())
-        parts = [f"{verified} of {count} solved and verified on {self.model}"]
+        alone = int((self.verified & self.on_model).sum())
+        own = f", {alone} of them on it alone" if alone else ""
+        parts = [f"{verified} of {count} solved and verified on {self.model}{own}"]
         if solved > verified:
             worst = int(np.where(self.solved, self._excess, -1.0).argmax())
             parts.append(f"{solved - verified} solved but differ, at most by {self._largest(worst)}")
@@ -82,6 +87,8 @@ class Verdict:
             return UNSOLVED
         if not self.checked:
             return UNCHECKED
+        if self.on_model[frame]:
+            return ON_MODEL
         return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"
 
 
@@ -99,11 +106,13 @@ def judge(
     solved: ArrayLike,
     model: ContactModel | str,
     loads: Sequence[str] | None = None,
+    on_model: ArrayLike = False,
 ) -> Verdict:
     """Evaluate a solution, poses (n, 6) and which of them are solved (n,), on a contact model.
 
     model: `own_model` of the scene as a rule; where it is a reason in words, frames are not checked.
-    loads: those of the surrogate that the problem uses, all if left out.
+    loads: those of the surrogate that the problem uses, all if left out. on_model (n,): frames that were solved on the
+    model itself, for want of a pose that the surrogate has learned.
     """
     poses, names = as_poses(poses), surrogate.check_loads(loads)
     if isinstance(model, str):
@@ -111,5 +120,7 @@ def judge(
     else:
         errors = surrogate(poses, names) - loads_on(model, poses, names)
         name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
+    alone = np.broadcast_to(np.asarray(on_model, dtype=bool), len(poses))
+    errors[alone] = 0.0
     allowed = ALLOWED * np.array([surrogate.scene.tolerances[load] for load in names])
-    return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name)
+    return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name, alone)

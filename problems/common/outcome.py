@@ -24,11 +24,11 @@ class Outcome(Protocol):
 
 
 def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:
-    """How many rows are solved, what IPOPT needed, and why each other one is not."""
+    """How many rows are solved, what IPOPT needed, and whatever there is to say of single ones."""
     console.print(
         f"{int(result.converged.sum())} of {len(result.converged)} {what}; IPOPT: {result.ipopt_status}, "
         f"{result.iterations} iterations, {result.seconds:.2f} s with its start",
         highlight=False,
     )
-    for k in np.flatnonzero(~result.converged):
+    for k in np.flatnonzero(~result.converged | (result.reason != "")):
         console.print(f"{row} {k}: {result.reason[k]}", highlight=False)

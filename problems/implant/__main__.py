@@ -21,9 +21,9 @@ from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.implant import SCENE
+from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import LOADS, build
 from problems.pose_estimation.report import report
-from problems.pose_estimation.solve import solve
 from problems.pose_estimation.starts import start_from_file
 
 NAME = "implant"
@@ -53,8 +53,8 @@ def run(
     foundation, codes = own_model(surrogate.scene), []
     for path, cycle, first in zip(cycles, measured, poses, strict=True):
         problem = build(surrogate, cycle, compiled=True)
-        result = solve(problem, first)
-        verdict = judge(surrogate, result.poses, result.converged, foundation, LOADS)
+        result = solve_and_complete(problem, first, foundation)
+        verdict = judge(surrogate, result.poses, result.converged, foundation, LOADS, result.on_model)
         report(problem, result, verdict, folder / "poses" / path.stem)
         codes.append(verdict.exit_code)
     if any(codes):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from casadi_contact.files import writable_folder
@@ -18,7 +19,7 @@ from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
-from problems.muscle_contact.walk import ROTATION_MAPS, read_walk
+from problems.muscle_contact.walk import ROTATION_MAPS, read_length_range, read_walk
 
 NAME = "muscle_contact"
 app = new_app()
@@ -40,6 +41,9 @@ def run(
     ),
     model: Annotated[str, typer.Option(help="hill or isometric")] = "hill",
     fit_lengths: Annotated[bool, typer.Option(help="scale fibres and tendons to the person's lengths")] = True,
+    fit_also: Annotated[
+        list[Path] | None, typer.Option(help="muscles of further cycles of the same person, to scale to as well")
+    ] = None,
     exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
     least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
     all_six: Annotated[
@@ -61,11 +65,13 @@ def run(
     else:
         raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
     comparison = None if measured is None else read_cycle(measured)
+    others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
     problem = build(
         load_surrogate(surrogate),
         walk,
         model=model,
         fit_lengths=fit_lengths,
+        other_lengths_m=np.vstack(others) if others else None,
         balanced=tuple(COORDINATES) if all_six else BALANCED,
         free=("tx", "ty", "tz", "rx") if all_six else FREE,
         exponent=exponent,

@@ -11,6 +11,7 @@ and the passive curve's offset (no force below l = 0.2) of OpenSim's DeGrooteFre
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,25 +74,34 @@ class MuscleParameters:
             object.__setattr__(self, key, values)
 
     def fitted_to(self, lengths_m: Array) -> MuscleParameters:
-        """Fibres and tendons lengthened by one factor for each muscle, so that the longest of lengths (n, m) stretches
-        the fibre to `LONGEST_FIBRE`: it fits the figures of an average person to one of another size."""
-        thickness = np.sin(self.pennation_rad)
-        longest = self.tendon_slack_length_m + self.optimal_fibre_length_m * np.sqrt(LONGEST_FIBRE**2 - thickness**2)
-        factor = lengths_m.max(axis=0) / longest
+        """Fibres and tendons of an average person scaled to one of another size, from musculotendon lengths (n, m) of
+        all cycles that are at hand:
+
+        1. One factor for each muscle, so that its longest length stretches the fibre to `LONGEST_FIBRE`.
+        2. Where that leaves the tendon slack at its shortest length, fibre and tendon have a factor each: the longest
+           length stretches the fibre to `LONGEST_FIBRE`, the shortest just straightens the tendon.
+        """
+        shortest, longest = lengths_m.min(axis=0), lengths_m.max(axis=0)
+        stretched = np.sqrt(LONGEST_FIBRE**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
+        factor = longest / (self.tendon_slack_length_m + self.optimal_fibre_length_m * stretched)
+        fibre, tendon = factor * self.optimal_fibre_length_m, factor * self.tendon_slack_length_m
+        slack = tendon > shortest
         return replace(
             self,
-            optimal_fibre_length_m=factor * self.optimal_fibre_length_m,
-            tendon_slack_length_m=factor * self.tendon_slack_length_m,
+            optimal_fibre_length_m=np.where(slack, (longest - shortest) / stretched, fibre),
+            tendon_slack_length_m=np.where(slack, shortest, tendon),
         )
 
 
 @dataclass(frozen=True)
 class ForceCapacity:
-    """Forces along the tendons, F = active·a + passive [N], each (n, m); fibre (n, m) is l, 1 at optimal length."""
+    """Forces along the tendons, F = active·a + passive [N], each (n, m); fibre (n, m) is l, 1 at optimal length; slack
+    (n, m) is True where the tendon is slack and the muscle gives no force."""
 
     active_n: Array
     passive_n: Array
     fibre: Array
+    slack: np.ndarray
 
 
 def force_capacity(
@@ -99,25 +109,38 @@ def force_capacity(
 ) -> ForceCapacity:
     """What each muscle can give at each frame, for musculotendon lengths and velocities (n, m).
 
-    model "isometric": F = F0·a whatever the length. Raises ValueError where a muscle is not longer than its tendon.
+    model "isometric": F = F0·a whatever the length. A tendon longer than its musculotendon is slack, which gives no
+    force and a RuntimeWarning. Raises ValueError for a muscle that is slack in every frame.
     """
-    slack = lengths_m - muscles.tendon_slack_length_m
     if model == "isometric":
-        whole = np.broadcast_to(muscles.max_isometric_force_n, lengths_m.shape)
-        return ForceCapacity(whole, np.zeros(lengths_m.shape), np.ones(lengths_m.shape))
+        whole, zero = np.broadcast_to(muscles.max_isometric_force_n, lengths_m.shape), np.zeros(lengths_m.shape)
+        return ForceCapacity(whole, zero, np.ones(lengths_m.shape), zero > 0.0)
     if model != "hill":
         raise ValueError(f"muscle model is {model!r}, expected hill or isometric")
-    if slack.min() <= 0.0:
-        frame, muscle = np.unravel_index(int(slack.argmin()), slack.shape)
-        raise ValueError(
-            f"muscle {muscles.names[muscle]} at frame {frame}: {lengths_m[frame, muscle]:g} m is not longer than its "
-            f"tendon of {muscles.tendon_slack_length_m[muscle]:g} m: are lengths in m, and do the parameters fit?"
-        )
+    slack = lengths_m < muscles.tendon_slack_length_m
+    _tell_of_slack(muscles, lengths_m, slack)
+    along = np.maximum(lengths_m - muscles.tendon_slack_length_m, 0.0)
     thickness = muscles.optimal_fibre_length_m * np.sin(muscles.pennation_rad)
-    fibre_m = np.hypot(slack, thickness)
-    cosine = slack / fibre_m
+    fibre_m = np.hypot(along, thickness)
+    cosine = along / np.where(fibre_m > 0.0, fibre_m, 1.0)
     fibre = fibre_m / muscles.optimal_fibre_length_m
     velocity = velocities_m_per_s * cosine / (MAX_FIBRE_SPEED_PER_S * muscles.optimal_fibre_length_m)
     along_tendon = muscles.max_isometric_force_n * cosine
     active = along_tendon * active_force_length(fibre) * np.maximum(force_velocity(velocity), 0.0)
-    return ForceCapacity(active, along_tendon * passive_force_length(fibre), fibre)
+    return ForceCapacity(active, along_tendon * np.maximum(passive_force_length(fibre), 0.0), fibre, slack)
+
+
+def _tell_of_slack(muscles: MuscleParameters, lengths_m: Array, slack: np.ndarray) -> None:
+    for k in np.flatnonzero(slack.any(axis=0)):
+        tendon, frames = muscles.tendon_slack_length_m[k], np.flatnonzero(slack[:, k])
+        if slack[:, k].all():
+            raise ValueError(
+                f"muscle {muscles.names[k]} is at most {lengths_m[:, k].max():g} m long, never longer than its tendon "
+                f"of {tendon:g} m: are lengths in m, and do the parameters fit?"
+            )
+        warnings.warn(
+            f"muscle {muscles.names[k]} gives no force in {len(frames)} frames from {frames[0]} to {frames[-1]}: it is "
+            f"up to {1000.0 * (tendon - lengths_m[:, k].min()):.2g} mm shorter than its tendon, which is slack",
+            RuntimeWarning,
+            stacklevel=3,
+        )

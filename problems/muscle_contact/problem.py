@@ -86,6 +86,7 @@ def build(
     *,
     model: str = "hill",
     fit_lengths: bool = True,
+    other_lengths_m: Array | None = None,
     balanced: Sequence[str] = BALANCED,
     free: Sequence[str] = FREE,
     exponent: float = 2.0,
@@ -94,14 +95,16 @@ def build(
     """Pose the problem for all frames of a walk.
 
     model: "hill" or "isometric" (`force_capacity`); fit_lengths scales generic fibre and tendon lengths to the
-    person (`MuscleParameters.fitted_to`), by lengths only. balanced: coordinates of `COORDINATES`; free: ty, rx, and
+    person (`MuscleParameters.fitted_to`), by lengths only: those of this walk and, if given, of the person's other
+    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and
     by choice tx and tz. exponent p >= 2 of the cost.
 
     Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
     """
     balanced, free = tuple(balanced), tuple(free)
     _check(walk, balanced, free, exponent, least_activation)
-    muscles = walk.muscles.fitted_to(walk.lengths_m) if fit_lengths else walk.muscles
+    lengths = walk.lengths_m if other_lengths_m is None else np.vstack([walk.lengths_m, other_lengths_m])
+    muscles = walk.muscles.fitted_to(lengths) if fit_lengths else walk.muscles
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
     try:
         poses = shear_free_poses(surrogate, walk.ry, walk.rz)

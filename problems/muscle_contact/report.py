@@ -112,6 +112,11 @@ def report(
         "ipopt_iterations": result.iterations,
         "seconds": result.seconds,
         "overloaded_frames": np.flatnonzero(result.overloaded).tolist(),
+        "slack_frames": {
+            name: np.flatnonzero(frames).tolist()
+            for name, frames in zip(walk.muscles.names, problem.capacity.slack.T, strict=True)
+            if frames.any()
+        },
         "balanced": problem.balanced,
         "free": problem.free,
         "measured": None if measured is None else measured.name,

@@ -128,6 +128,24 @@ def read_walk(
     )
 
 
+def read_length_range(path: Path, names: Sequence[str]) -> Array:
+    """Shortest and longest length (2, m) [m] of each muscle in a further cycle of the same person.
+
+    path: a CSV or a folder, as `read_walk` takes for muscles. Raises like it.
+    """
+    if path.is_dir():
+        table = _length_table(path)
+        curves = [table.column(name) for name in names]
+    else:
+        text = TextColumns.read(path)
+        muscle, length = np.array(text.text("muscle")), text.numbers("length_m")
+        curves = [length[muscle == name] for name in names]
+        missing = [name for name, curve in zip(names, curves, strict=True) if not len(curve)]
+        if missing:
+            raise ValueError(f"{path} lacks the muscles {', '.join(missing)}")
+    return np.array([[curve.min() for curve in curves], [curve.max() for curve in curves]])
+
+
 def _table(path: Path) -> Table:
     """A CSV or OpenSim file as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
@@ -176,19 +194,25 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
 def _analysis(folder: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:
     """The same from the files that OpenSim's MuscleAnalysis writes, a column for each muscle."""
 
-    def only(ending: str) -> Table | None:
-        found = sorted(folder.glob(f"*_{ending}.sto"))
-        if len(found) > 1:
-            raise ValueError(f"{folder} holds {len(found)} files *_{ending}.sto, expected one")
-        return read_opensim_table(found[0]) if found else None
-
     def at(table: Table) -> CubicSpline:
         return CubicSpline(table.column("time"), np.column_stack([table.column(name) for name in names]))
 
-    table = only("Length")
-    if table is None:
-        raise FileNotFoundError(f"folder {folder} holds no file *_Length.sto")
-    length = at(table)
-    tables = {name: only(f"MomentArm_{name}") for name in COORDINATES}
+    length = at(_length_table(folder))
+    tables = {name: _only(folder, f"MomentArm_{name}") for name in COORDINATES}
     arms = {name: at(table)(time_s) for name, table in tables.items() if table is not None}
     return length(time_s), length(time_s, 1), arms
+
+
+def _length_table(folder: Path) -> Table:
+    table = _only(folder, "Length")
+    if table is None:
+        raise FileNotFoundError(f"folder {folder} holds no file *_Length.sto")
+    return table
+
+
+def _only(folder: Path, ending: str) -> Table | None:
+    """The one file of a MuscleAnalysis that ends so, None if there is none."""
+    found = sorted(folder.glob(f"*_{ending}.sto"))
+    if len(found) > 1:
+        raise ValueError(f"{folder} holds {len(found)} files *_{ending}.sto, expected one")
+    return read_opensim_table(found[0]) if found else None

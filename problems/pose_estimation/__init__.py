@@ -3,7 +3,8 @@
 Run ``python -m problems.pose_estimation --help``.
 """
 
+from problems.pose_estimation.completion import complete
 from problems.pose_estimation.problem import FREE, LOADS, PoseEstimation, build
 from problems.pose_estimation.solve import PoseResult, solve
 
-__all__ = ["FREE", "LOADS", "PoseEstimation", "PoseResult", "build", "solve"]
+__all__ = ["FREE", "LOADS", "PoseEstimation", "PoseResult", "build", "complete", "solve"]

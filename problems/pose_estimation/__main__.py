@@ -13,6 +13,7 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import LOADS, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.solve import solve
@@ -40,6 +41,7 @@ def run(
 ) -> None:
     """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF.
 
+    Frames that the surrogate cannot solve go on with the EF itself.
     Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
     """
     if start is not None and warm is not None:
@@ -50,8 +52,9 @@ def run(
     poses = None if start is None else start_from_file(start, len(measured))
     if warm is not None:
         poses = solve(build(load_surrogate(warm), measured)).poses
-    result = solve(problem, poses)
-    verdict = judge(problem.surrogate, result.poses, result.converged, own_model(problem.surrogate.scene), LOADS)
+    model = own_model(problem.surrogate.scene)
+    result = solve_and_complete(problem, poses, model)
+    verdict = judge(problem.surrogate, result.poses, result.converged, model, LOADS, result.on_model)
     tried = solve_from_random_starts(surrogate, measured, result.poses, starts) if starts else None
     report(problem, result, verdict, out, tried)
     end_with(verdict, NAME, out)

@@ -29,9 +29,17 @@ def march(solver: ca.Function, x: Array, wanted: Array, close: np.ndarray, lower
         start, frame = waiting.popleft()
         if not 0 <= frame < len(x) or solved[frame]:
             continue
-        answer = solver(x0=np.clip(x[start], lower, upper), p=wanted[frame], lbx=lower, ubx=upper)
-        iterations += int(solver.stats()["iter_count"])
-        if solver.stats()["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N:
-            x[frame], solved[frame] = np.asarray(answer["x"]).ravel(), True
+        answer, spent = solve_alone(solver, x[start], wanted[frame], lower, upper)
+        iterations += spent
+        if answer is not None:
+            x[frame], solved[frame] = answer, True
             waiting.extend([(frame, frame - 1), (frame, frame + 1)])
     return iterations
+
+
+def solve_alone(solver: ca.Function, x: Array, wanted: Array, lower: Array, upper: Array) -> tuple[Array | None, int]:
+    """One frame from x (4,): its solution, None if there is none to `SOLVED_N`, and IPOPT's iterations."""
+    answer = solver(x0=np.clip(x, lower, upper), p=wanted, lbx=lower, ubx=upper)
+    stats = solver.stats()
+    solved = stats["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N
+    return np.asarray(answer["x"]).ravel() if solved else None, int(stats["iter_count"])

@@ -32,6 +32,8 @@ _TITLES = {
     "cop_ap": "centre of pressure, anterior-posterior",
     "cop_ml": "centre of pressure, medial-lateral",
 }
+_ON_MODEL = {"color": COLOURS["green"], "ls": "", "marker": "."}
+_REFINE = "refine teaches the surrogate around them (casadi_contact.refine, docs/how-to/refine.md)"
 _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 
 
@@ -81,6 +83,8 @@ def report(
         "frames": len(cycle),
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
+        "on_contact_model": int(result.on_model.sum()),
+        "of_these_on_the_rim": int(result.on_rim.sum()),
         "ipopt_status": result.ipopt_status,
         "ipopt_iterations": result.iterations,
         "seconds": result.seconds,
@@ -89,6 +93,8 @@ def report(
         "structure": problem.surrogate.structure,
         "scene": scene.name,
     }
+    if (result.on_model & ~result.on_rim).any():
+        summary["refine"] = _REFINE
     if starts is not None:
         summary["random_starts"] = {
             "count": len(starts.reached),
@@ -120,6 +126,9 @@ def _print(
         table.add_row(f"{name} ({unit})", *cells)
     console.print(table)
     print_outcome(console, result)
+    learnable = int((result.on_model & ~result.on_rim).sum())
+    if learnable:
+        console.print(f"{learnable} frames on the contact model fit on the insert: {_REFINE}", highlight=False)
     if starts is not None:
         console.print(str(starts), highlight=False)
 
@@ -131,7 +140,9 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
         names = [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
         columns |= dict(zip(names, values.T, strict=True))
-    columns |= {"converged": result.converged.astype(int), "reason": result.reason, "verdict": verdict.words}
+    columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
+    columns["on_rim"] = result.on_rim.astype(int)
+    columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
 
@@ -149,6 +160,9 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Pa
         panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], "surrogate - wanted", **SURROGATE)
         panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], "EF - surrogate", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
+        if result.on_model.any():
+            on = result.on_model
+            axis.plot(percent[on], tracked.got[on, column], label="on the contact model", **_ON_MODEL)
         if failed.any():
             axis.plot(percent[failed], tracked.got[failed, column], label="not converged", **FAILED)
     parts[0, 0].curves.legend(fontsize=8)

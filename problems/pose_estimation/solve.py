@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array, pose_index
+from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default
 from casadi_contact.statics import settle
 from problems.pose_estimation.march import march
@@ -25,13 +26,19 @@ _SCALING: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 
 
 @dataclass(frozen=True)
 class PoseResult:
-    """Poses (n, 6), surrogate loads there (n, 4) as in `LOADS`, and what became of each frame."""
+    """Poses (n, 6), surrogate loads there (n, 4) as in `LOADS`, and what became of each frame.
+
+    on_model (n,): True for frames that are solved on the contact model itself, with its loads (`complete`);
+    on_rim (n,): for those of them whose contact reaches the edge of the insert.
+    """
 
     poses: Array
     loads: Array
     force_error_n: Array
     cop_error_mm: Array
     converged: np.ndarray
+    on_model: np.ndarray
+    on_rim: np.ndarray
     reason: np.ndarray
     ipopt_status: str
     iterations: int
@@ -70,11 +77,28 @@ def solve(
     result = _result(problem, poses, outcome, outcome.iterations, time.perf_counter() - began)
     if not alone or problem.smoothness > 0.0 or result.converged.all() or not result.converged.any():
         return result
-    options = ipopt_options(max_iterations=_FRAME_ITERATIONS, print_level=print_level, **_SCALING)
-    one = ca.nlpsol("one_frame", "ipopt", problem.one_frame(), options)
-    more = march(one, x, wanted_of(cycle).T, result.converged, contact.lower[:4], contact.upper[:4])
+    one, wanted = frame_solver(problem, print_level), wanted_of(cycle).T
+    more = march(one, x, wanted, result.converged, contact.lower[:4], contact.upper[:4])
     poses[:, FREE_COLUMNS] = x * FREE_STEPS
     return _result(problem, poses, outcome, outcome.iterations + more, time.perf_counter() - began)
+
+
+def frame_solver(problem: PoseEstimation, print_level: int = 0) -> ca.Function:
+    """nlpsol of `PoseEstimation.one_frame`."""
+    options = ipopt_options(max_iterations=_FRAME_ITERATIONS, print_level=print_level, **_SCALING)
+    return ca.nlpsol("one_frame", "ipopt", problem.one_frame(), options)
+
+
+def errors_of(cycle: LoadCycle, loads: Array) -> tuple[Array, Array]:
+    """Errors of the vertical forces (n, 2) [N] and of the centres of pressure (n, 2) [mm] of loads (n, 4)."""
+    force_error = loads[:, :2] - np.column_stack([cycle.fy_med, cycle.fy_lat])
+    return force_error, cop(loads) - np.column_stack([cycle.cop_ap_mm, cycle.cop_ml_mm])
+
+
+def carried(force_error: Array, cop_error: Array) -> np.ndarray:
+    """True (n,) where the wanted loads are met; False without load, which has no centre of pressure."""
+    force_ok = np.abs(force_error).max(axis=1) <= FORCE_TOLERANCE_N
+    return np.asarray(force_ok & (np.abs(cop_error).max(axis=1) <= COP_TOLERANCE_MM))
 
 
 def _result(
@@ -83,18 +107,17 @@ def _result(
     """Errors of each frame, and whether it carries the wanted loads."""
     cycle = problem.cycle
     loads = problem.surrogate(poses, LOADS)
-    force_error = loads[:, :2] - np.column_stack([cycle.fy_med, cycle.fy_lat])
-    cop_error = cop(loads) - np.column_stack([cycle.cop_ap_mm, cycle.cop_ml_mm])
-    force_ok = np.abs(force_error).max(axis=1) <= FORCE_TOLERANCE_N
-    cop_ok = np.abs(cop_error).max(axis=1) <= COP_TOLERANCE_MM  # False for NaN: no load, no centre of pressure
+    force_error, cop_error = errors_of(cycle, loads)
     # Without smoothness frames stand alone: one that carries its loads is solved, whatever IPOPT met in another.
-    converged = force_ok & cop_ok & (outcome.solved or problem.smoothness == 0.0)
+    converged = carried(force_error, cop_error) & (outcome.solved or problem.smoothness == 0.0)
     reason = np.full(len(cycle), "", dtype=object)
-    stopped = f"IPOPT stopped ({outcome.status})"
-    ended = "no pose in the learned range carries these loads" if outcome.solved else stopped
+    ended = "not found in the learned range" if outcome.solved else f"IPOPT stopped ({outcome.status})"
     for k in np.flatnonzero(~converged):
         reason[k] = (
             f"{ended}: forces off by {np.abs(force_error[k]).max():.3g} N, "
             f"centre of pressure by {np.abs(cop_error[k]).max():.3g} mm at the nearest"
         )
-    return PoseResult(poses, loads, force_error, cop_error, converged, reason, outcome.status, iterations, seconds)
+    none = np.zeros(len(cycle), dtype=bool)
+    return PoseResult(
+        poses, loads, force_error, cop_error, converged, none, none, reason, outcome.status, iterations, seconds
+    )

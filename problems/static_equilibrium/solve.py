@@ -105,5 +105,5 @@ def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, o
         elif not outcome.solved:
             reason[row] = f"IPOPT stopped: {outcome.status}; {left}"
         else:
-            reason[row] = f"no pose in the learned range carries these loads: at the nearest {left}"
+            reason[row] = f"not found in the learned range: at the nearest {left}"
     return reason

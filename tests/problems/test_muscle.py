@@ -59,6 +59,38 @@ def test_fitting_puts_the_longest_fibre_at_its_place_whatever_the_size_of_the_pe
         np.testing.assert_allclose(fibre, force_capacity(ONE.fitted_to(lengths), lengths, np.zeros((9, 1))).fibre)
 
 
+def test_a_muscle_whose_tendon_would_be_slack_is_fitted_to_its_shortest_and_its_longest_length():
+    lengths = np.array([[0.30], [0.26], [0.25]])  # one factor would give a tendon of 0.255 m
+    fitted = replace(ONE, tendon_slack_length_m=np.array([0.6])).fitted_to(lengths)
+    fibre = force_capacity(fitted, lengths, np.zeros((3, 1)))
+    assert fitted.tendon_slack_length_m == pytest.approx(0.25)
+    assert fibre.fibre.max() == pytest.approx(muscle.LONGEST_FIBRE, abs=1e-12)
+    assert not fibre.slack.any()
+    assert (fibre.active_n[:, 0] > 0.0).tolist() == [True, True, False]
+
+
+def test_a_muscle_is_scaled_by_one_factor_as_long_as_that_leaves_its_tendon_taut():
+    """No jump between the two rules: at the shortest length where both hold they give the same."""
+    one_factor = ONE.fitted_to(np.array([[0.33]]))
+    tendon = one_factor.tendon_slack_length_m[0]
+    for shortest in (tendon + 1e-9, tendon - 1e-9):
+        both = ONE.fitted_to(np.array([[0.33], [shortest]]))
+        np.testing.assert_allclose(both.tendon_slack_length_m, one_factor.tendon_slack_length_m, rtol=1e-7)
+        np.testing.assert_allclose(both.optimal_fibre_length_m, one_factor.optimal_fibre_length_m, rtol=1e-7)
+
+
+def test_a_slack_tendon_gives_no_force_and_a_warning_that_names_it():
+    lengths = np.array([[0.3], [0.198], [0.199], [0.29]])
+    for pennation in (0.0, 0.3):
+        muscles = replace(ONE, pennation_rad=np.array([pennation]))
+        with pytest.warns(RuntimeWarning, match="one gives no force in 2 frames from 1 to 2: it is up to 2 mm shorter"):
+            capacity = force_capacity(muscles, lengths, np.zeros((4, 1)))
+        assert capacity.slack[:, 0].tolist() == [False, True, True, False]
+        np.testing.assert_array_equal(capacity.active_n[1:3], 0.0)
+        np.testing.assert_array_equal(capacity.passive_n[1:3], 0.0)
+        assert capacity.active_n[[0, 3]].min() > 100.0
+
+
 def test_isometric_muscles_give_their_greatest_force_at_any_length():
     capacity = force_capacity(ONE, np.array([[0.1], [0.5]]), np.zeros((2, 1)), "isometric")
     np.testing.assert_array_equal(capacity.active_n, 1000.0)
@@ -66,8 +98,8 @@ def test_isometric_muscles_give_their_greatest_force_at_any_length():
 
 
 def test_what_no_muscle_is_is_refused():
-    with pytest.raises(ValueError, match=r"muscle one at frame 1: 0.15 m is not longer than its tendon of 0.2 m"):
-        force_capacity(ONE, np.array([[0.3], [0.15]]), np.zeros((2, 1)))
+    with pytest.raises(ValueError, match=r"muscle one is at most 0.15 m long, never longer than its tendon of 0.2 m"):
+        force_capacity(ONE, np.array([[0.14], [0.15]]), np.zeros((2, 1)))
     with pytest.raises(ValueError, match="muscle model is 'elastic', expected hill or isometric"):
         force_capacity(ONE, np.array([[0.3]]), np.zeros((1, 1)), "elastic")
     with pytest.raises(ValueError, match=r"optimal_fibre_length_m of one is -0\.1, expected a positive size"):

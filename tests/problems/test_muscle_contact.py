@@ -193,6 +193,33 @@ def test_a_load_beyond_the_muscles_falls_to_the_reserves_and_is_seen(knee):
     assert result.reserves["knee_flexion"].min() > 300.0
 
 
+@pytest.mark.filterwarnings("ignore:muscle semimem gives no force in 1 frame")
+def test_a_measured_cycle_with_a_muscle_shorter_than_its_scaled_tendon_is_solved(knee):
+    """One muscle 4 mm shorter in one frame, which the longest lengths alone turn into a slack tendon."""
+    walk = measured_walk("og1")
+    muscle = walk.muscles.names.index("semimem")
+    frame = int(walk.lengths_m[:, muscle].argmin())
+    lengths = walk.lengths_m.copy()
+    lengths[frame, muscle] -= 0.004
+    shortened = replace(walk, lengths_m=lengths)
+    for given, slack in ((shortened.lengths_m, 0), (walk.lengths_m, 1)):  # fitted to its own lengths, or to og1's
+        fitted = replace(shortened, muscles=walk.muscles.fitted_to(given))
+        problem = muscle_contact.build(knee, fitted, fit_lengths=False)
+        assert problem.capacity.slack.sum() == slack
+        assert problem.capacity.active_n[frame, muscle] == pytest.approx(0.0, abs=1e-9)
+        result = muscle_contact.solve(problem)
+        assert result.converged.all(), result.reason
+
+
+def test_further_cycles_of_a_person_count_in_the_scaling(knee):
+    walk = example_walk(frames=5)
+    alone = muscle_contact.build(knee, walk)
+    within = muscle_contact.build(knee, walk, other_lengths_m=walk.lengths_m[1:3])
+    longer = muscle_contact.build(knee, walk, other_lengths_m=1.1 * walk.lengths_m)
+    np.testing.assert_array_equal(within.capacity.fibre, alone.capacity.fibre)
+    assert longer.capacity.fibre.max() < 1.1 < alone.capacity.fibre.max()
+
+
 def test_a_problem_can_be_inspected_unsolved_and_stopped_early(knee):
     problem = muscle_contact.build(knee, example_walk(frames=5))
     assert problem.nlp["x"].numel() == 5 * (13 + 2 + 3) == len(problem.start)

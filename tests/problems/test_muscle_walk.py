@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.motion.opensim import ColumnMap, Table, write_table
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.knee_coordinates import coordinate_unit
-from problems.muscle_contact.walk import PARAMETER_COLUMNS, read_walk
+from problems.muscle_contact.walk import PARAMETER_COLUMNS, read_length_range, read_walk
 from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=41)
@@ -125,6 +125,13 @@ def test_a_fault_is_named(files, which, harm, said):
     harm(files[which])
     with pytest.raises((ValueError, FileNotFoundError), match=said):
         read_walk(**files)
+
+
+def test_the_range_of_lengths_of_a_further_cycle_is_read_alone(files):
+    expected = [WALK.lengths_m.min(axis=0), WALK.lengths_m.max(axis=0)]
+    np.testing.assert_allclose(read_length_range(files["muscles"], WALK.muscles.names), expected)
+    with pytest.raises(ValueError, match=r"muscles.csv lacks the muscles soleus"):
+        read_length_range(files["muscles"], (*WALK.muscles.names, "soleus"))
 
 
 def test_a_walk_that_does_not_fit_together_is_refused():

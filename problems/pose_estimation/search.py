@@ -1,0 +1,116 @@
+"""Poses on a contact model itself, frame by frame: settled from the frame's own pose or the middle of a range, or
+followed from a neighbouring frame that has one.
+
+Settling knows the model's exact Jacobian and no bounds, so that it goes where a surrogate cannot. Near the rim it needs
+a start that is close: there a neighbour's equilibrium is followed while loads and rotations change to the frame's own,
+in steps halved where one fails.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.statics import settle
+from problems.pose_estimation.problem import FREE
+
+_TOLERANCE_N = 0.01  # torques over 25 mm
+_STEP_ITERATIONS = 30
+_SMALLEST_STEP = 0.125  # of the way from a neighbour
+
+
+@dataclass(frozen=True)
+class Found:
+    """Of each frame: pose (n, 6), as given where none is found; found (n,); starts tried (n,); why not found (n,)."""
+
+    poses: Array
+    found: np.ndarray
+    starts: np.ndarray
+    reason: np.ndarray
+
+
+def search(
+    model: ContactModel, cycle: LoadCycle, poses: Array, solved: np.ndarray, wanted: np.ndarray, middle: Array | None
+) -> Found:
+    """Find poses of the wanted frames (n,) of a cycle, beginning at poses (n, 6).
+
+    Frames not found are followed from each neighbour that is solved (n,) or found, outwards; then they begin at middle
+    poses (n, 6), pressed together first, if there are any, and outwards again.
+    """
+    attempts = _Attempts(model, cycle, poses, solved, wanted)
+    attempts.settle(np.flatnonzero(wanted), poses)
+    attempts.outwards()
+    left = np.flatnonzero(wanted & ~attempts.found)
+    if middle is not None and len(left):
+        forces = {"Fy_med": cycle.fy_med[left], "Fy_lat": cycle.fy_lat[left]}
+        begin = middle.copy()
+        begin[left], _ = settle(model, middle[left], ("ty", "rx"), forces, tolerance=1.0)
+        attempts.settle(left, begin)
+        attempts.outwards()
+    return Found(attempts.poses, attempts.found, attempts.starts, attempts.reason)
+
+
+class _Attempts:
+    """What was tried for each frame so far, as in `Found`."""
+
+    def __init__(
+        self, model: ContactModel, cycle: LoadCycle, poses: Array, solved: np.ndarray, wanted: np.ndarray
+    ) -> None:
+        self.poses, self.found = poses.copy(), solved.copy()
+        self.starts = np.zeros(len(cycle), dtype=int)
+        self.reason = np.full(len(cycle), "", dtype=object)
+        self._model, self._targets, self._wanted = model, cycle.targets(), wanted
+        self._turns = {pose_index("ry"): cycle.ry, pose_index("rz"): cycle.rz}
+        self._tried: set[tuple[int, int]] = set()
+
+    def settle(self, rows: np.ndarray, begin: Array) -> None:
+        """Settle frames from their rows of begin (n, 6)."""
+        if not len(rows):
+            return
+        start = begin[rows]
+        for column, angles in self._turns.items():
+            start[:, column] = angles[rows]
+        targets = {name: curve[rows] for name, curve in self._targets.items()}
+        poses, report = settle(self._model, start, FREE, targets, tolerance=_TOLERANCE_N)
+        good = report.converged
+        self.poses[rows[good]], self.found[rows[good]] = poses[good], True
+        self.starts[rows] += 1
+        self.reason[rows] = report.reason
+
+    def outwards(self) -> None:
+        """Follow frames from neighbours that are found, once from each, until no new one is found."""
+        while pairs := self._pairs():
+            self._tried |= set(pairs)
+            for frame, neighbour in pairs:
+                if not self.found[frame]:
+                    self._follow(frame, neighbour)
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Frames not found, each with a neighbour to be followed from."""
+        missing = np.flatnonzero(self._wanted & ~self.found).tolist()
+        pairs = {(k, j) for k in missing for j in (k - 1, k + 1) if 0 <= j < len(self.found) and self.found[j]}
+        return sorted(pairs - self._tried)
+
+    def _follow(self, frame: int, neighbour: int) -> None:
+        pose, share, step = self.poses[neighbour].copy(), 0.0, 1.0
+        while share < 1.0 and step >= _SMALLEST_STEP:
+            ahead = min(share + step, 1.0)
+            for column, angles in self._turns.items():
+                pose[column] = (1.0 - ahead) * angles[neighbour] + ahead * angles[frame]
+            targets = {name: (1.0 - ahead) * v[neighbour] + ahead * v[frame] for name, v in self._targets.items()}
+            tried, report = settle(
+                self._model, pose[None], FREE, targets, tolerance=_TOLERANCE_N, max_iterations=_STEP_ITERATIONS
+            )
+            if report.converged[0]:
+                pose, share = tried[0], ahead
+            else:
+                step *= 0.5
+        self.starts[frame] += 1
+        if share == 1.0:
+            self.poses[frame], self.found[frame], self.reason[frame] = pose, True, ""
+        else:
+            self.reason[frame] = f"followed from frame {neighbour} it ends {share:.0%} of the way"
