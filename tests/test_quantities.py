@@ -62,15 +62,6 @@ def test_forces_and_torques_compare_by_a_lever_and_nothing_else_does():
         newton_scales(LOADS, 25.0)
 
 
-def test_the_rms_of_a_kind_pools_squares_over_all_its_loads():
-    """As if all forces stood in one column, however much they differ in size."""
-    names = ("Fy_med", "Tx", "Fz", "Tz")
-    off = np.random.default_rng(7).normal(size=(50, 4)) * (1.0, 40.0, 10.0, 900.0)
-    rms = rms_by_kind(load_errors(names, off, np.zeros_like(off)))
-    assert rms["force"] == pytest.approx(math.sqrt(np.mean(off[:, [0, 2]] ** 2)))
-    assert rms["torque"] == pytest.approx(math.sqrt(np.mean(off[:, [1, 3]] ** 2)))
-
-
 def test_error_tables_keep_kinds_apart():
     reference = np.zeros((2, 4))
     got = np.array([[3.0, 10.0, 0.5, 2.0], [-4.0, 10.0, 0.5, -2.0]])
