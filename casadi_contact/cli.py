@@ -8,12 +8,12 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from casadi_contact import __version__, benchmark, pipeline
 from casadi_contact.command_examples import examples
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.files import file_stem, short
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
@@ -25,13 +25,14 @@ from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
 from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
 from casadi_contact.structures import load_surrogate
+from casadi_contact.terminal import PlainConsole, printable
 
 app = typer.Typer(
     help="Surrogate models of deformable joint contact as CasADi functions.",
     epilog=examples(""),
     pretty_exceptions_enable=False,
 )
-console = Console()
+console = PlainConsole()
 
 SceneName = Annotated[str, typer.Argument(help=f"a ready scene ({', '.join(ready_scenes())}) or the path of a .toml")]
 PresetName = Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")]
@@ -241,7 +242,7 @@ def show(
         shown = read_poses(poses)
     else:
         shown = np.array([contact_pose(model) if pose is None else _numbers(pose)])
-    path = Path(f"{model.scene.name}.png") if out is None else out
+    path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
@@ -319,7 +320,7 @@ def main() -> None:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
         said = str(error)
-    sys.exit(f"casadi-contact: {' '.join(said.split())}")
+    sys.exit(f"casadi-contact: {printable(short(said, 2000))}")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
-from casadi_contact.files import replacing, writable_folder
+from casadi_contact.files import file_stem, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
@@ -155,8 +155,7 @@ def sample(
         progress=progress,
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
-    with replacing(project.motion_path) as beside, beside.open("wb") as file:
-        np.savez(file, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
+    write_npz(project.motion_path, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
     refuse_many_dropped(samples, settings.most_dropped)
     return samples, report
 
@@ -197,8 +196,7 @@ def evaluate(project: Project) -> Path:
             for domain, errors in domains.items():
                 for load, error in errors.items():
                     writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
-    with replacing(path) as beside:
-        beside.write_text(json.dumps(content, indent=1), "utf-8")
+    write_text(path, json.dumps(content, indent=1))
     return path
 
 
@@ -215,7 +213,7 @@ def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
         folder = project.folder / "export" / structure
         writable_folder(folder)
         if not kernel_only:
-            path = folder / f"{project.scene.name}.casadi"
+            path = folder / f"{file_stem(project.scene.name)}.casadi"
             save_function(surrogate.function(), path)
             written.append(path)
         written += surrogate.export_c(folder, example_pose=list(poses[len(poses) // 4]))

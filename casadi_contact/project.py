@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples, read_samples
-from casadi_contact.files import replacing, writable_folder
+from casadi_contact.files import file_stem, read_npz, writable_folder, write_text
 from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
@@ -49,7 +48,7 @@ class Project:
         loaded = load_scene(scene)
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
-        folder = Path("results") / f"{loaded.name}-{preset}" if folder is None else Path(folder)
+        folder = Path("results") / f"{file_stem(loaded.name)}-{preset}" if folder is None else Path(folder)
         writable_folder(folder)
         return cls(loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml"), preset, folder)
 
@@ -96,8 +95,7 @@ def _completed(scene: Scene, path: Path) -> Scene:
             return before
     model = ElasticFoundation(scene, scene.grids.get("settle"))
     completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
-    with replacing(path) as beside:
-        beside.write_text(completed.to_toml(), "utf-8")
+    write_text(path, completed.to_toml())
     return completed
 
 
@@ -111,13 +109,15 @@ def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[L
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
     """The reference motion that the samples were drawn around, and the names of its cycles."""
     try:
-        with np.load(project.motion_path, allow_pickle=False) as content:
-            point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
-            cycles = [str(name) for name in content["cycles"]]
-            return ReferenceMotion(point, content["curves"], content["poses"]), cycles
+        content = read_npz(project.motion_path)
+        if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):
+            raise ValueError("curves or poses are not finite")
+        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
+        cycles = [str(name) for name in content["cycles"]]
+        return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:
         raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
-    except (ValueError, KeyError, OSError, EOFError, BadZipFile) as error:
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
 
 

@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager
+
+from loky import ProcessPoolExecutor
 
 
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
     """The caller's executor, left open, or one process per core of our own.
 
-    Our own processes are spawned, not forked (a fork of a process whose OpenMP threads have run is unsafe). They end
-    at once where the block is left by an exception, Ctrl-C included, and when this process is killed.
+    Our own processes are started afresh, not forked (a fork of a process whose OpenMP threads have run is unsafe), and
+    do not run the user's script again, which so needs no ``if __name__ == "__main__"``. They end at once where the
+    block is left by an exception, Ctrl-C included, and when this process is killed. Raises ChildProcessError in one
+    line where a worker was killed.
     """
-    if executor is not None:
-        yield executor
-        return
-    others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=context, initializer=_end_with_parent) as pool:
+    try:
+        if executor is not None:
+            yield executor
+            return
+        pool = ProcessPoolExecutor(os.cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
         try:
             yield pool
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(multiprocessing.active_children()) - others:
-                process.terminate()
+            pool.shutdown(wait=True, kill_workers=True)
             raise
+        pool.shutdown(wait=True)
+    except BrokenExecutor:
+        raise ChildProcessError(
+            "a worker process was killed (is the memory full?): run the same command again to go on"
+        ) from None
 
 
-def _end_with_parent() -> None:
+def _end_with_parent(parent: int) -> None:
     """Make a worker process end when its parent is killed; left alone it would work, or wait for work, for ever."""
-    parent = multiprocessing.parent_process()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends its workers
+    pause = threading.Event()
 
     def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
+        while os.getppid() == parent:
+            pause.wait(0.5)
+        os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

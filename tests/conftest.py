@@ -11,6 +11,11 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import pytest  # noqa: E402
 
 
+def pytest_addoption(parser):
+    """How many mutated files tests/fuzz reads."""
+    parser.addoption("--mutations", type=int, default=520, help="mutated files over all readers (tests/fuzz)")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _kernel_cache(tmp_path_factory):
     os.environ["CASADI_CONTACT_CACHE"] = str(tmp_path_factory.mktemp("kernels"))

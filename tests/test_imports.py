@@ -14,7 +14,7 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "machine", "quantities", "conventions", "pressure_laws"),
+    *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
     *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "activations", "network", "training", "transcription", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation"),

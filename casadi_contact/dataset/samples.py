@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import new_hdf5, one_line, open_hdf5
 from casadi_contact.scenes import Scene
 
 DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
@@ -129,24 +128,16 @@ def partial_folder(path: str | Path) -> Path:
 
 
 def write_samples(path: str | Path, samples: Samples) -> None:
-    """Write samples to an HDF5 file, beside and renamed; the same samples give the same bytes."""
-    path = Path(path)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with h5py.File(beside, "w") as file:
-            file.attrs["format"] = FORMAT_NAME
-            file.attrs["format_version"] = FORMAT_VERSION
-            file.attrs["scene_toml"] = samples.scene.to_toml()
-            file.attrs["provenance"] = json.dumps(samples.provenance, sort_keys=True)
-            lost = {f"dropped_{name}": getattr(samples.dropped, name) for name in ("poses", "domain")}
-            for name, column in {**{name: getattr(samples, name) for name in COLUMNS}, **lost}.items():
-                # Checksums: a flipped bit is found when the file is read, not in a network's error.
-                file.create_dataset(name, data=column, fletcher32=column.size > 0, track_times=False)
-        os.replace(beside, path)
-    except OSError as error:
-        raise OSError(f"cannot write samples to {path}: {error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
+    """Write samples to an HDF5 file; the same samples give the same bytes. Raises OSError where it cannot."""
+    with new_hdf5(Path(path)) as file:
+        file.attrs["format"] = FORMAT_NAME
+        file.attrs["format_version"] = FORMAT_VERSION
+        file.attrs["scene_toml"] = samples.scene.to_toml()
+        file.attrs["provenance"] = json.dumps(samples.provenance, sort_keys=True)
+        lost = {f"dropped_{name}": getattr(samples.dropped, name) for name in ("poses", "domain")}
+        for name, column in {**{name: getattr(samples, name) for name in COLUMNS}, **lost}.items():
+            # Checksums: a flipped bit is found when the file is read, not in a network's error.
+            file.create_dataset(name, data=column, fletcher32=column.size > 0, track_times=False)
 
 
 def read_samples(path: str | Path) -> Samples:
@@ -160,28 +151,19 @@ def read_samples(path: str | Path) -> Samples:
         if partial_folder(path).is_dir():
             raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
         raise FileNotFoundError(f"samples file {path} does not exist")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT_NAME:
-                raise ValueError(f"{path} is not a samples file of casadi_contact")
-            version = int(file.attrs["format_version"])
-            if version > FORMAT_VERSION:
-                raise ValueError(
-                    f"{path} has samples format {version}, expected at most {FORMAT_VERSION}: update casadi_contact"
-                )
+    with open_hdf5(path) as file:
+        if file.attrs.get("format") != FORMAT_NAME:
+            raise ValueError(f"{path} is not a samples file of casadi_contact")
+        version = file.attrs.get("format_version", 0)
+        if version > FORMAT_VERSION:
+            raise ValueError(
+                f"{path} has samples format {version}, expected at most {FORMAT_VERSION}: update casadi_contact"
+            )
+        try:
             scene = Scene.from_toml(str(file.attrs["scene_toml"]))
             provenance = json.loads(str(file.attrs["provenance"]))
             columns = {name: file[name][()] for name in COLUMNS}
             dropped = Dropped(file["dropped_poses"][()], file["dropped_domain"][()]) if version > 1 else Dropped()
-    except (OSError, KeyError, RuntimeError, TypeError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        foreign = not h5py.is_hdf5(path)
-        what = "is damaged or not an HDF5 file" if foreign else "is damaged"
-        raise ValueError(f"{path} {what} ({_one_line(error)}): draw the samples again") from None
-    try:
-        return Samples(scene, **columns, provenance=provenance, dropped=dropped)
-    except ValueError as error:
-        raise ValueError(f"{path} is damaged ({error}): draw the samples again") from None
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+            return Samples(scene, **columns, provenance=provenance, dropped=dropped)
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{path} is damaged ({one_line(error)}): draw the samples again") from None

@@ -19,6 +19,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.files import open_hdf5, short
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.scenes import Scene
 
@@ -86,14 +87,15 @@ def _read_csv(path: Path, required: list[str], optional: list[str]) -> dict[str,
 def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
     if not path.is_file():
         raise FileNotFoundError(f"file {path} does not exist")
-    try:
-        with h5py.File(path, "r") as file:
-            missing = [column for column in required if column not in file]
-            if missing:
-                raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(file)}")
-            columns = {c: np.asarray(file[c][()], dtype=float) for c in (*required, *optional) if c in file}
-    except (OSError, TypeError, AttributeError) as error:
-        raise ValueError(f"{path} is not an HDF5 file with columns of numbers ({error})") from None
+    with open_hdf5(path) as file:
+        missing = [column for column in required if column not in file]
+        if missing:
+            raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")
+        columns = {}
+        for name in (c for c in (*required, *optional) if c in file):
+            if not isinstance(file[name], h5py.Dataset) or file[name].dtype.kind not in "biuf":
+                raise ValueError(f"{path}: {name} is not a data set of numbers")
+            columns[name] = np.asarray(file[name][()], dtype=float)
     count = columns[required[0]].size
     for name, column in columns.items():
         if column.shape != (count,) or not np.isfinite(column).all():

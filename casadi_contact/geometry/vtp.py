@@ -7,7 +7,6 @@ are cut into fans of triangles. Source: VTK file formats, XML formats.
 from __future__ import annotations
 
 import base64
-import binascii
 import zlib
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
 _TYPES = {
     **{f"{sign}Int{bits}": f"{letter}{bits // 8}" for sign, letter in (("", "i"), ("U", "u")) for bits in (32, 64)},
@@ -24,21 +24,34 @@ _TYPES = {
 
 def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
     """Vertices (v, 3) and triangles (f, 3) of a .vtp file; raises ValueError for one that cannot be read."""
+    checked_size(path, MOST_MESH)
     try:
-        root = ElementTree.parse(path).getroot()
+        root = ElementTree.fromstring(_without_entities(path.read_bytes()))
         vertices, faces = [], []
         offset = 0
         for piece in root.iter("Piece"):
             points = _array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
             polys = {a.get("Name"): _array(root, a) for a in piece.findall("Polys/DataArray")}
+            missing = [name for name in ("connectivity", "offsets") if name not in polys]
+            if missing:
+                raise ValueError(f"its Polys lack {' and '.join(missing)}")
             faces.append(_fans(polys["connectivity"], polys["offsets"]) + offset)
             vertices.append(points)
             offset += len(points)
+        if not vertices:
+            raise ValueError("it has no Piece")
         return np.concatenate(vertices), np.concatenate(faces)
-    except (ElementTree.ParseError, ValueError, KeyError, AttributeError, binascii.Error, zlib.error) as error:
+    except Exception as error:  # damaged bytes lead to errors of many kinds in expat, base64, zlib and NumPy
         raise ValueError(
-            f"mesh {path} cannot be read ({error}), expected a VTK PolyData file in ascii or inline base64"
+            f"mesh {path} cannot be read ({one_line(error)}), expected a VTK PolyData file in ascii or inline base64"
         ) from None
+
+
+def _without_entities(content: bytes) -> bytes:
+    """The same; ValueError for a document type: its entities can grow without end or name other files."""
+    if b"<!DOCTYPE" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise ValueError("it has a document type or is UTF-16")
+    return content
 
 
 def _array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.ndarray:
@@ -62,9 +75,15 @@ def _decode(text: str, header: np.dtype, compressed: bool) -> bytes:
     blocks = int(np.frombuffer(_decode_start(text, header.itemsize), dtype=header)[0])
     size = (3 + blocks) * header.itemsize
     sizes = np.frombuffer(_decode_start(text, size), dtype=header)[3:]
-    data, at, out = base64.b64decode(text[4 * -(-size // 3) :]), 0, []
+    if blocks < 0 or len(sizes) != blocks:
+        raise ValueError(f"it claims {blocks} compressed blocks and has {len(sizes)}")
+    data, at, left, out = base64.b64decode(text[4 * -(-size // 3) :]), 0, MOST_UNPACKED, []
     for length in sizes:
-        out.append(zlib.decompress(data[at : at + int(length)]))
+        unpacker = zlib.decompressobj()
+        out.append(unpacker.decompress(data[at : at + int(length)], left))
+        left -= len(out[-1])
+        if left <= 0 or not unpacker.eof:
+            raise ValueError(f"a compressed block is cut, or all unpack to more than {MOST_UNPACKED} bytes")
         at += int(length)
     return b"".join(out)
 
@@ -75,11 +94,11 @@ def _decode_start(text: str, size: int) -> bytes:
 
 def _fans(connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Polygon (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ..."""
-    starts = np.concatenate([[0], offsets[:-1]]).astype(np.int64)
-    corners = offsets.astype(np.int64) - starts
-    faces = [
-        np.stack([connectivity[starts[big]], connectivity[starts[big] + k], connectivity[starts[big] + k + 1]], axis=1)
-        for k in range(1, int(corners.max(initial=2)) - 1)
-        for big in [corners > k + 1]
-    ]
-    return np.concatenate(faces).astype(np.int64) if faces else np.zeros((0, 3), dtype=np.int64)
+    ends = offsets.astype(np.int64)
+    starts = np.concatenate([[0], ends[:-1]])
+    if np.any(ends < starts) or ends[-1:].sum() != len(connectivity):
+        raise ValueError(f"its polygons end at {ends[-1:]}, expected rising offsets up to {len(connectivity)}")
+    count = np.maximum(ends - starts - 2, 0)  # triangles of each polygon
+    first = np.repeat(starts, count)
+    k = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count) + 1
+    return connectivity[np.stack([first, first + k, first + k + 1], axis=1)].astype(np.int64)

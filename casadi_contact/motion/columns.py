@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import replacing
+from casadi_contact.files import MOST_TEXT, checked_size, replacing, short
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class TextColumns:
         if not path.is_file():
             why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
             raise FileNotFoundError(f"{what} {path} {why}")
+        checked_size(path, MOST_TEXT)
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
                 rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
@@ -54,7 +55,7 @@ class TextColumns:
         missing = [name for name in names if name not in self.header]
         if missing:
             which = f"columns {', '.join(missing)}" if len(names) > 1 else f"column {missing[0]}"
-            raise ValueError(f"{self.path} lacks the {which}; it has {', '.join(self.header)}")
+            raise ValueError(f"{self.path} lacks the {which}; it has {short(', '.join(self.header))}")
 
     def text(self, name: str) -> list[str]:
         """A column (n,) as it stands; ValueError where the file lacks it or has it more than once."""
@@ -72,7 +73,7 @@ class TextColumns:
             try:
                 numbers[k] = float(cell)
             except ValueError:
-                raise ValueError(f"{where}: got {cell!r}, expected a number") from None
+                raise ValueError(f"{where}: got {short(cell)!r}, expected a number") from None
             if not math.isfinite(numbers[k]):
                 raise ValueError(f"{where}: got {cell}, expected a finite number")
         return numbers

@@ -12,7 +12,7 @@ from casadi_contact.report.result_file import read_result
 
 def read_kernel_speed(path: str | Path) -> dict[str, Any]:
     """The content of a ``kernel_speed.json``; ValueError if it is something else."""
-    return read_result(path, "kernel speed", "speed")
+    return read_result(path, "kernel speed", "speed", kernel_speed_tables)
 
 
 def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:

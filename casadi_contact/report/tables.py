@@ -13,7 +13,7 @@ from casadi_contact.report.result_file import read_result
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:
     """The content of an ``evaluation.json``; ValueError if it is something else."""
-    return read_result(path, "evaluation", "evaluate")
+    return read_result(path, "evaluation", "evaluate", evaluation_tables)
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:

@@ -7,9 +7,7 @@ on with those that are missing.
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.dataset import COLUMNS, partial_folder
+from casadi_contact.files import read_npz, write_npz, write_text
 from casadi_contact.sampling.chunk import DrawnChunk
 
 _RECORD = "plan.json"
@@ -34,13 +33,15 @@ class ChunkFolder:
         text = json.dumps(identity, indent=1)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            if not record.exists():
-                _write_beside(record, text.encode())
         except OSError as error:
-            raise OSError(f"cannot write samples to {path}: {error}") from error
+            raise OSError(f"cannot write samples to {path}: {error.strerror or error}") from None
+        if not record.exists():
+            write_text(record, text)
         try:
             there = json.loads(record.read_text("utf-8"))
-        except ValueError:
+            if not isinstance(there, dict):
+                raise ValueError
+        except (ValueError, RecursionError):
             raise ValueError(f"{record} is damaged: delete {self.folder} and draw again") from None
         refuse_other(there, json.loads(text), self.folder)
 
@@ -50,34 +51,20 @@ class ChunkFolder:
     def read(self, number: int) -> DrawnChunk | None:
         """Chunk `number`, or None if it is not drawn yet (or its file does not read, and must be drawn again)."""
         try:
-            with np.load(self._file(number), allow_pickle=False) as file:
-                dropped = json.loads(str(file["dropped"]))
-                columns = {name: file[name] for name in (*COLUMNS, "dropped_poses")}
-                return DrawnChunk(**columns, dropped=dropped)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            arrays = read_npz(self._file(number))
+            dropped = json.loads(str(arrays.pop("dropped")))
+            return DrawnChunk(**arrays, dropped=dropped)
+        except (OSError, ValueError, KeyError, TypeError):
             return None
 
     def write(self, number: int, chunk: DrawnChunk) -> None:
-        """Write chunk `number` beside and rename it."""
-        file = self._file(number)
-        beside = file.with_name(f"{file.name}.{os.getpid()}.tmp")
-        with beside.open("wb") as stream:
-            np.savez(
-                stream,
-                **{name: getattr(chunk, name) for name in (*COLUMNS, "dropped_poses")},
-                dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)),
-            )
-        os.replace(beside, file)
+        """Put chunk `number` in its place; raises OSError in one line."""
+        arrays = {name: getattr(chunk, name) for name in (*COLUMNS, "dropped_poses")}
+        write_npz(self._file(number), **arrays, dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)))
 
     def remove(self) -> None:
         """Delete the folder, once the samples file is complete."""
         shutil.rmtree(self.folder)
-
-
-def _write_beside(file: Path, content: bytes) -> None:
-    beside = file.with_name(f"{file.name}.{os.getpid()}.tmp")
-    beside.write_bytes(content)
-    os.replace(beside, file)
 
 
 def refuse_other(there: Mapping[str, Any], wanted: Mapping[str, Any], where: Path) -> None:

@@ -1,5 +1,8 @@
 """Surrogate files: HDF5 with the scene, a JSON record and the plain weights; no code inside, no pickle.
 
+The bytes are sealed with a digest (`files.hdf5`); a file of an older version is, once it is loaded and saved again:
+``cc.load_surrogate(path).save(path)``.
+
 /                attributes kind, format, structure, digest (SHA-256 of all that follows)
 /scene           scene as TOML text
 /record          JSON text: what trained it, errors per domain, versions, command
@@ -11,16 +14,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from casadi_contact.files import new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
@@ -50,26 +52,14 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     if trust is not None:
-        for name, value in _arrays(trust).items():
+        for name, value in trust.numbers().items():
             array = np.ascontiguousarray(value, dtype="<f8")
             digest.update(f"{name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
 
 
-def _arrays(trust: Trust) -> dict[str, Any]:
-    """The fields of a trust that are given, by name; those of its parts as "box/low"."""
-    values: dict[str, Any] = {}
-    for field in fields(trust):
-        value = getattr(trust, field.name)
-        if is_dataclass(value):
-            values |= {f"{field.name}/{inner.name}": getattr(value, inner.name) for inner in fields(value)}
-        elif value is not None:
-            values[field.name] = value
-    return values
-
-
 def write_file(path: str | Path, content: Content) -> None:
-    """Write beside and rename. Raises ValueError for a record that is not JSON, OSError for an unwritable path."""
+    """Put the file in the place of `path`. Raises ValueError for a record that is not JSON, OSError if unwritable."""
     path = Path(path)
     try:
         record = json.dumps(content.record, ensure_ascii=False, allow_nan=False)
@@ -78,35 +68,27 @@ def write_file(path: str | Path, content: Content) -> None:
             f"surrogate record is not plain JSON ({error}), expected text, finite numbers and lists"
         ) from None
     scene = content.scene.to_toml()
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(beside, "w") as file:
-            file.attrs["kind"] = KIND
-            file.attrs["format"] = FORMAT
-            file.attrs["structure"] = content.structure
-            file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
-            file["scene"] = scene
-            file["record"] = record
-            networks = file.create_group("networks", track_order=True)
-            for name, network in content.networks.items():
-                group = networks.create_group(name)
-                group.attrs["activation"] = network.activation
-                group.attrs["output_scale"] = float(network.output_scale)
-                group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
-                group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
-                for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-                    group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
-                    group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
-            if content.trust is not None:
-                group = file.create_group("trust")
-                for name, value in _arrays(content.trust).items():
-                    group[name] = np.asarray(value, dtype="<f8")
-        os.replace(beside, path)
-    except OSError as error:
-        raise OSError(f"cannot write surrogate file {path}: {error}") from None
-    finally:
-        with suppress(OSError):
-            beside.unlink()
+    with new_hdf5(path) as file:
+        file.attrs["kind"] = KIND
+        file.attrs["format"] = FORMAT
+        file.attrs["structure"] = content.structure
+        file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
+        file["scene"] = scene
+        file["record"] = record
+        networks = file.create_group("networks", track_order=True)
+        for name, network in content.networks.items():
+            group = networks.create_group(name)
+            group.attrs["activation"] = network.activation
+            group.attrs["output_scale"] = float(network.output_scale)
+            group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
+            group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
+            for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+                group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
+                group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
+        if content.trust is not None:
+            group = file.create_group("trust")
+            for name, value in content.trust.numbers().items():
+                group[name] = np.asarray(value, dtype="<f8")
 
 
 def read_file(path: str | Path) -> Content:
@@ -117,38 +99,35 @@ def read_file(path: str | Path) -> Content:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"surrogate file {path} does not exist")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("kind") != KIND:
-                raise _RefusedError(f"{path} is not a surrogate file, expected one written by casadi_contact")
-            if not 1 <= file.attrs["format"] <= FORMAT:
-                raise _RefusedError(
-                    f"{path} has surrogate format {file.attrs['format']}, this version reads up to {FORMAT}: "
-                    "update casadi_contact, or build the surrogate again"
-                )
-            structure = str(file.attrs["structure"])
-            scene, record = file["scene"][()].decode(), file["record"][()].decode()
-            networks = {name: _read_network(group) for name, group in file["networks"].items()}
-            trust = _read_trust(file["trust"]) if "trust" in file else None
-            digest = file.attrs["digest"]
-    except _RefusedError as refusal:
-        raise ValueError(str(refusal)) from None
-    except OSError as error:
-        if isinstance(error, PermissionError):
-            raise
-        raise ValueError(f"{path} is damaged or not an HDF5 file, expected a surrogate file") from None
-    except Exception as error:  # h5py raises many kinds for damaged bytes
-        raise ValueError(f"{path} is damaged ({type(error).__name__} while reading), build or copy it again") from None
-    if _digest(structure, scene, record, networks, trust) != digest:
+    with open_hdf5(path) as file:
+        if file.attrs.get("kind") != KIND:
+            raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")
+        if not 1 <= file.attrs.get("format", 0) <= FORMAT:
+            raise ValueError(
+                f"{path} has surrogate format {file.attrs.get('format')}, this version reads up to {FORMAT}: "
+                "update casadi_contact, or build the surrogate again"
+            )
+        try:
+            content, digest = _read_content(file), file.attrs["digest"]
+        except ValueError as error:
+            raise ValueError(f"{path} is damaged ({one_line(error)}), build or copy it again") from None
+    if _digest(*content) != digest:
         raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
+    structure, scene, record, networks, trust = content
     try:
         return Content(structure, Scene.from_toml(scene), networks, json.loads(record), trust)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {one_line(error)}") from None
 
 
-class _RefusedError(Exception):
-    """A readable file that this version must not use."""
+def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], Trust | None]:
+    return (
+        str(file.attrs["structure"]),
+        file["scene"][()].decode(),
+        file["record"][()].decode(),
+        {name: _read_network(group) for name, group in file["networks"].items()},
+        _read_trust(file["trust"]) if "trust" in file else None,
+    )
 
 
 def _read_network(group: h5py.Group) -> Network:

@@ -28,7 +28,7 @@ differentiable and zero where validity is above 0.9 (a half, in files of before)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import casadi as ca
@@ -40,6 +40,8 @@ from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
+_POSITIVE = ("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin")
+_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,29 @@ class Trust:
     confirmation: Confirmation | None = None
     growth: Array | None = None
     growth_start: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, numbers in self.numbers().items():
+            if not np.isfinite(numbers).all():
+                raise ValueError(f"trust: {name} holds numbers that are not finite")
+            if name in _NOT_NEGATIVE and np.any(numbers < 0.0):
+                raise ValueError(f"trust: {name} holds a negative number, which would promise errors below zero")
+            if name in _POSITIVE and np.any(numbers <= 0.0):
+                raise ValueError(f"trust: {name} is not above zero")
+            if name.endswith("/columns") and not np.isin(numbers, range(6)).all():
+                raise ValueError(f"trust: {name} are {numbers}, expected columns of a pose, 0 to 5")
+
+    def numbers(self) -> dict[str, Array]:
+        """All that is given, by name; the numbers of parts as "box/low"."""
+        given: dict[str, Array] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if is_dataclass(value):
+                inner = {f"{field.name}/{part.name}": getattr(value, part.name) for part in fields(value)}
+                given |= {name: np.asarray(array) for name, array in inner.items()}
+            elif value is not None:
+                given[field.name] = np.asarray(value)
+        return given
 
     def scaled(self, poses: Array) -> Array:
         """z (n, 6) of poses (n, 6)."""

@@ -9,14 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
-import zipfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from casadi_contact.files import read_npz, write_npz
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
 
@@ -44,15 +43,9 @@ def digest(regression: Regression, settings: TrainingSettings, start: Network | 
 
 
 def write(path: Path, identity: str, content: dict[str, Any]) -> None:
-    """Write the arrays and numbers beside ``path``, then rename."""
+    """Put the arrays and numbers in the place of ``path``."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        with beside.open("wb") as file:
-            np.savez(file, format=FORMAT, digest=identity, **content)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_npz(path, format=FORMAT, digest=identity, **content)
 
 
 def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
@@ -63,10 +56,9 @@ def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {key: file[key] for key in file.files}
-    except (OSError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
-        _log.warning("checkpoint %s is damaged (%s); the fit starts again", path, error)
+        content = read_npz(path)
+    except (OSError, ValueError) as error:
+        _log.warning("checkpoint %s; the fit starts again", error)
         return None
     if not {"format", "digest"} <= content.keys():
         raise ValueError(f"{path} is not a checkpoint of a fit; choose another file, so that it is not overwritten")

@@ -7,7 +7,6 @@ threads, processes and machines that share a folder, and a lost file costs nothi
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
+from casadi_contact.files import replacing
 from casadi_contact.network import Regression
 from casadi_contact.training.fit import Fit, Progress, check, fit
 from casadi_contact.training.settings import TrainingSettings
@@ -87,10 +87,9 @@ def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint
         if time.monotonic() - told < _TELL_EVERY_S:
             return
         told = time.monotonic()
-        beside = report.with_name(f"{report.name}.{os.getpid()}.part")
-        with suppress(OSError):  # progress is a courtesy: a full or unreachable disc must not end hours of training
+        # Progress is a courtesy: a full or unreachable disc must not end hours of training.
+        with suppress(OSError), replacing(report, durable=False) as beside:
             beside.write_text(json.dumps([name, used, allotted, rms, hidden]), "utf-8")
-            os.replace(beside, report)
 
     try:
         return fit(regression, settings, checkpoint, tell)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +10,9 @@ from string import Template
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.files import write_text
 from casadi_contact.quantities import quantity
+from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.source import Kernel, c_text
@@ -33,11 +33,12 @@ def export_c(
     Raises ValueError for an unusable name, OSError where folder cannot be written.
     """
     check_name(name)
+    load_names = [identifier(load) for load in load_names]
     words = {
         "name": name,
         "guard": name.upper(),
         "count": len(load_names),
-        "description": description.replace("*/", ""),
+        "description": comment_text(description),
         "version": version("casadi_contact"),
         "pose": ", ".join(POSE_NAMES),
         "loads": ", ".join(load_names),
@@ -61,11 +62,6 @@ def export_c(
     }
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".export-") as scratch:
-        written = []
-        for file_name, text in texts.items():
-            beside = Path(scratch) / file_name
-            beside.write_text(text, encoding="utf-8")
-            os.replace(beside, folder / file_name)
-            written.append(folder / file_name)
-    return sorted(written)
+    for file_name, text in texts.items():
+        write_text(folder / file_name, text)
+    return sorted(folder / file_name for file_name in texts)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -15,7 +12,7 @@ RESERVED_NAMES = ("jac", "hess", "null")
 
 def check_name(name: str) -> str:
     """A name that CasADi and C accept; raises ValueError otherwise."""
-    if not ca.Function.check_name(name) or name in RESERVED_NAMES:
+    if not name.isascii() or not ca.Function.check_name(name) or name in RESERVED_NAMES:
         raise ValueError(f"function name {name!r} is not usable, expected letters, digits and single underscores")
     return name
 
@@ -75,31 +72,3 @@ def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tupl
     )
     values: list[Any] = [value for value, _, _ in outputs.values()]
     return ca.Function(name, [pose], values, ["pose"], list(outputs), _attached(jacobian_function))
-
-
-def save_function(function: ca.Function, path: str | Path) -> None:
-    """Write a ``.casadi`` file that `load_function` (or casadi.Function.load) reads, derivatives included."""
-    path = Path(path)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        function.save(str(beside))
-        os.replace(beside, path)
-    except (RuntimeError, OSError) as error:
-        raise OSError(f"cannot write {path}: {str(error).splitlines()[-1]}") from None
-    finally:
-        with suppress(OSError):
-            beside.unlink()
-
-
-def load_function(path: str | Path) -> ca.Function:
-    """Read a ``.casadi`` file; FileNotFoundError if there is none, ValueError if it is not a CasADi function."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"CasADi file {path} does not exist")
-    try:
-        return ca.Function.load(str(path))
-    except Exception:  # CasADi raises bare errors of several kinds for foreign or damaged bytes
-        raise ValueError(
-            f"{path} is not a CasADi function that CasADi {ca.CasadiMeta.version()} can read, "
-            "expected a file written by save_function with this or an older version"
-        ) from None

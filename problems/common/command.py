@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
+from casadi_contact.terminal import printable
 from casadi_contact.verification import Verdict
 
 RESULTS = Path("results")  # each problem writes into a folder of its own name in it
@@ -23,7 +24,7 @@ def run_command(app: typer.Typer, name: str) -> None:
     try:
         app(prog_name=f"python -m problems.{name}")
     except (ValueError, OSError, ImportError) as error:
-        sys.exit(f"{name.rpartition('.')[2]}: {error}")
+        sys.exit(f"{name.rpartition('.')[2]}: {printable(str(error))}")
 
 
 def end_with(verdict: Verdict, name: str, out: Path) -> None:

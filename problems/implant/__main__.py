@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact import cli
+from casadi_contact.files import file_stem
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.presets import PRESETS
 from casadi_contact.scenes import load_scene
@@ -46,7 +47,7 @@ def run(
     """
     measured = [read_cycle(path) for path in cycles]  # before minutes of training
     poses = [None if start is None else start_from_file(start, len(cycle)) for cycle in measured]
-    folder = RESULTS / NAME / f"{load_scene(scene).name}-{preset}" if out is None else out
+    folder = RESULTS / NAME / f"{file_stem(load_scene(scene).name)}-{preset}" if out is None else out
     cli.build(str(scene), preset=preset, out=folder)
     surrogate = load_surrogate(folder / "patch.h5")
     foundation, codes = own_model(surrogate.scene), []

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.knee_simulator.balance import EnergyBalance, unbalanced
@@ -27,7 +27,7 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     motion: the surrogate's, with energies; what its own loads leave unbalanced on two EF grids is measured here.
     """
     writable_folder(out)
-    console = Console()
+    console = PlainConsole()
     console.print(str(verdict), highlight=False)
     console.print(_race_table(runs, motion.settings["integrator"]))
     balance = EnergyBalance.of(simulator, motion)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
@@ -17,6 +16,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
@@ -124,11 +124,11 @@ def report(
     }
     write_summary(out / "summary.json", summary)
     draw(problem, result, compared, out / "muscle_contact.png")
-    Console().print(f"results in {out}", highlight=False)
+    PlainConsole().print(f"results in {out}", highlight=False)
 
 
 def _print(problem: MuscleContact, result: MuscleContactResult, verdict: Verdict, errors: dict[str, Any]) -> None:
-    walk, console = problem.walk, Console()
+    walk, console = problem.walk, PlainConsole()
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Muscle and contact, {walk.name}: {len(walk)} frames, compression in N")
     table.add_column("")

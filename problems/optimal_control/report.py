@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
@@ -14,6 +13,7 @@ from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_uni
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.optimal_control.problem import OptimalControl
@@ -29,7 +29,7 @@ def report(problem: OptimalControl, result: ControlResult, verdict: Verdict, out
     ef = {name: ElasticFoundation(scene, grid)(result.poses)[:, columns] for name, grid in grids.items()}
     off = {"surrogate - wanted": result.load_error}
     off |= {f"EF {nx}×{nz} - surrogate": ef[name] - result.loads for name, (nx, nz) in grids.items()}
-    console = Console()
+    console = PlainConsole()
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
     table.add_column("RMS / max")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
@@ -16,6 +15,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
@@ -98,7 +98,7 @@ def report(
         }
     write_summary(out / "summary.json", summary)
     draw(problem, result, tracked, out / "pose_estimation.png")
-    Console().print(f"results in {out}", highlight=False)
+    PlainConsole().print(f"results in {out}", highlight=False)
 
 
 def _print(
@@ -109,7 +109,7 @@ def _print(
     grids: dict[str, str],
     starts: RandomStarts | None,
 ) -> None:
-    console, frames = Console(), len(problem.cycle)
+    console, frames = PlainConsole(), len(problem.cycle)
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
     table.add_column("RMS / max")

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
@@ -15,6 +14,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
+from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
@@ -39,7 +39,7 @@ def report(
         name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
     }
     ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
-    console = Console()
+    console = PlainConsole()
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
     table.add_column("flexion [deg]", justify="right")

@@ -16,12 +16,12 @@ from typing import Annotated, Any
 import casadi as ca
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import KNEE_STEPS
 from casadi_contact.structures import load_surrogate
+from casadi_contact.terminal import PlainConsole
 from problems import knee_simulator
 from problems.common.command import new_app, numbers, run_command
 from problems.knee_simulator import KneeSimulator, start_state
@@ -141,7 +141,7 @@ def run(
             step = largest_stable_step(simulator, scheme, rest)
             cells.append(f"{'≥ ' if step == LONGEST_STEP_S else ''}{1e3 * step:.3g}")
         table.add_row(*cells)
-    Console().print(table)
+    PlainConsole().print(table)
 
 
 def main() -> None:

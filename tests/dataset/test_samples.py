@@ -6,6 +6,7 @@ import pytest
 
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.scenes import load_scene
+from tests.support.hdf5_files import resealed
 
 
 def some_samples(count=20):
@@ -124,19 +125,19 @@ def test_foreign_hdf5(tmp_path):
 
 
 def test_newer_format(file):
-    with h5py.File(file, "a") as samples:
+    with resealed(file) as samples:
         samples.attrs["format_version"] = 99
     refused(file, "samples format 99, expected at most 2")
 
 
 def test_missing_column(file):
-    with h5py.File(file, "a") as samples:
+    with resealed(file) as samples:
         del samples["gaps"]
     refused(file, "is damaged")
 
 
 def test_columns_of_different_length(file):
-    with h5py.File(file, "a") as samples:
+    with resealed(file) as samples:
         del samples["role"]
         samples["role"] = np.zeros(3, dtype=np.uint8)
     refused(file, r"role has shape \(3,\)")
@@ -151,5 +152,5 @@ def test_absent_and_incomplete(tmp_path):
 
 
 def test_a_folder_that_is_not_there_is_one_line(tmp_path):
-    with pytest.raises(OSError, match="cannot write samples to"):
+    with pytest.raises(OSError, match="cannot write"):
         write_samples(tmp_path / "none" / "s.h5", some_samples())

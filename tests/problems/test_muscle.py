@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from problems import muscle
+from problems.muscle_contact import muscle
 from problems.muscle_contact.muscle import MuscleParameters, force_capacity
 
 LENGTHS, SPEEDS = np.linspace(0.4, 1.7, 27), np.linspace(-1.0, 1.0, 21)

@@ -130,6 +130,86 @@ def test_without_a_working_compiler_one_warning_and_the_same_results(cache, monk
     np.testing.assert_allclose(batch(poses.T).full().T, surrogate(poses), rtol=1e-12, atol=1e-9)
 
 
+@pytest.fixture
+def refused(cache):
+    """No library comes out of the cache as it is, and the reason is one line."""
+
+    def check(message):
+        with pytest.raises(compiler.CompilerError, match=message) as error:
+            compiler.shared_library(SOURCE)
+        assert "\n" not in str(error.value)
+
+    return check
+
+
+@needs_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser can give files away")
+def test_a_cache_or_library_of_another_user_is_refused(cache, refused):
+    library = compiler.shared_library(SOURCE)
+    os.chown(library, 65534, 65534)
+    refused("belongs to user 65534")
+    os.chown(library, 0, 0)
+    os.chown(cache, 65534, 65534)
+    refused("belongs to user 65534")
+    os.chown(cache, 0, 0)
+    os.chown(cache.parent, 65534, 65534)
+    refused("where another user can replace it")
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="mode bits are POSIX")
+def test_a_cache_that_others_can_write_is_refused(cache, refused):
+    cache.mkdir()
+    for mode in (0o777, 0o1777, 0o770):
+        cache.chmod(mode)
+        refused("can be written by other users")
+    cache.chmod(0o755)
+    cache.parent.chmod(0o777)
+    refused("where another user can replace it")
+    cache.parent.chmod(0o1777)  # sticky, like /tmp: only the owner can rename
+    assert compiler.shared_library(SOURCE).stat().st_mode & 0o077 == 0
+
+
+@needs_compiler
+def test_a_library_that_others_could_have_changed_is_made_again(cache):
+    library = compiler.shared_library(SOURCE)
+    library.chmod(0o777)
+    assert compiler.shared_library(SOURCE) == library
+    assert library.stat().st_mode & 0o022 == 0
+
+
+@needs_compiler
+def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, refused, tmp_path):
+    library = compiler.shared_library(SOURCE)
+    elsewhere = library.rename(tmp_path / "elsewhere")
+    library.symlink_to(elsewhere)
+    refused("is a folder or a link")
+    library.unlink()
+    library.mkdir()
+    refused("is a folder or a link")
+
+
+@pytest.mark.parametrize("variable", ["CC", compiler.CFLAGS_VARIABLE])
+@needs_compiler
+def test_an_unbalanced_quote_in_a_variable_is_one_line(cache, monkeypatch, refused, variable):
+    monkeypatch.setenv(variable, "gcc '-O2")
+    refused("No closing quotation")
+
+
+@needs_compiler
+def test_what_a_killed_compilation_left_is_cleared(cache):
+    code = (
+        "import os, signal, subprocess\n"
+        "from casadi_contact.transcription.kernel import compiler\n"
+        "compiler._run = lambda command: os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"compiler._compiler_version = lambda command: 'any'\ncompiler.shared_library({SOURCE!r})"
+    )
+    subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)
+    assert [path for path in cache.iterdir() if path.name.startswith(".")], "the killed process left its folder"
+    library = compiler.shared_library(SOURCE)
+    assert list(cache.iterdir()) == [library]
+
+
 def test_bad_batches_are_refused(surrogate):
     with pytest.raises(ValueError, match="batch is 0"):
         surrogate.function(compiled=True, batch=0)

@@ -137,23 +137,6 @@ def test_saved_function_keeps_its_derivatives(surrogate, tmp_path):
             np.testing.assert_array_equal(a.full(), b.full())
 
 
-def test_files_that_are_not_functions_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        load_function(tmp_path / "none.casadi")
-    foreign = tmp_path / "foreign.casadi"
-    foreign.write_text("not a function")
-    with pytest.raises(ValueError, match="not a CasADi function"):
-        load_function(foreign)
-    whole = tmp_path / "whole.casadi"
-    save_function(random_surrogate(load_scene("sphere_on_plane"), "patch").function(), whole)
-    for size in (5, 100, whole.stat().st_size // 2):
-        foreign.write_bytes(whole.read_bytes()[:size])
-        with pytest.raises(ValueError, match="not a CasADi function"):
-            load_function(foreign)
-    with pytest.raises(OSError, match="cannot write"):
-        save_function(ca.Function("f", [ca.MX.sym("x")], [1.0]), foreign / "file_as_folder.casadi")
-
-
 def test_liftoff_is_once_continuously_differentiable():
     """s = c·(ty - 27): N = N0·max(s, 0)²; at s = 0 everything is zero and finite, N'' jumps from 0 to 2·N0·c²."""
     scene = load_scene("sphere_on_plane")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import replacing
+from casadi_contact.files import MOST_TEXT, checked_size, replacing, short
 
 TIME = "time"
 VERSIONS = (1, 2, 3)
@@ -97,6 +97,7 @@ def read_opensim_table(path: str | Path) -> Table:
     if not path.is_file():
         what = "is a folder, expected a .mot or .sto file" if path.is_dir() else "does not exist"
         raise FileNotFoundError(f"file {path} {what}")
+    checked_size(path, MOST_TEXT)
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -184,7 +185,7 @@ def _read_row(path: Path, number: int, line: str, labels: list[str]) -> list[flo
         try:
             value = float(word)
         except ValueError:
-            raise ValueError(f"{path} line {number}, {label}: got {word!r}, expected a number") from None
+            raise ValueError(f"{path} line {number}, {label}: got {short(word)!r}, expected a number") from None
         if not math.isfinite(value):
             raise ValueError(f"{path} line {number}, {label}: got {word}, expected a finite number")
         row.append(value)

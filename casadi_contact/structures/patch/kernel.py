@@ -7,6 +7,7 @@ from string import Template
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.structures.patch.graph import PatchNetworks
+from casadi_contact.transcription.c_names import identifier
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
 
@@ -147,7 +148,7 @@ def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: flo
         return " + ".join(f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
 
     code = _PATCH.substitute(
-        patch=patch.name,
+        patch=identifier(patch.name),
         row=row,
         n0=repr(float(reference_load)),
         anchor=_anchor(patch),

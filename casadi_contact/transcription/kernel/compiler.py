@@ -14,6 +14,7 @@ import os
 import platform
 import shlex
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,8 @@ from functools import cache
 from pathlib import Path
 
 import platformdirs
+
+from casadi_contact.files import scratch_folder
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -36,8 +39,7 @@ class CompilerError(OSError):
 
 def compiler_command() -> list[str]:
     """$CC, or the first of cc, gcc and clang on the path; raises CompilerError if there is none."""
-    wanted = shlex.split(os.environ.get("CC", ""))
-    if wanted:
+    if wanted := _words_of("CC"):
         if shutil.which(wanted[0]) is None:
             raise CompilerError(f"no C compiler: $CC is {os.environ['CC']!r}, which is not on the path")
         return wanted
@@ -49,8 +51,15 @@ def compiler_command() -> list[str]:
 
 def machine_flags() -> tuple[str, ...]:
     """$CASADI_CONTACT_CFLAGS, which may be empty, or what asks for this processor's own instruction set."""
-    wanted = os.environ.get(CFLAGS_VARIABLE)
-    return NATIVE if wanted is None else tuple(shlex.split(wanted))
+    return NATIVE if CFLAGS_VARIABLE not in os.environ else tuple(_words_of(CFLAGS_VARIABLE))
+
+
+def _words_of(variable: str) -> list[str]:
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise CompilerError(f"${variable} is {text!r}, expected words as in a shell ({error})") from None
 
 
 def cache_folder() -> Path:
@@ -87,25 +96,32 @@ def shared_library(source: str) -> Path:
     """Path of the compiled source, from the cache if it is there.
 
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails, and for flags in $CASADI_CONTACT_CFLAGS that it refuses.
+    Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
+    for a cache that is not the user's alone.
     """
     command, chosen = compiler_command(), machine_flags()
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
     key = hashlib.sha256(made_from.encode()).hexdigest()[:32]
-    folder = cache_folder()
-    if (found := _intact(folder, key)) is not None:
-        return found
+    folder = Path(os.path.realpath(cache_folder()))
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
     except OSError:
         folder = _process_folder()
-        if (found := _intact(folder, key)) is not None:
-            return found
-        scratch = tempfile.TemporaryDirectory(dir=folder, prefix=".compile-")
-    with scratch as place:
-        library = Path(place) / f"kernel{SUFFIX}"
-        c_file = Path(place) / "kernel.c"
+    _check_private(folder)
+    if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
+        folder = _process_folder()
+        found = _intact(folder, key)
+    try:
+        return found or _compiled(source, command, chosen, folder, key)
+    except CompilerError:
+        raise
+    except OSError as error:
+        raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
+
+
+def _compiled(source: str, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
+    with scratch_folder(folder, "kernel") as place:
+        library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
         c_file.write_text(source, "utf-8")
         try:
             _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"])
@@ -114,9 +130,40 @@ def shared_library(source: str) -> Path:
                 raise
             # Not every compiler knows -march=native.
             _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"])
+        library.chmod(0o700)
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
+
+
+def _check_private(folder: Path) -> None:
+    """Raise CompilerError where another user could put a library into the folder, or another folder in its place."""
+    if not hasattr(os, "geteuid"):
+        return
+    _check_owner(folder)
+    if _writable_by_others(folder):
+        raise CompilerError(f"the kernel cache {folder} can be written by other users, expected chmod go-w {folder}")
+    for above in folder.parents:
+        there = above.stat()
+        if there.st_uid not in (0, os.geteuid()) or there.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH:
+            raise CompilerError(
+                f"the kernel cache {folder} lies in {above}, where another user can replace it: "
+                f"choose another folder by ${CACHE_VARIABLE}"
+            )
+
+
+def _check_owner(path: Path) -> None:
+    """Raise CompilerError for what another user made: it may be their code."""
+    owner = path.lstat().st_uid
+    if hasattr(os, "geteuid") and owner not in (0, os.geteuid()):
+        raise CompilerError(
+            f"the kernel cache {path} belongs to user {owner}, expected your own: "
+            f"choose another folder by ${CACHE_VARIABLE}"
+        )
+
+
+def _writable_by_others(path: Path) -> bool:
+    return os.name == "posix" and bool(path.lstat().st_mode & (stat.S_IWGRP | stat.S_IWOTH))
 
 
 def _digest(path: Path) -> str:
@@ -124,9 +171,12 @@ def _digest(path: Path) -> str:
 
 
 def _intact(folder: Path, key: str) -> Path | None:
-    """The library made from key, if there is one whose bytes are those that were compiled."""
+    """The library made from key, if there is one whose bytes are those that were compiled and that is ours alone."""
     for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
-        if path.stem.partition("-")[2] == _digest(path):
+        if not stat.S_ISREG(path.lstat().st_mode):
+            raise CompilerError(f"{path} is a folder or a link, expected a compiled kernel: remove it")
+        _check_owner(path)
+        if path.stem.partition("-")[2] == _digest(path) and not _writable_by_others(path):
             return path
         with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
             path.unlink()

@@ -11,6 +11,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
+from casadi_contact.transcription.c_names import comment_text, identifier
 
 WIDTH = 8  # every padded layer is a multiple of this
 
@@ -109,7 +110,8 @@ class Group:
         """The weights as a C array."""
         numbers = [repr(float(number)) for number in self.packed()]
         values = ",\n  ".join(", ".join(numbers[i : i + 5]) for i in range(0, len(numbers), 5))
-        return f"/* {', '.join(self.names)} */\nstatic const double {self.symbol}[{len(numbers)}] = {{\n  {values}}};\n"
+        names = comment_text(", ".join(self.names))
+        return f"/* {names} */\nstatic const double {self.symbol}[{len(numbers)}] = {{\n  {values}}};\n"
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,9 @@ class Bundle:
     symbol: str
     inputs: int
     networks: Mapping[str, Network]
+
+    def __post_init__(self) -> None:
+        identifier(self.symbol)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:

@@ -1,0 +1,123 @@
+"""A disc that is all but full, a read-only folder, killed writers: one line each, nothing lost, and it goes on."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from casadi_contact.dataset import read_samples
+from casadi_contact.files import replacing, write_bytes
+from casadi_contact.training import fit
+from tests.sampling.test_draw import draw
+from tests.support.regressions import smooth
+from tests.training.test_fit import FIXED
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="limits and rights as POSIX has them")
+BEFORE = b"what an earlier run wrote"
+KEPT = ("surrogate.h5", "samples.h5", "evaluation.json", "ball.c")
+
+
+def failing(fault, folder):
+    """What every writer said with this fault, and what the process wrote to standard error."""
+    command = [sys.executable, "-m", "tests.support.failing_disc", fault, str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
+    return json.loads(done.stdout), done.stderr
+
+
+@pytest.fixture(scope="module", params=["full", "read-only"])
+def failed(request):
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for kept in KEPT:
+            (folder / kept).write_bytes(BEFORE)
+        folder.chmod(0o555 if request.param == "read-only" else 0o755)
+        said, stderr = failing(request.param, folder)
+        folder.chmod(0o755)
+        yield folder, said, stderr
+
+
+def test_every_writer_says_one_line(failed):
+    folder, said, stderr = failed
+    assert len(said) == 15
+    for name, (kind, text) in said.items():
+        assert kind == "OSError", f"{name}: {kind} {text}"
+        assert len(text.splitlines()) == 1, f"{name}: {text}"
+        assert str(folder) in text, f"{name}: {text}"
+        assert "cannot write" in text, f"{name}: {text}"
+    assert "Traceback" not in stderr
+    assert "Exception ignored" not in stderr
+
+
+def test_what_was_there_stays_and_nothing_half_written_is_left(failed):
+    folder, said, _ = failed
+    for kept in KEPT:
+        assert (folder / kept).read_bytes() == BEFORE
+    left = {path.name for path in folder.rglob("*") if path.is_file()} - set(KEPT)
+    # Files smaller than the limit may well be whole.
+    assert not [name for name in left if name.startswith(".") or name in said]
+
+
+def test_drawing_and_fitting_go_on_afterwards_bit_by_bit(failed, tmp_path):
+    folder, _, _ = failed
+    with ThreadPoolExecutor(1) as executor:
+        draw(folder / "drawn.h5", executor)
+        draw(tmp_path / "whole.h5", executor)
+    assert (folder / "drawn.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
+    assert len(read_samples(folder / "drawn.h5"))
+    resumed, whole = fit(smooth(), FIXED, folder / "fit.npz"), fit(smooth(), FIXED)
+    for a, b in zip(resumed.network.weights, whole.network.weights, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+LEAVE = """
+import os, signal, sys
+from pathlib import Path
+from casadi_contact.files import replacing
+with replacing(Path(sys.argv[1])) as beside:
+    beside.write_bytes(b"half")
+    print("here", flush=True)
+    os.kill(os.getpid(), signal.SIGKILL) if sys.argv[2] == "killed" else sys.stdin.read()
+"""
+
+
+def test_what_a_killed_process_left_is_cleared_and_what_a_live_one_writes_is_not(tmp_path):
+    path = tmp_path / "result.json"
+    subprocess.run([sys.executable, "-c", LEAVE, path, "killed"], check=False, capture_output=True)
+    (left,) = tmp_path.iterdir()
+    others = [tmp_path / f"{left.name}x", tmp_path / left.name.replace("@", "@other-machine")]
+    for other in others:  # of another file, and of another machine that shares the folder
+        other.write_bytes(b"at work")
+    command = [sys.executable, "-c", LEAVE, str(path), "alive"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as live:
+        assert live.stdout is not None
+        assert live.stdin is not None
+        live.stdout.readline()
+        assert not left.exists(), "the live process cleared what the killed one left"
+        write_bytes(path, b"ours")
+        beside = set(tmp_path.iterdir()) - {path, *others}
+        assert len(beside) == 1, "the live process keeps its file"
+        live.stdin.close()
+        assert live.wait() == 0
+    assert path.read_bytes() == b"half"
+    assert set(tmp_path.iterdir()) == {path, *others}
+
+
+def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_bytes(BEFORE)
+
+    def fail():
+        with replacing(path) as beside:
+            beside.write_bytes(b"half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert path.read_bytes() == BEFORE
+    assert list(tmp_path.iterdir()) == [path]

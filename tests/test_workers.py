@@ -1,0 +1,72 @@
+"""Work in several processes: a script needs no guard, a killed worker is one line, a killed parent leaves nobody."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from casadi_contact.workers import worker_pool
+
+SCRIPT = """
+import os, sys, time
+from casadi_contact.workers import worker_pool
+
+print("ran", flush=True)
+
+def square(x):
+    return x * x
+
+with worker_pool() as workers:
+    print(sum(workers.map(square, range(5))), flush=True)
+    if "wait" in sys.argv:
+        print(workers.submit(os.getpid).result(), flush=True)
+        workers.submit(time.sleep, 600).result()
+"""
+
+
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "unguarded.py"
+    path.write_text(SCRIPT)
+    return path
+
+
+def test_a_script_without_a_main_guard_runs_once_and_simply_works(script):
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["ran", "30"]
+
+
+def test_a_killed_worker_is_one_line():
+    with pytest.raises(ChildProcessError, match="a worker process was killed") as error, worker_pool() as workers:
+        workers.submit(os._exit, 9).result()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
+def test_workers_end_when_their_parent_is_killed(script):
+    with subprocess.Popen([sys.executable, script, "wait"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        worker = int([process.stdout.readline() for _ in range(3)][-1])
+        process.send_signal(signal.SIGKILL)
+    for _ in range(600):
+        if not alive(worker):
+            return
+        time.sleep(0.1)
+    pytest.fail("the worker lives on")
+
+
+def alive(process):
+    try:
+        os.kill(process, 0)
+        with open(f"/proc/{process}/stat") as stat:
+            return stat.read().rsplit(")")[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_an_error_in_a_worker_reaches_the_caller_as_it_is():
+    with pytest.raises(ZeroDivisionError), worker_pool() as workers:
+        workers.submit(divmod, 1, 0).result()
