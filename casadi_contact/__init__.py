@@ -14,10 +14,12 @@ __all__ = [
     "ContactFrames",
     "ContactInOpti",
     "ElasticFoundation",
+    "PolarFoundation",
     "RayCastFoundation",
     "Scene",
     "build",
     "choose",
+    "foundation",
     "load_scene",
     "load_surrogate",
     "refine",
@@ -29,7 +31,13 @@ __all__ = [
 
 if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
-    from casadi_contact.contact import CallableModel, ElasticFoundation, RayCastFoundation
+    from casadi_contact.contact import (
+        CallableModel,
+        ElasticFoundation,
+        PolarFoundation,
+        RayCastFoundation,
+        foundation,
+    )
     from casadi_contact.optimisation import ContactFrames, ContactInOpti
     from casadi_contact.pipeline import build
     from casadi_contact.scenes import Scene, load_scene
@@ -39,7 +47,7 @@ if TYPE_CHECKING:
 else:
     _ROOMS = {
         "benchmark": ("choose",),
-        "contact": ("CallableModel", "ElasticFoundation", "RayCastFoundation"),
+        "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
         "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),

@@ -96,9 +96,14 @@ def sample(
 
 
 @app.command(epilog=examples("train"))
-def train(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+def train(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
+    out: Out = None,
+) -> None:
     """Train the preset's networks on the samples."""
-    _train(_project(scene, preset, out))
+    _train(_project(scene, preset, out), structure)
 
 
 @app.command(epilog=examples("calibrate"))
@@ -285,9 +290,9 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 
-def _train(project: Project) -> None:
+def _train(project: Project, structure: str | None = None) -> None:
     with progress_bars(console) as update:
-        paths = pipeline.train(project, update)
+        paths = pipeline.train(project, update, structure=structure)
     for path in paths:
         console.print(f"surrogate in {path}", highlight=False)
 

@@ -42,20 +42,33 @@ def structures_for_scene(project: Project) -> list[str]:
     return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
 
 
-def train(project: Project, update: Update | None = None, executor: Executor | None = None) -> list[Path]:
-    """Train the preset's structures side by side on all cores, and write a surrogate file for each.
+def train(
+    project: Project,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    *,
+    structure: str | None = None,
+) -> list[Path]:
+    """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
-    Goes on from checkpoints where an earlier run stopped.
+    Goes on from checkpoints where an earlier run stopped. Raises ValueError for a structure that the preset does not
+    train or that cannot stand for the scene's loads.
     """
+    structures = structures_for_scene(project)
+    if structure is not None and structure not in structures:
+        raise ValueError(
+            f"structure {structure!r} is not trained for scene {project.scene.name} by preset {project.preset_name}, "
+            f"expected one of {', '.join(structures)}"
+        )
     samples = project.samples()
     around = moved_samples(samples)
     command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
     paths = []
-    for structure in structures_for_scene(project):
-        efforts = project.preset.efforts[structure]
-        folder, path = project.folder / "training" / structure, project.surrogate_path(structure)
+    for name in structures if structure is None else [structure]:
+        efforts = project.preset.efforts[name]
+        folder, path = project.folder / "training" / name, project.surrogate_path(name)
         with worker_pool(executor) as workers:
-            surrogate = fit_surrogate(project, samples, structure, efforts, folder, command, structure, update, workers)
+            surrogate = fit_surrogate(project, samples, name, efforts, folder, command, name, update, workers)
         with_trust(surrogate, samples, around).save(path)
         paths.append(path)
     return paths

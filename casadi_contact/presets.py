@@ -62,7 +62,17 @@ def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Eff
     )
 
 
-_PAPER_NETWORK = ((30, 30, 30, 30),)
+# The paper's network of 4×30 neurons, grown to, and the networks of root loads that confirm its contact.
+_PAPER_NETWORK = ((15,) * 4, (22,) * 4, (30,) * 4)
+_PAPER_ROWS = 80_000
+
+
+def _as_in_the_paper(gflop: float) -> dict[str, Effort]:
+    return {
+        "": Effort(_PAPER_NETWORK, gflop, "tanh", max_rows=_PAPER_ROWS, tolerance_share=0.1),
+        "root": Effort(((16, 16, 16),), 1_000.0, max_rows=_PAPER_ROWS, tolerance_share=0.2),
+    }
+
 
 PRESETS: dict[str, Preset] = {
     "quick": Preset(
@@ -93,7 +103,7 @@ PRESETS: dict[str, Preset] = {
                 "root": Effort(((20, 20, 20),), 13_000.0, tolerance_share=0.2),
                 "ratio": Effort(((14, 14),), 900.0, tolerance_share=0.2),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 3_000.0, "tanh", max_rows=12_000)},
+            "two_stage": _as_in_the_paper(4_000.0),
         },
         chart=ChartEffort(
             sizes={
@@ -118,7 +128,7 @@ PRESETS: dict[str, Preset] = {
                 ),
                 "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
             },
-            "two_stage": {"": Effort(_PAPER_NETWORK, 540_000.0, "tanh", max_rows=80_000)},
+            "two_stage": _as_in_the_paper(15_000.0),
         },
         chart=ChartEffort(
             sizes={

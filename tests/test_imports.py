@@ -15,8 +15,8 @@ PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
     *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
-    *("geometry", "shapes", "scenes", "motion", "contact", "statics"),
-    *("dataset", "sampling", "activations", "network", "training", "transcription", "structures"),
+    *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
+    *("dataset", "sampling", "training", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation"),
     *("benchmark", "report", "show", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]

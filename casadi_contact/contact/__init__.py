@@ -2,6 +2,16 @@
 
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
+from casadi_contact.contact.polar import PolarFoundation, Rays, foundation
 from casadi_contact.contact.ray_cast import PressureSummary, RayCastFoundation
 
-__all__ = ["CallableModel", "ContactModel", "ElasticFoundation", "PressureSummary", "RayCastFoundation"]
+__all__ = [
+    "CallableModel",
+    "ContactModel",
+    "ElasticFoundation",
+    "PolarFoundation",
+    "PressureSummary",
+    "RayCastFoundation",
+    "Rays",
+    "foundation",
+]

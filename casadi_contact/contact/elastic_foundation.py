@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
-from casadi_contact.contact.model import root_of_normal
+from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import (
@@ -22,7 +22,6 @@ from casadi_contact.conventions import (
 )
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Scene
-from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 from casadi_contact.shapes.checks import grid_size
 
 
@@ -112,16 +111,7 @@ class ElasticFoundation:
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
         wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
-        loads = self.scene.normal_loads
-        normal = normal_forces(loads, wrenches)
-        s, ds = root_of_normal(normal, normal_slopes(loads, wrenches, slopes), self.scene.reference_load)
-        free = normal <= 0.0
-        rows = free.any(axis=1)
-        if rows.any():
-            gaps, gap_slopes = self._gaps(self._patches, poses[rows])
-            s[rows] = np.where(free[rows], -self.scene.gap_slope * gaps, s[rows])
-            ds[rows] = np.where(free[rows][..., None], -self.scene.gap_slope * gap_slopes, ds[rows])
-        return s, ds
+        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(self._patches, poses[rows]))
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""

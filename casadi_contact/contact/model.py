@@ -48,6 +48,24 @@ def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[
     return s, np.where(loaded, 1.0 / (2.0 * reference_load * np.where(loaded, s, 1.0)), 0.0)[..., None] * slope
 
 
+def signed_roots(
+    scene: Scene, wrenches: Array, slopes: Array, gaps: Callable[[np.ndarray], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Signed root loads (n, patches) and ds/dpose (n, patches, 6) from wrenches and their derivatives by the pose.
+
+    gaps(rows): gaps and their derivatives at those poses, asked for where some patch carries no load.
+    """
+    normal = normal_forces(scene.normal_loads, wrenches)
+    s, slope = root_of_normal(normal, normal_slopes(scene.normal_loads, wrenches, slopes), scene.reference_load)
+    rows = np.flatnonzero((normal <= 0.0).any(axis=1))
+    if len(rows):
+        free = normal[rows] <= 0.0
+        distance, by_pose = gaps(rows)
+        s[rows] = np.where(free, -scene.gap_slope * distance, s[rows])
+        slope[rows] = np.where(free[..., None], -scene.gap_slope * by_pose, slope[rows])
+    return s, slope
+
+
 class CallableModel:
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
@@ -154,17 +172,12 @@ class CallableModel:
     @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""
-        loads, wrenches = self.scene.normal_loads, self.wrenches(poses)
-        normal = normal_forces(loads, wrenches)
-        slopes = normal_slopes(loads, wrenches, self._wrench_slopes(poses))
-        s, slope = root_of_normal(normal, slopes, self.scene.reference_load)
-        rows = np.flatnonzero((normal <= 0.0).any(axis=1))
-        if len(rows):
-            free = normal[rows] <= 0.0
-            s[rows] = np.where(free, -self.scene.gap_slope * self.gaps(poses[rows]), s[rows])
-            by_gap = -self.scene.gap_slope * self._gap_slopes(poses[rows])
-            slope[rows] = np.where(free[..., None], by_gap, slope[rows])
-        return s, slope
+        return signed_roots(
+            self.scene,
+            self.wrenches(poses),
+            self._wrench_slopes(poses),
+            lambda rows: (self.gaps(poses[rows]), self._gap_slopes(poses[rows])),
+        )
 
     def _gap_slopes(self, poses: Array) -> Array:
         """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""

@@ -11,6 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from casadi_contact.conventions import Array
 from casadi_contact.pressure_laws import LAWS, PressureLaw
 from casadi_contact.scenes import Material
 
@@ -54,3 +55,18 @@ def pressures(number, modulus, thickness, depths):
         if depths[n] > 0.0:
             values[n] = pressure(number, modulus, thickness, depths[n])[0]
     return values
+
+
+def pressure_slopes(number: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:
+    """p [MPa] and dp/dd [MPa/mm] at depths (...) [mm]; zero where there is none."""
+    values, slopes = _slopes(number, modulus, thickness, np.ascontiguousarray(depths).ravel())
+    return values.reshape(depths.shape), slopes.reshape(depths.shape)
+
+
+@numba.njit(cache=True)
+def _slopes(number, modulus, thickness, depths):
+    values, slopes = np.zeros(len(depths)), np.zeros(len(depths))
+    for n in range(len(depths)):
+        if depths[n] > 0.0:
+            values[n], slopes[n], _ = pressure(number, modulus, thickness, depths[n])
+    return values, slopes

@@ -1,0 +1,67 @@
+/* Elastic foundations as kernels: what every contact model here shares. A model defines patch_loads: the wrench of one
+ * patch, its derivatives by the twist of the moving body about t (velocity of t; angular velocity, fixed axes) and the
+ * gap; from these come named loads and root loads, with derivatives by the pose. */
+enum { VALUE, FIRST, SECOND, GAPS };
+
+typedef struct {
+  double wrench[6], stiffness[6][6], curvature[6][6]; /* curvature: of the weighted wrench, [a][b]: b acts last */
+  double gap, gap_slope[6], gap_curvature[6][6];      /* where there is no contact, or asked for by GAPS */
+  int cut;                                            /* contact reaches the rim */
+} PatchLoads;
+
+/* ---- pressure at a depth, see contact/pressure.py */
+#define STIFFNESS_AT_ZERO (MODULUS / THICKNESS)
+
+#if LOGARITHMIC
+#define TANGENT_STRAIN 0.9
+
+/* log(1 - s) for 0 <= s <= 0.9: 1 - s = m / 2^k with sqrt(1/2) <= m < sqrt(2), and the series of atanh. */
+INLINE Lanes log_of_rest(Lanes s) {
+  Lanes scale = all(1.0), whole = all(0.0), f, square, sum = all(1.0 / 21.0);
+  for (int k = 1; k <= 3; k++) {
+    const Mask small = 1.0 - s < 1.4142135623730951 * ldexp(1.0, -k);
+    scale = pick(small, all(ldexp(1.0, k)), scale), whole = pick(small, all(k), whole);
+  }
+  f = ((scale - 1.0) - scale * s) / ((scale + 1.0) - scale * s);
+  square = f * f;
+  for (int k = 19; k >= 3; k -= 2) sum = sum * square + 1.0 / k;
+  return 2.0 * f * (1.0 + square * sum) - 0.6931471805599453 * whole;
+}
+
+INLINE Lanes strain_at(Lanes depth) {
+  return smaller_of(larger_of(depth * (1.0 / THICKNESS), all(0.0)), all(TANGENT_STRAIN));
+}
+
+INLINE Lanes pressure_at(Lanes depth) {
+  const Lanes beyond = larger_of(depth - TANGENT_STRAIN * THICKNESS, all(0.0));
+  return MODULUS / (THICKNESS * (1.0 - TANGENT_STRAIN)) * beyond - MODULUS * log_of_rest(strain_at(depth));
+}
+
+INLINE Lanes pressure_slope_at(Lanes depth) {
+  return pick(depth > 0.0, MODULUS / (THICKNESS * (1.0 - strain_at(depth))), all(0.0));
+}
+
+INLINE Lanes pressure_bend_at(Lanes depth) {
+  const Lanes rest = THICKNESS * (1.0 - strain_at(depth));
+  return pick((depth > 0.0) & (depth < TANGENT_STRAIN * THICKNESS), MODULUS / (rest * rest), all(0.0));
+}
+#else
+INLINE Lanes pressure_at(Lanes depth) { return STIFFNESS_AT_ZERO * larger_of(depth, all(0.0)); }
+INLINE Lanes pressure_slope_at(Lanes depth) { return pick(depth > 0.0, all(STIFFNESS_AT_ZERO), all(0.0)); }
+INLINE Lanes pressure_bend_at(Lanes depth) { return 0.0 * depth; }
+#endif
+
+/* ---- twists */
+
+/* Terms of second derivatives by twist that come from turning: force = sum of w G, arms[a][b] = sum of w G_a arm_b. */
+INLINE void add_turning(const double force[3], const double arms[3][3], double h[6][6]) {
+  const double trace = arms[0][0] + arms[1][1] + arms[2][2];
+  for (int a = 0; a < 3; a++) {
+    for (int b = 0; b < 3; b++) h[3 + a][3 + b] += arms[a][b] - (a == b ? trace : 0.0);
+  }
+  for (int a = 0; a < 3; a++) { /* (e_a x force)_b */
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    h[a][3 + b] -= force[c], h[3 + b][a] -= force[c];
+    h[a][3 + c] += force[b], h[3 + c][a] += force[b];
+  }
+}

@@ -1,0 +1,142 @@
+/* Named loads and root loads of a pose with derivatives, from patch_loads. loads = sum of selection x wrench; the root
+ * load of a patch with normal load N is sqrt(N / N0) in contact, -GAP_SLOPE gap out of it. */
+
+/* N of a patch and dN/dF */
+INLINE double normal_load(int patch, const double wrench[6], double slope[3]) {
+  const int k = normal_component[patch];
+  double size;
+  slope[0] = slope[1] = slope[2] = 0.0;
+  if (k >= 0) {
+    slope[k] = normal_sign[patch];
+    return normal_sign[patch] * wrench[k];
+  }
+  size = sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2]);
+  for (int i = 0; i < 3; i++) slope[i] = size > 0.0 ? wrench[i] / size : 0.0;
+  return size;
+}
+
+/* Row of derivatives by twist -> by pose: the rotations turn the body about the frame's axes. */
+INLINE void row_by_pose(const Frame *frame, const double twist[6], double row[6]) {
+  for (int j = 0; j < 3; j++) {
+    row[j] = twist[j];
+    row[3 + j] = twist[3] * frame->e[j][0] + twist[4] * frame->e[j][1] + twist[5] * frame->e[j][2];
+  }
+}
+
+/* Second derivatives [a][b] by twist, b last, added as those by pose. An axis turns only with the angles before it, so
+ * for j <= i the pose's derivatives are e_j^T M e_i. */
+INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessian) {
+  double half[6][6], column[6], turned[6];
+  for (int a = 0; a < 6; a++) row_by_pose(frame, m[a], half[a]);
+  for (int i = 0; i < 6; i++) {
+    for (int a = 0; a < 6; a++) column[a] = half[a][i];
+    row_by_pose(frame, column, turned);
+    for (int j = 0; j <= i; j++) {
+      hessian[6 * i + j] += turned[j];
+      if (i != j) hessian[6 * j + i] += turned[j];
+    }
+  }
+}
+
+INLINE double root_load(int patch, const PatchLoads *of, double normal) {
+  (void)patch;
+  return normal > 0.0 ? sqrt(normal * (1.0 / REFERENCE_LOAD)) : -GAP_SLOPE * of->gap + 0.0 * normal;
+}
+
+FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
+  const Frame frame = frame_of(pose);
+  memset(loads, 0, LOADS * sizeof(double));
+  for (int p = 0; p < PATCHES; p++) {
+    PatchLoads of;
+    double slope[3];
+    patch_loads(p, pose, &frame, VALUE, 0, &of);
+    for (int i = 0; i < LOADS; i++) {
+      for (int k = 0; k < 6; k++) loads[i] += selection[p][i][k] * of.wrench[k];
+    }
+    if (ROOTS) roots[p] = root_load(p, &of, normal_load(p, of.wrench, slope));
+  }
+}
+
+FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
+                              double (*roots_jacobian)[6]) {
+  const Frame frame = frame_of(pose);
+  memset(loads, 0, LOADS * sizeof(double));
+  memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+  for (int p = 0; p < PATCHES; p++) {
+    PatchLoads of;
+    double rows[6][6], slope[3];
+    patch_loads(p, pose, &frame, FIRST, 0, &of);
+    for (int k = 0; k < 6; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
+    for (int i = 0; i < LOADS; i++) {
+      for (int k = 0; k < 6; k++) {
+        loads[i] += selection[p][i][k] * of.wrench[k];
+        for (int j = 0; j < 6; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
+      }
+    }
+    if (ROOTS) {
+      const double normal = normal_load(p, of.wrench, slope);
+      roots[p] = root_load(p, &of, normal);
+      if (normal > 0.0) {
+        const double scale = 0.5 / (REFERENCE_LOAD * roots[p]);
+        for (int j = 0; j < 6; j++) {
+          roots_jacobian[p][j] = scale * (slope[0] * rows[0][j] + slope[1] * rows[1][j] + slope[2] * rows[2][j]);
+        }
+      } else {
+        row_by_pose(&frame, of.gap_slope, roots_jacobian[p]);
+        for (int j = 0; j < 6; j++) roots_jacobian[p][j] *= -GAP_SLOPE;
+      }
+    }
+  }
+}
+
+/* What a weighted root load adds: to the weights of the wrench's components, and what bends beside them. */
+INLINE void weigh_root(int patch, const PatchLoads *of, double weight, double weights[6], double bent[6][6]) {
+  double slope[3], by_twist[6] = {0.0};
+  const double normal = normal_load(patch, of->wrench, slope), root = sqrt(normal / REFERENCE_LOAD);
+  const double scale = 0.5 * weight / (REFERENCE_LOAD * root), size = normal_component[patch] < 0 ? normal : 0.0;
+  for (int k = 0; k < 3; k++) {
+    weights[k] += scale * slope[k];
+    for (int a = 0; a < 6; a++) by_twist[a] += slope[k] * of->stiffness[k][a];
+  }
+  for (int a = 0; a < 6; a++) {
+    for (int b = 0; b < 6; b++) {
+      double sum = 0.0; /* the magnitude's own curvature (1 - f f^T)/|F| */
+      for (int k = 0; k < 3; k++) sum += of->stiffness[k][a] * of->stiffness[k][b];
+      bent[a][b] = -0.5 * scale / normal * by_twist[a] * by_twist[b];
+      if (size > 0.0) bent[a][b] += scale / size * (sum - by_twist[a] * by_twist[b]);
+    }
+  }
+}
+
+FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
+                             double *hessian) {
+  const Frame frame = frame_of(pose);
+  memset(hessian, 0, 36 * sizeof(double));
+  for (int p = 0; p < PATCHES; p++) {
+    PatchLoads of;
+    double weights[6] = {0.0};
+    for (int i = 0; i < LOADS; i++) {
+      for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
+    }
+    if (ROOTS) {
+      double slope[3], bent[6][6];
+      patch_loads(p, pose, &frame, FIRST, 0, &of);
+      if (normal_load(p, of.wrench, slope) > 0.0) {
+        weigh_root(p, &of, roots_weight[p], weights, bent);
+        add_by_pose(&frame, bent, hessian);
+      }
+    }
+    patch_loads(p, pose, &frame, SECOND, weights, &of);
+    add_by_pose(&frame, of.curvature, hessian);
+    if (ROOTS) {
+      for (int a = 0; a < 6; a++) {
+        for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
+      }
+      add_by_pose(&frame, of.gap_curvature, hessian);
+    }
+  }
+}
+
+FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
+  kernel_value(pose, loads[0], roots[0]);
+}

@@ -1,0 +1,222 @@
+/* Polar quadrature of a patch: the formulas of contact/polar/quadrature.py. */
+
+/* V = (N, c x N) of a ray */
+INLINE void load_of(const Ray *ray, Lanes u, Lanes z, Lanes load[6]) {
+  load[0] = ray->n_x, load[1] = all(1.0), load[2] = ray->n_z;
+  load[3] = ray->y * ray->n_z - z;
+  load[4] = z * ray->n_x - u * ray->n_z;
+  load[5] = u - ray->y * ray->n_x;
+}
+
+INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, double wrench[6]) {
+  Lanes sum[6] = {{0.0}};
+  for (int i = 0; i < points->count; i++) {
+    Lanes load[6], force;
+    Ray ray;
+    cast(s, p, points->u[i], points->v[i], DEPTH_ONLY, &ray);
+    force = points->weight[i] * pressure_at(ray.step * ray.length);
+    load_of(&ray, points->u[i], points->v[i] + s->z_0, load);
+    for (int k = 0; k < 6; k++) sum[k] -= force * load[k];
+  }
+  for (int k = 0; k < 6; k++) wrench[k] = sum_of(sum[k]);
+}
+
+/* -sum weight p' V d_a with d_a = -(G, rho x G)/sigma */
+INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *points, double wrench[6],
+                            double stiffness[6][6]) {
+  Lanes load[6][ENDS], slope[6][ENDS], sum[6] = {{0.0}};
+  for (int i = 0; i < points->count; i++) {
+    Lanes here[6], twist[6], arm[3], depth, force, scale;
+    Ray ray;
+    cast(s, p, points->u[i], points->v[i], TO_END, &ray);
+    depth = ray.step * ray.length;
+    force = points->weight[i] * pressure_at(depth);
+    scale = points->weight[i] * pressure_slope_at(depth) * ray.length / steepness(&ray);
+    load_of(&ray, points->u[i], points->v[i] + s->z_0, here);
+    for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - p->t[k];
+    twist_of(ray.gradient, arm, twist);
+    for (int k = 0; k < 6; k++) {
+      sum[k] -= force * here[k];
+      load[k][i] = here[k];
+      slope[k][i] = scale * twist[k];
+    }
+  }
+  KEEP_LOOP for (int k = 0; k < 6; k++) {
+    wrench[k] = sum_of(sum[k]);
+    KEEP_LOOP for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+  }
+}
+
+/* Second derivatives by twist, a first and b last, of the weighted sum of the wrench's components. From g = 0 at a
+ * ray's end, differentiated twice, with b_a = -n d_a - (velocity of the body there) and m = (0, n x G):
+ *   sigma d_ab = b_a (Hessian of g) b_b + m_a d_b + d_a m_b + turning,   -sum weight (p' d_ab + p'' d_a d_b);
+ * the Hessian of g has the curvatures 1/tube_radius and kappa. At the edges p' jumps to zero, which adds
+ * -turn/RAYS r p'(0) d_a d_b / |d_r|. All are sums of products left_a right_b. */
+#define PRODUCTS (4 * ENDS + RAY_BLOCKS)
+
+INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, const Plan *plan, const Points *points,
+                            const double weights[6], double h[6][6]) {
+  const double k_1 = 1.0 / s->tube_radius;
+  const int n = points->count;
+  Lanes left[6][PRODUCTS], right[6][PRODUCTS], forces[3] = {{0.0}}, turning[3][3] = {{{0.0}}};
+  double force[3], arms[3][3];
+  for (int i = 0; i < n + RAY_BLOCKS; i++) {
+    const int edge = i - n; /* the points, then the edges */
+    const Lanes u = edge < 0 ? points->u[i] : m->u + plan->edge[edge] * plan->du[edge];
+    const Lanes v = edge < 0 ? points->v[i] : m->v + plan->edge[edge] * plan->dv[edge];
+    Lanes load[6], d[6], arm[3], depth, pull = all(0.0), sigma, inverse;
+    Ray ray;
+    cast(s, p, u, v, TO_END, &ray);
+    depth = ray.step * ray.length;
+    inverse = 1.0 / ray.length;
+    sigma = ray.length / steepness(&ray);
+    load_of(&ray, u, v + s->z_0, load);
+    for (int k = 0; k < 6; k++) pull += weights[k] * load[k];
+    for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - p->t[k];
+    twist_of(ray.gradient, arm, d);
+    for (int k = 0; k < 6; k++) d[k] *= -sigma;
+    if (edge < 0) {
+      const Lanes normal[3] = {ray.n_x * inverse, inverse, ray.n_z * inverse}, weight = -points->weight[i] * pull;
+      const Lanes mu = weight * pressure_slope_at(depth) * sigma, nu = 0.5 * weight * pressure_bend_at(depth);
+      const Lanes over = dot_of(normal, ray.across), on = dot_of(normal, ray.along);
+      Lanes across[6], along[6], turn[6];
+      twist_of(ray.across, arm, across);
+      twist_of(ray.along, arm, along);
+      twist_of(ray.gradient, normal, turn);
+      for (int k = 0; k < 6; k++) {
+        const Lanes first = across[k] + over * d[k], second = along[k] + on * d[k];
+        const Lanes third = k < 3 ? nu * d[k] : nu * d[k] + mu * turn[k];
+        left[k][i] = k_1 * mu * first, right[k][i] = first;
+        left[k][i + n] = ray.kappa * mu * second, right[k][i + n] = second;
+        left[k][i + 2 * n] = third, right[k][i + 2 * n] = d[k];
+        left[k][i + 3 * n] = d[k], right[k][i + 3 * n] = third;
+      }
+      for (int a = 0; a < 3; a++) {
+        forces[a] += mu * ray.gradient[a];
+        for (int b = 0; b < 3; b++) turning[a][b] += mu * ray.gradient[a] * arm[b];
+      }
+    } else {
+      const Lanes rise = sigma * (plan->du[edge] * (ray.gradient[0] - ray.n_x * ray.gradient[1]) +
+                                  plan->dv[edge] * (ray.gradient[2] - ray.n_z * ray.gradient[1]));
+      const Lanes jump = FULL_TURN / RAYS * STIFFNESS_AT_ZERO * plan->edge[edge] * plan->inside[edge];
+      for (int k = 0; k < 6; k++) {
+        left[k][4 * n + edge] = jump * pull / smaller_of(rise, all(-1e-9)) * d[k], right[k][4 * n + edge] = d[k];
+      }
+    }
+  }
+  KEEP_LOOP for (int a = 0; a < 6; a++) {
+    KEEP_LOOP for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(product_sum(4 * n + RAY_BLOCKS, left[a], right[b]));
+  }
+  for (int a = 0; a < 3; a++) {
+    force[a] = sum_of(forces[a]);
+    for (int b = 0; b < 3; b++) arms[a][b] = sum_of(turning[a][b]);
+  }
+  add_turning(force, arms, h);
+}
+
+/* Second derivatives by twist of the gap at its nearest point (u, v), which slides along the patch as the body moves:
+ * g_ab - g_ia (g_ij)^-1 g_jb over the chart's coordinates i, j that the rim leaves free. */
+INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray, const Lanes arm[3], double h[6][6]) {
+  const double k_1 = 1.0 / (s->tube_radius + ray->g[0]), k_2 = ray->kappa[0], *k = nearest->curvature, nudge = 1e-9;
+  Lanes turned[6], twist_across[6], twist_along[6];
+  double gradient[3], across[3], along[3], mixed[2][6], arms[3][3], k_uv, inverse;
+  int free[2];
+  twist_of(ray->across, arm, twist_across);
+  twist_of(ray->along, arm, twist_along);
+  for (int i = 0; i < 3; i++) {
+    gradient[i] = ray->gradient[i][0], across[i] = ray->across[i][0], along[i] = ray->along[i][0];
+    for (int j = 0; j < 3; j++) arms[i][j] = (ray->gradient[i] * arm[j])[0];
+  }
+  for (int a = 0; a < 6; a++) {
+    for (int b = 0; b < 6; b++) {
+      h[a][b] = (k_1 * twist_across[a] * twist_across[b] + k_2 * twist_along[a] * twist_along[b])[0];
+    }
+  }
+  add_turning(gradient, arms, h);
+  for (int i = 0; i < 2; i++) {
+    const double *tau = nearest->tangent[i];
+    const Lanes tangent[3] = {all(tau[0]), all(tau[1]), all(tau[2])};
+    const double over = k_1 * dot3(tau, across), on = k_2 * dot3(tau, along);
+    twist_of(tangent, ray->gradient, turned);
+    for (int b = 0; b < 6; b++) {
+      mixed[i][b] = (b < 3 ? 0.0 : turned[b][0]) - over * twist_across[b][0] - on * twist_along[b][0];
+    }
+  }
+  free[0] = is_within(s, nearest->u - nudge, nearest->v) && is_within(s, nearest->u + nudge, nearest->v);
+  free[1] = is_within(s, nearest->u, nearest->v - nudge) && is_within(s, nearest->u, nearest->v + nudge);
+  for (int b = 0; b < 6; b++) mixed[0][b] *= free[0], mixed[1][b] *= free[1];
+  k_uv = k[1] * free[0] * free[1];
+  inverse = 1.0 / larger(k[0] * k[2] - k_uv * k_uv, LEAST_CURVATURE * LEAST_CURVATURE);
+  for (int a = 0; a < 6; a++) {
+    for (int b = 0; b < 6; b++) {
+      h[a][b] -= inverse * (k[2] * mixed[0][a] * mixed[0][b] + k[0] * mixed[1][a] * mixed[1][b] -
+                            k_uv * (mixed[0][a] * mixed[1][b] + mixed[1][a] * mixed[0][b]));
+    }
+  }
+}
+
+INLINE void polar_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                        PatchLoads *out) {
+  const Surfaces *s = surfaces + patch;
+  Place place;
+  Spot middle;
+  for (int i = 0; i < 3; i++) {
+    place.t[i] = dot3(s->turn[i], pose);
+    for (int j = 0; j < 3; j++) {
+      place.r[i][j] = s->turn[i][0] * frame->r[0][j] + s->turn[i][1] * frame->r[1][j] + s->turn[i][2] * frame->r[2][j];
+    }
+  }
+  middle = middle_of(s, &place);
+  memset(out, 0, sizeof *out);
+  if (!(middle.depth > 0.0) || order == GAPS) {
+    const Spot nearest = nearest_to(s, &place, &middle);
+    Lanes arm[3], push[6];
+    Ray ray;
+    cast(s, &place, all(nearest.u), all(nearest.v), AT_START, &ray);
+    out->gap = ray.g[0];
+    for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - place.t[k];
+    twist_of(ray.gradient, arm, push);
+    for (int k = 0; k < 6; k++) out->gap_slope[k] = -push[k][0];
+    if (order == SECOND) gap_curvature(s, &nearest, &ray, arm, out->gap_curvature);
+  }
+  if (middle.depth > 0.0 && order != GAPS) {
+    Plan plan;
+    Points points;
+    plan_rays(s, &place, &middle, &plan);
+    place_points(&middle, &plan, &points);
+    out->cut = plan.cut;
+    if (order == VALUE) polar_wrench(s, &place, &points, out->wrench);
+    if (order == FIRST) polar_stiffness(s, &place, &points, out->wrench, out->stiffness);
+    if (order == SECOND) {
+      double turned_weights[6];
+      turn_twist(s->turn, weights, turned_weights);
+      polar_curvature(s, &place, &middle, &plan, &points, turned_weights, out->curvature);
+    }
+  }
+  turn_back(s->turn, order, out);
+}
+
+/* One function for each order, not inlined: compiling is quick, and patches share them. */
+FUNCTION void polar_value(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  polar_loads(patch, pose, frame, VALUE, 0, out);
+}
+
+FUNCTION void polar_first(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  polar_loads(patch, pose, frame, FIRST, 0, out);
+}
+
+FUNCTION void polar_second(int patch, const double *pose, const Frame *frame, const double *weights, PatchLoads *out) {
+  polar_loads(patch, pose, frame, SECOND, weights, out);
+}
+
+FUNCTION void polar_gaps(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  polar_loads(patch, pose, frame, GAPS, 0, out);
+}
+
+INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                        PatchLoads *out) {
+  if (order == VALUE) polar_value(patch, pose, frame, out);
+  if (order == FIRST) polar_first(patch, pose, frame, out);
+  if (order == SECOND) polar_second(patch, pose, frame, weights, out);
+  if (order == GAPS) polar_gaps(patch, pose, frame, out);
+}

@@ -1,0 +1,328 @@
+/* Two smooth surfaces with one spot of contact: the formulas of contact/polar/ends.py and middle.py, in chart axes.
+ * TORUS: the fixed surface is a torus, else the plane y = 0. CURVED_RIM: |u| <= spread rho(v). */
+typedef struct {
+  double axis_x, axis_y, offset, tangent_x, tangent_y; /* the tangent ends the arc */
+} Arc;
+
+typedef struct {
+  double offset, radius, height, rho_sign, w_sign; /* fixed torus */
+  double u_low, u_high, v_low, v_high, spread;     /* rim */
+  double z_0;
+  double tube_radius, centre_z;
+  double scale_u, scale_v; /* of the rays' directions */
+  double turn[3][3];
+  Arc arc[ARCS];
+} Surfaces;
+
+/* The moving body's place in chart axes. */
+typedef struct {
+  double r[3][3], t[3];
+} Place;
+
+typedef struct {
+  Lanes y, n_x, n_z, length; /* of the fixed point; N = (n_x, 1, n_z) */
+  Lanes g, step;             /* distance from the body, depth in units of |N| */
+  Lanes x[3], gradient[3], across[3], along[3], kappa; /* at the end on the body, where asked for */
+  Lanes arc;
+} Ray;
+
+#define STEEPEST (-0.05)
+#define LEAST_CURVATURE 1e-4
+#define LEAST_LENGTH 1e-12
+
+INLINE void fixed_point(const Surfaces *s, Lanes u, Lanes v, Ray *ray) {
+#if TORUS
+  const Lanes tube = root(s->radius * s->radius - v * v), rho = s->offset + s->rho_sign * tube;
+  const Lanes w = root(rho * rho - u * u), inverse = 1.0 / (tube * w);
+  ray->y = s->height + s->w_sign * w;
+  ray->n_x = s->w_sign * u * tube * inverse;
+  ray->n_z = s->w_sign * s->rho_sign * rho * v * inverse;
+  ray->length = s->radius * rho * inverse;
+#else
+  (void)s, (void)u;
+  ray->y = 0.0 * v, ray->n_x = ray->y, ray->n_z = ray->y, ray->length = 1.0 + ray->y;
+#endif
+}
+
+INLINE void to_body(const Place *p, const Lanes x[3], Lanes out[3]) {
+  for (int i = 0; i < 3; i++) out[i] = p->r[0][i] * x[0] + p->r[1][i] * x[1] + p->r[2][i] * x[2];
+}
+
+INLINE void to_chart(const Place *p, Lanes x, Lanes y, Lanes z, Lanes out[3]) {
+  for (int i = 0; i < 3; i++) out[i] = p->r[i][0] * x + p->r[i][1] * y + p->r[i][2] * z;
+}
+
+enum { DEPTH_ONLY, TO_END, AT_START };
+
+/* The ray from (u, v) along -N: one Newton step of g(c - step N) = 0 and the part of g's curvature along the ray. What
+ * else: at its end on the body (TO_END), or at the fixed point itself (AT_START), the gradient of g, its directions of
+ * curvature and the curvature along the arc. */
+INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int what, Ray *ray) {
+  const Arc *last = s->arc + ARCS - 1;
+  Lanes axis_x = last->axis_x + 0.0 * u, axis_y = last->axis_y + 0.0 * u, offset = last->offset + 0.0 * u;
+  Lanes q[3], m[3], x, y, z, rho, out, distance, inverse, a, b, m_r, m_t, slope, bend, bent;
+  fixed_point(s, u, v, ray);
+  {
+    const Lanes from[3] = {u - p->t[0], ray->y - p->t[1], v + s->z_0 - p->t[2]}, normal[3] = {ray->n_x, 1.0 + 0.0 * u, ray->n_z};
+    to_body(p, from, q);
+    to_body(p, normal, m);
+  }
+  if (what != DEPTH_ONLY) ray->arc = ARCS - 1 + 0.0 * u;
+  for (int k = ARCS - 2; k >= 0; k--) {
+    const Arc *arc = s->arc + k;
+    const Mask past = (q[0] - arc->axis_x) * arc->tangent_x + (q[1] - arc->axis_y) * arc->tangent_y > 0.0;
+    axis_x = pick(past, axis_x, all(arc->axis_x));
+    axis_y = pick(past, axis_y, all(arc->axis_y));
+    offset = pick(past, offset, all(arc->offset));
+    if (what != DEPTH_ONLY) ray->arc = pick(past, ray->arc, all(k));
+  }
+  x = q[0] - axis_x, y = q[1] - axis_y, z = q[2] - s->centre_z;
+  rho = larger_of(root(x * x + y * y), all(LEAST_LENGTH));
+  out = rho - offset;
+  distance = larger_of(root(out * out + z * z), all(LEAST_LENGTH));
+  inverse = 1.0 / (rho * distance);
+  a = out * rho * inverse, b = z * rho * inverse; /* gradient along the radius and along z */
+  m_r = (x * m[0] + y * m[1]) * distance * inverse;
+  m_t = (x * m[1] - y * m[0]) * distance * inverse;
+  slope = smaller_of(a * m_r + b * m[2], STEEPEST * ray->length);
+  bent = a * m[2] - b * m_r;
+  bend = rho * inverse * bent * bent + a * distance * inverse * m_t * m_t;
+  inverse = 1.0 / slope;
+  ray->g = distance - s->tube_radius;
+  ray->step = ray->g * inverse;
+  ray->step += 0.5 * ray->step * ray->step * bend * inverse;
+  if (what != DEPTH_ONLY) {
+    Lanes e_x, e_y;
+    if (what == AT_START) ray->step = 0.0 * u;
+    x -= ray->step * m[0], y -= ray->step * m[1], z -= ray->step * m[2];
+    rho = larger_of(root(x * x + y * y), all(LEAST_LENGTH));
+    out = rho - offset;
+    distance = larger_of(root(out * out + z * z), all(LEAST_LENGTH));
+    inverse = 1.0 / (rho * distance);
+    a = out * rho * inverse, b = z * rho * inverse, e_x = x * distance * inverse, e_y = y * distance * inverse;
+    ray->kappa = a * distance * inverse;
+    to_chart(p, a * e_x, a * e_y, b, ray->gradient);
+    to_chart(p, -b * e_x, -b * e_y, a, ray->across);
+    to_chart(p, -e_y, e_x, 0.0 * u, ray->along);
+    ray->x[0] = u - ray->step * ray->n_x;
+    ray->x[1] = ray->y - ray->step;
+    ray->x[2] = v + s->z_0 - ray->step * ray->n_z;
+  }
+}
+
+/* G.N at the end of a ray, negative */
+INLINE Lanes steepness(const Ray *ray) {
+  return ray->gradient[0] * ray->n_x + ray->gradient[1] + ray->gradient[2] * ray->n_z;
+}
+
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
+ * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
+typedef struct {
+  double u, v, depth, slope[2], curvature[3], fixed_form[3];
+  double tangent[2][3], end[3], along[3], kappa;
+  int arc;
+} Spot;
+
+INLINE double form(const double a[3], const double b[3], const double across[3], double k_1, const double along[3],
+                   double k_2) {
+  return k_1 * dot3(across, a) * dot3(across, b) + k_2 * dot3(along, a) * dot3(along, b);
+}
+
+INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int what) {
+  Spot spot;
+  Ray ray;
+  double gradient[3], across[3], inverse, k_1, (*tau)[3] = spot.tangent;
+  cast(s, p, all(u), all(v), what, &ray);
+  for (int i = 0; i < 3; i++) {
+    spot.end[i] = ray.x[i][0], spot.along[i] = ray.along[i][0];
+    gradient[i] = ray.gradient[i][0], across[i] = ray.across[i][0];
+  }
+  spot.u = u, spot.v = v, spot.depth = what == AT_START ? -ray.g[0] : (ray.step * ray.length)[0];
+  spot.kappa = ray.kappa[0], spot.arc = (int)ray.arc[0];
+  tau[0][0] = 1.0, tau[0][1] = -ray.n_x[0], tau[0][2] = 0.0;
+  tau[1][0] = 0.0, tau[1][1] = -ray.n_z[0], tau[1][2] = 1.0;
+  inverse = what == AT_START ? -1.0 : (ray.length / steepness(&ray))[0];
+  k_1 = 1.0 / (s->tube_radius + (what == AT_START ? ray.g[0] : 0.0));
+  for (int i = 0; i < 2; i++) spot.slope[i] = dot3(tau[i], gradient) * inverse;
+  for (int i = 0, k = 0; i < 2; i++) {
+    for (int j = i; j < 2; j++, k++) {
+      spot.curvature[k] = form(tau[i], tau[j], across, k_1, spot.along, spot.kappa);
+      spot.fixed_form[k] = 0.0;
+    }
+  }
+#if TORUS
+  {
+    const double y = ray.y[0] - s->height, rho = sqrt(u * u + y * y), out = rho - s->offset;
+    const double bend = what == AT_START ? -ray.length[0] * gradient[1] : 1.0, fixed_k_1 = 1.0 / s->radius;
+    const double a = out * fixed_k_1, b = v * fixed_k_1, e_x = u / rho, e_y = y / rho, k_2 = a / rho;
+    const double across_fixed[3] = {-b * e_x, -b * e_y, a}, along_fixed[3] = {-e_y, e_x, 0.0};
+    for (int i = 0, k = 0; i < 2; i++) {
+      if (what != AT_START) {
+        spot.slope[i] += spot.depth * inverse * form(tau[i], gradient, across_fixed, fixed_k_1, along_fixed, k_2);
+      }
+      for (int j = i; j < 2; j++, k++) {
+        spot.fixed_form[k] = bend * form(tau[i], tau[j], across_fixed, fixed_k_1, along_fixed, k_2);
+        spot.curvature[k] -= spot.fixed_form[k];
+      }
+    }
+  }
+#endif
+  return spot;
+}
+
+INLINE void turn_to_body(const Place *p, const double x[3], double out[2]) {
+  for (int i = 0; i < 2; i++) out[i] = p->r[0][i] * x[0] + p->r[1][i] * x[1] + p->r[2][i] * x[2];
+}
+
+INLINE void turn_to_chart(const Place *p, double x, double y, double z, double out[3]) {
+  for (int i = 0; i < 3; i++) out[i] = p->r[i][0] * x + p->r[i][1] * y + p->r[i][2] * z;
+}
+
+/* The arc on which the body reaches farthest along a direction of its own frame. */
+INLINE int arc_along(const Surfaces *s, double x, double y) {
+  int arc = 0;
+  while (arc < ARCS - 1 && x * s->arc[arc].tangent_x + y * s->arc[arc].tangent_y > 0.0) arc++;
+  return arc;
+}
+
+/* Where the surfaces face each other with parallel normals, within the rim or not. */
+INLINE void deepest(const Surfaces *s, const Place *p, double *u, double *v) {
+  double direction[3] = {0.0, -1.0, 0.0}, centre[3], seen[2];
+#if TORUS
+  int arc = ARCS > 1 ? 1 : 0;
+  double rho = 1.0, out = 1.0, z = 0.0, distance = 1.0;
+  for (int i = 0; i < ARCS; i++) {
+    const int before = arc;
+    double x, y, inverse;
+    turn_to_chart(p, s->arc[arc].axis_x, s->arc[arc].axis_y, s->centre_z, centre);
+    x = centre[0] + p->t[0], y = centre[1] + p->t[1] - s->height;
+    inverse = -s->w_sign / larger(sqrt(x * x + y * y), LEAST_LENGTH);
+    direction[0] = x * inverse, direction[1] = y * inverse;
+    turn_to_body(p, direction, seen);
+    arc = arc_along(s, seen[0], seen[1]);
+    if (arc == before) break;
+  }
+#endif
+  for (int i = 0; i < (TORUS ? MIDDLE_STEPS : 1); i++) {
+    const Arc *arc;
+    double inverse;
+    turn_to_body(p, direction, seen);
+    inverse = 1.0 / larger(sqrt(seen[0] * seen[0] + seen[1] * seen[1]), LEAST_LENGTH);
+    arc = s->arc + arc_along(s, seen[0], seen[1]);
+    turn_to_chart(p, arc->axis_x + arc->offset * seen[0] * inverse, arc->axis_y + arc->offset * seen[1] * inverse,
+                  s->centre_z, centre);
+    for (int k = 0; k < 3; k++) centre[k] += p->t[k];
+#if TORUS
+    centre[1] -= s->height;
+    rho = larger(sqrt(centre[0] * centre[0] + centre[1] * centre[1]), LEAST_LENGTH);
+    out = rho - s->offset, z = centre[2] - s->z_0;
+    distance = larger(sqrt(out * out + z * z), LEAST_LENGTH);
+    inverse = out / (distance * rho);
+    direction[0] = centre[0] * inverse, direction[1] = centre[1] * inverse, direction[2] = z / distance;
+#endif
+  }
+#if TORUS
+  *u = (s->offset + s->radius * out / distance) * centre[0] / rho;
+  *v = s->radius * z / distance;
+#else
+  *u = centre[0], *v = centre[2] - s->z_0;
+#endif
+}
+
+/* ---- the rim */
+
+INLINE double bounded_by(double x, double low, double high) { return x < low ? low : (x > high ? high : x); }
+
+INLINE void u_range(const Surfaces *s, double v, double *low, double *high) {
+#if CURVED_RIM
+  *high = s->spread * (s->offset + s->rho_sign * sqrt(s->radius * s->radius - v * v));
+  *low = -*high;
+#else
+  (void)v;
+  *low = s->u_low, *high = s->u_high;
+#endif
+}
+
+INLINE void within(const Surfaces *s, double *u, double *v) {
+  double low, high;
+  *v = bounded_by(*v, s->v_low, s->v_high);
+  u_range(s, *v, &low, &high);
+  *u = bounded_by(*u, low, high);
+}
+
+INLINE int is_within(const Surfaces *s, double u, double v) {
+  double low, high;
+  u_range(s, v, &low, &high);
+  return v >= s->v_low && v <= s->v_high && u >= low && u <= high;
+}
+
+/* r > 0 at which depth + slope r - curvature r^2/2 = 0 */
+INLINE double edge_distance(double depth, double slope, double curvature) {
+  const double k = larger(curvature, LEAST_CURVATURE);
+  return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
+}
+
+/* The deepest point within the rim by Newton steps cut at the rim (AT_START: the nearest one). */
+INLINE Spot deepest_within(const Surfaces *s, const Place *p, Spot spot, int what) {
+  for (int i = 0; i < RIM_STEPS; i++) {
+    const double k_u = larger(spot.curvature[0], LEAST_CURVATURE), k_v = larger(spot.curvature[2], LEAST_CURVATURE);
+    double u = spot.u, v = spot.v;
+    for (int j = 0; j < RIM_STEPS; j++) {
+      u = spot.u + (spot.slope[0] - spot.curvature[1] * (v - spot.v)) / k_u;
+      within(s, &u, &v);
+      v = spot.v + (spot.slope[1] - spot.curvature[1] * (u - spot.u)) / k_v;
+      within(s, &u, &v);
+    }
+    spot = spot_at(s, p, u, v, what);
+  }
+  return spot;
+}
+
+/* The middle of the chord through a spot within the rim, along u (0) or v (1). */
+FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, int along) {
+  double end[2];
+  for (int i = 0; i < 2; i++) {
+    const double sign = i ? 1.0 : -1.0;
+    const double r = edge_distance(larger(spot->depth, 0.0), sign * spot->slope[along], spot->curvature[2 * along]);
+    double u = spot->u + (along ? 0.0 : sign * r), v = spot->v + (along ? sign * r : 0.0);
+    within(s, &u, &v);
+    end[i] = along ? v : u;
+  }
+  if (along) return spot_at(s, p, spot->u, 0.5 * (end[0] + end[1]), TO_END);
+  return spot_at(s, p, 0.5 * (end[0] + end[1]), spot->v, TO_END);
+}
+
+FUNCTION Spot deepest_in_rim(const Surfaces *s, const Place *p, const Spot *spot) {
+  return deepest_within(s, p, *spot, TO_END);
+}
+
+/* The point of the patch nearest to the body. */
+FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, const Spot *spot) {
+  return deepest_within(s, p, spot_at(s, p, spot->u, spot->v, AT_START), AT_START);
+}
+
+/* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through it. */
+FUNCTION Spot middle_of(const Surfaces *s, const Place *p) {
+  double u, v, determinant, reach_u, reach_v, depth;
+  int whole;
+  Spot spot;
+  deepest(s, p, &u, &v);
+  whole = is_within(s, u, v);
+  within(s, &u, &v);
+  spot = spot_at(s, p, u, v, TO_END);
+  depth = larger(spot.depth, 0.0);
+  determinant = larger(spot.curvature[0] * spot.curvature[2] - spot.curvature[1] * spot.curvature[1],
+                       LEAST_CURVATURE * LEAST_CURVATURE);
+  reach_u = sqrt(2.0 * depth * spot.curvature[2] / determinant);
+  reach_v = sqrt(2.0 * depth * spot.curvature[0] / determinant);
+  whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) && is_within(s, u, v - reach_v) &&
+          is_within(s, u, v + reach_v);
+  if (whole) return spot;
+  spot = deepest_in_rim(s, p, &spot);
+  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 0);
+  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 1);
+  return spot;
+}

@@ -1,0 +1,88 @@
+"""A contact model without a kernel as a CasADi function with its own Jacobian; CasADi differences that for Hessians."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.transcription.functions import check_name
+
+Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
+_KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive
+
+
+def contact_callback(name: str, outputs: Sequence[Output]) -> ca.Function:
+    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them."""
+    callback = _Values(check_name(name), outputs)
+    _KEPT.append(callback)
+    return callback
+
+
+class _Values(ca.Callback):
+    def __init__(self, name: str, outputs: Sequence[Output]) -> None:
+        super().__init__()
+        self._outputs = outputs
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return 1
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_name_in(self, i: int) -> str:
+        return "pose"
+
+    def get_name_out(self, i: int) -> str:
+        return self._outputs[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(6, 1)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._outputs[i][1], 1)
+
+    def eval(self, arg: Sequence[Any]) -> list[Array]:
+        """CasADi's call; NaN for a pose that is not finite."""
+        pose = np.array(arg[0], dtype=float).reshape(1, 6)
+        if not np.isfinite(pose).all():
+            return [np.full(rows, np.nan) for _, rows, _ in self._outputs]
+        return [model(pose)[0][0] for _, _, model in self._outputs]
+
+    def has_jacobian(self) -> bool:
+        return True
+
+    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
+        jacobian = _Jacobians(name, self._outputs, opts)
+        _KEPT.append(jacobian)
+        return jacobian
+
+
+class _Jacobians(ca.Callback):
+    def __init__(self, name: str, outputs: Sequence[Output], options: Any) -> None:
+        super().__init__()
+        self._outputs = outputs
+        self.construct(name, {**options, "enable_fd": True, "fd_method": "central"})
+
+    def get_n_in(self) -> int:
+        return 1 + len(self._outputs)
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity(self._outputs[i - 1][1], 1) if i else ca.Sparsity.dense(6, 1)  # outputs are not needed
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._outputs[i][1], 6)
+
+    def eval(self, arg: Sequence[Any]) -> list[Array]:
+        """CasADi's call; NaN for a pose that is not finite."""
+        pose = np.array(arg[0], dtype=float).reshape(1, 6)
+        if not np.isfinite(pose).all():
+            return [np.full((rows, 6), np.nan) for _, rows, _ in self._outputs]
+        return [model(pose)[1][0] for _, _, model in self._outputs]

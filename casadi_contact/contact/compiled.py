@@ -1,0 +1,214 @@
+"""Contact models written in C: a model like any other for arrays of poses, and a CasADi function like a surrogate's."""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numba
+import numpy as np
+
+from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
+from casadi_contact.contact.model import signed_roots
+from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
+from casadi_contact.scenes import Scene
+from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.kernel import CompilerError, warn_once
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.source import c_text
+
+_BOTH = "contact_loads_and_roots"
+_SHARE = 256  # poses that make another thread worth its start
+
+
+class CompiledFoundation(ABC):
+    """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
+
+    compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
+    """
+
+    def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
+        self.scene = scene
+        self.load_names = scene.load_names
+        self.patch_names = scene.patch_names
+        self.record: dict[str, Any] = {}
+        self._selection = load_selection(self.load_names, self.patch_names)
+        self._compiled = compiled and scene.material.law in C_LAWS
+        if compiled and not self._compiled:
+            warn_once(
+                f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, which is slower"
+            )
+
+    @abstractmethod
+    def _patch_source(self) -> str:
+        """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
+
+    @abstractmethod
+    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
+        """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
+
+    @pose_or_poses
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
+        return self._wrenches(poses, slopes=False)[0]
+
+    @pose_or_poses
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
+        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+
+    @pose_or_poses
+    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
+        wrenches, slopes, _ = self._wrenches(poses, slopes=True)
+        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
+        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+
+    @pose_or_poses
+    def gaps(self, poses: Array) -> Array:
+        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
+        return self._gaps(poses)[0]
+
+    @pose_or_poses
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
+        return self._wrenches(poses, slopes=False)[2]
+
+    @pose_or_poses
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
+
+        s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
+        """
+        wrenches, slopes, _ = self._wrenches(poses, slopes=True)
+        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(poses[rows]))
+
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
+        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
+        if not names or any(name not in self.load_names for name in names):
+            raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(self.load_names)}")
+        return names
+
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = True,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L) with first and second derivatives; batch: (6 x batch) -> (L x batch).
+
+        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences. Raises
+        ValueError for a load that is not the scene's.
+        """
+        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+
+    def root_function(
+        self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
+        return self._function(name, (), ("roots",), compiled, batch)
+
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = _BOTH,
+        *,
+        compiled: bool = True,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
+        return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
+
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if batch is not None and batch < 1:
+            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
+        path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
+        if path is not None:
+            return ca.external(name, str(path))
+        rows = [self.load_names.index(load) for load in loads]
+
+        def some_loads(poses: Array) -> tuple[Array, Array]:
+            values, slopes = self.jacobian(poses)
+            return values[:, rows], slopes[:, rows]
+
+        models = {"loads": (len(loads), some_loads), "roots": (len(self.patch_names), self.root_loads)}
+        function = contact_callback(name, [(key, *models[key]) for key in wanted])
+        return function if batch is None else function.map(batch)
+
+    def _kernel(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1) -> Path | None:
+        """The compiled kernel, for CasADi and for arrays; None, with one warning, where there is no compiler."""
+        if not self._compiled:
+            return None
+        sizes = {"loads": len(loads), "roots": len(self.patch_names)}
+        outputs = {key: sizes[key] for key in wanted}
+        kernel = FoundationKernel(self.scene, loads, self._patch_source())
+        source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+        texts = [source, casadi_interface(check_name(name), outputs, batch), c_text("batch.h", C_FOLDER)]
+        try:
+            return shared_library("\n".join(texts))
+        except CompilerError as error:
+            warn_once(f"{error}; the contact model runs in NumPy, which is slower")
+            return None
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL | None:
+        """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
+        path = self._kernel(_BOTH, self.load_names, ("loads", "roots"))
+        return None if path is None else ctypes.CDLL(str(path))
+
+    def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
+        """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
+        if self._library is None:
+            wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
+            return wrenches, _by_pose(by_twist, poses), cut
+        shape = (len(poses), len(self.patch_names))
+        wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
+        derivatives = np.empty((*shape, 6, 6)) if slopes else None
+        self._shared_out(self._library.foundation_wrenches, poses, wrenches, derivatives, cut)
+        return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
+
+    def _gaps(self, poses: Array) -> tuple[Array, Array]:
+        if self._library is None:
+            _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
+            return gaps, _by_pose(by_twist, poses)
+        shape = (len(poses), len(self.patch_names))
+        gaps, slopes = np.empty(shape), np.empty((*shape, 6))
+        self._shared_out(self._library.foundation_gaps, poses, gaps, slopes)
+        return gaps, slopes
+
+    @staticmethod
+    def _shared_out(function: Any, poses: Array, *outputs: np.ndarray | None) -> None:
+        """Call a C function on shares of the poses, on as many threads as numba has."""
+        shares = max(1, min(numba.get_num_threads(), len(poses) // _SHARE))
+        bounds = np.linspace(0, len(poses), shares + 1).astype(int)
+
+        def one(k: int) -> None:
+            part = slice(bounds[k], bounds[k + 1])
+            arrays = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *outputs)]
+            function(ctypes.c_longlong(bounds[k + 1] - bounds[k]), *arrays)
+
+        if shares == 1:
+            one(0)
+            return
+        with ThreadPoolExecutor(shares) as pool:
+            list(pool.map(one, range(shares)))
+
+
+def _by_pose(by_twist: Array, poses: Array) -> Array:
+    """Derivatives (n, ..., 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
+    by_pose = by_twist.copy()
+    by_pose[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
+    return by_pose

@@ -1,0 +1,53 @@
+"""The C that all compiled contact models share: pressure law, named loads, root loads, derivatives by the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from casadi_contact.contact.c_text import braces
+from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.conventions import load_selection
+from casadi_contact.scenes import Scene
+from casadi_contact.transcription.kernel.source import c_text
+
+C_LAWS = ("linear", "log")
+C_FOLDER = "casadi_contact.contact.c"
+
+
+@dataclass(frozen=True)
+class FoundationKernel:
+    """Kernel of a scene's loads: `patch_source` defines ``patch_loads`` for its patches (see ``c/foundation.h``)."""
+
+    scene: Scene
+    loads: Sequence[str]
+    patch_source: str
+
+    def source(self, *, loads: int, roots: int) -> str:
+        """C99 up to guarded_value, _jacobian, _hessian and _batch, all of them static."""
+        scene, material = self.scene, self.scene.material
+        selection = load_selection(self.loads, scene.patch_names)
+        sizes = {
+            **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names)},
+            **{"WIDEST": 8, "WIDTH": 8, "LANES": 1, "LOGARITHMIC": int(material.law == "log")},
+            **{"MODULUS": layer_modulus(material), "THICKNESS": float(material.thickness)},
+            **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
+        }
+        picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
+        components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
+        return "\n".join(
+            [
+                *(f"#define {name} {value!r}" for name, value in sizes.items()),
+                c_text("core.h"),
+                c_text("pose.h"),
+                f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
+                f"static const int normal_component[PATCHES] = {{{components}}};",
+                f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
+                "#define BLOCK 4",
+                c_text("lanes.h", C_FOLDER),
+                c_text("foundation.h", C_FOLDER),
+                self.patch_source,
+                c_text("kernel.h", C_FOLDER),
+                c_text("guards.h"),
+            ]
+        )

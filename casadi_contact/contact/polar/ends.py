@@ -1,0 +1,112 @@
+"""Rays along the normals of the fixed surface, and where they end on the moving surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.conventions import Array
+
+_STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Ray ends x = c - d·n on the moving surface, all arrays (n, ...), chart axes.
+
+    N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient
+    of g at c); its curvatures κ1 and κ2 along the unit vectors `across` and `along` its arcs; the arc's number.
+    """
+
+    c: Array
+    N: Array
+    length: Array
+    g: Array
+    depth: Array
+    x: Array
+    G: Array
+    G_start: Array
+    across: Array
+    along: Array
+    kappa_1: Array
+    kappa_2: Array
+    arc: np.ndarray
+
+    @property
+    def slope(self) -> Array:
+        """σ = G·n, the cosine between surface and ray."""
+        return np.asarray(np.sum(self.G * self.N, -1) / self.length)
+
+
+def fixed_point(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array, Array]:
+    """c and N (..., 3) of the fixed surface, and |N|."""
+    if patch.torus is None:
+        zero = np.zeros_like(u)
+        return np.stack([u, zero, v + patch.z_0], -1), np.stack([zero, zero + 1.0, zero], -1), zero + 1.0
+    f = patch.torus
+    tube = np.sqrt(f.radius**2 - v * v)
+    rho = f.offset + f.rho_sign * tube
+    w = np.sqrt(rho * rho - u * u)
+    slope_u, slope_v = -f.w_sign * u / w, -f.w_sign * f.rho_sign * rho * v / (tube * w)
+    c = np.stack([u, f.height + f.w_sign * w, v + patch.z_0], -1)
+    return c, np.stack([-slope_u, np.ones_like(u), -slope_v], -1), f.radius * rho / (tube * w)
+
+
+def tube_frame(x: Array, y: Array, z: Array, offset: Array | float) -> tuple[Array, Array, Array, Array, Array]:
+    """For a point relative to a torus's axis (z): distances from axis and tube centre, unit radius (x, y), and the
+    components of the unit vector from the tube's centre along the radius and along z are out/distance, z/distance."""
+    rho = np.maximum(np.hypot(x, y), 1e-12)
+    out = rho - offset
+    return rho, x / rho, y / rho, out, np.maximum(np.hypot(out, z), 1e-12)
+
+
+def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
+    """The arc that a point of the moving frame, or (axes subtracted) a direction, belongs to."""
+    arc = np.full(qx.shape, len(patch.arcs) - 1)
+    for k in range(len(patch.arcs) - 2, -1, -1):
+        x, y, _, tx, ty = patch.arcs[k]
+        arc = np.where((qx - x) * tx + (qy - y) * ty > 0.0, arc, k)
+    return arc
+
+
+def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Ends:
+    """Depths along the normals at (u, v) (n, ...) of the body at (R, t) (n, 3, 3), (n, 3), and the ends there.
+
+    One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it. at_start: nothing of the
+    step, so that each ray ends at its fixed point.
+    """
+    c, N, length = fixed_point(patch, u, v)
+    wide = (slice(None),) + (None,) * (u.ndim - 1)
+    R, t = R[wide], t[wide]
+    q = np.einsum("...ji,...j->...i", R, c - t)
+    m = np.einsum("...ji,...j->...i", R, N)
+    number = arc_of(patch, q[..., 0], q[..., 1])
+    arc = patch.arcs[number]
+
+    def field(q: Array) -> tuple[Array, ...]:
+        """Distance from the body, and in its frame the gradient, the unit vectors across and along, κ1, κ2."""
+        z = q[..., 2] - patch.centre_z
+        rho, ex, ey, out, distance = tube_frame(q[..., 0] - arc[..., 0], q[..., 1] - arc[..., 1], z, arc[..., 2])
+        a, b = out / distance, z / distance
+        gradient, across = np.stack([a * ex, a * ey, b], -1), np.stack([-b * ex, -b * ey, a], -1)
+        along = np.stack([-ey, ex, np.zeros_like(ex)], -1)
+        return distance - patch.tube_radius, gradient, across, along, 1.0 / distance, a / rho
+
+    g, gradient, across, along, kappa_1, kappa_2 = field(q)
+    slope = np.minimum(np.sum(gradient * m, -1), _STEEPEST * length)
+    bend = kappa_1 * np.sum(across * m, -1) ** 2 + kappa_2 * np.sum(along * m, -1) ** 2
+    step = g / slope
+    step = step + 0.5 * step * step * bend / slope  # d in units of |N|
+    start = gradient
+    if at_start:
+        step = np.zeros_like(step)
+    _, gradient, across, along, kappa_1, kappa_2 = field(q - step[..., None] * m)
+
+    def to_chart(vector: Array) -> Array:
+        return np.asarray(np.einsum("...ij,...j->...i", R, vector))
+
+    G, G_start, across, along = (to_chart(vector) for vector in (gradient, start, across, along))
+    x = c - step[..., None] * N
+    return Ends(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)

@@ -1,0 +1,43 @@
+"""The elastic foundation of smooth shapes by polar quadrature, as a contact model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.polar.patches import smooth_patches
+from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.source import polar_source
+from casadi_contact.contact.pressure import law_number, layer_modulus
+from casadi_contact.conventions import Array
+from casadi_contact.scenes import Scene
+
+RAYS = Rays(16, 3)
+
+
+class PolarFoundation(CompiledFoundation):
+    """Elastic foundation between smooth surfaces, integrated on rays from the middle of each patch's one spot.
+
+    rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
+    """
+
+    def __init__(self, scene: Scene, rays: Rays = RAYS, *, compiled: bool = True) -> None:
+        super().__init__(scene, compiled=compiled)
+        if rays.count < 4 or rays.count % 4 or rays.points < 1:
+            raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
+        self.rays = rays
+        self.patches = smooth_patches(scene)
+        self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+
+    def __repr__(self) -> str:
+        return f"PolarFoundation({self.scene.name}, {self.rays})"
+
+    def _patch_source(self) -> str:
+        return polar_source(self.patches, self.rays)
+
+    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
+        found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
+        keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
+        wrench, stiffness, gap, gap_slope, cut = (np.stack([getattr(f, key) for f in found], 1) for key in keys)
+        return wrench, stiffness, gap, gap_slope, cut

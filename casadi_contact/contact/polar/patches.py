@@ -1,0 +1,123 @@
+"""Patches between two smooth surfaces with one contact spot: what polar quadrature integrates over.
+
+The fixed surface is a plane or a piece of a torus over a chart (u, v), written in *chart axes*: x along u, y the
+height, z along v. With o the distance of the tube's centre circle from the torus's axis and R the tube's radius:
+
+    tube = √(R² - v²),   ρ = o + s_ρ·tube,   w = √(ρ² - u²),   point (u, y_0 + s_w·w, z_0 + v)
+
+A dish has s_ρ = 1, s_w = -1 (a sphere where o = 0), the facet of a groove s_ρ = -1, s_w = 1; in both the tube's
+centre lies on the side of the moving body. The moving surface are swept arcs (`geometry.moving_surface`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry import MovingSurface
+from casadi_contact.scenes import Scene
+
+_FAR_MM = 1e3
+POLAR_SHAPES = ("knee", "sphere_on_plane", "sphere_in_dish", "button_in_groove")
+
+
+@dataclass(frozen=True)
+class Torus:
+    """o, R, y_0 [mm] and the two signs of the module's formula."""
+
+    offset: float
+    radius: float
+    height: float
+    rho_sign: float
+    w_sign: float
+
+
+@dataclass(frozen=True)
+class Rim:
+    """The chart's part that holds the patch: u and v [mm], and |u| <= spread·ρ(v) where spread is finite."""
+
+    u: tuple[float, float]
+    v: tuple[float, float]
+    spread: float = np.inf
+
+
+@dataclass(frozen=True)
+class SmoothPatch:
+    """One patch: its fixed surface (None: the plane y = 0), its rim and the moving arcs that face it.
+
+    turn: rotation (3, 3) from the fixed body's axes to chart axes. z_0: chart's origin along z [mm].
+    arcs (k, 5): axis x, y; distance of the tube's centre from it; tangent x, y at the arc's end [mm]. tube_radius and
+    centre_z [mm] of the moving tube. scale: stretch of u and v that makes usual contact regions round.
+    """
+
+    torus: Torus | None
+    rim: Rim
+    turn: Array
+    z_0: float
+    arcs: Array
+    tube_radius: float
+    centre_z: float
+    scale: tuple[float, float]
+
+
+def smooth_patches(scene: Scene) -> list[SmoothPatch]:
+    """The patches of a scene of one of `POLAR_SHAPES`, in patch order; raises ValueError for another shape."""
+    if scene.shape not in POLAR_SHAPES:
+        raise ValueError(
+            f"scene {scene.name} has the shape {scene.shape}, which polar quadrature does not cover: expected one of "
+            f"{', '.join(POLAR_SHAPES)}; others take cc.ElasticFoundation"
+        )
+    found = []
+    for p, surface in enumerate(scene.surfaces()):
+        if scene.shape == "button_in_groove":
+            found.append(_facet(scene, 1.0 if p == 0 else -1.0, surface))
+        else:
+            found.append(_upright(scene, p, surface))
+    return found
+
+
+def _upright(scene: Scene, p: int, surface: MovingSurface) -> SmoothPatch:
+    """A dish or a plane, open upwards, above a rectangle."""
+    torus, g = None, scene.patch_geometry(scene.patch_names[p])
+    length, width = (float(g[key] if key in g else g["patch_side"]) for key in ("plateau_length", "plateau_width"))
+    if scene.shape == "knee":
+        sagittal, frontal = g["dish_sagittal_radius"], g["dish_frontal_radius"]
+        torus = Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
+    elif scene.shape == "sphere_in_dish":
+        torus = Torus(0.0, g["dish_radius"], g["dish_radius"], 1.0, -1.0)
+    rim = Rim((-0.5 * length, 0.5 * length), (-0.5 * width, 0.5 * width))
+    return _patch(torus, rim, np.eye(3), float(scene.anchors_mm[p, 2]), surface)
+
+
+def _facet(scene: Scene, side: float, surface: MovingSurface) -> SmoothPatch:
+    """A facet of a groove about the z axis, open towards -x: chart axes are y, -x, z of the fixed body."""
+    g = scene.geometry
+    slope, radius = np.deg2rad(g["facet_angle_deg"]), g["facet_radius"]
+    spread, reach = np.deg2rad(g["facet_half_width_deg"]), np.deg2rad(g["groove_half_angle_deg"])
+    torus = Torus(g["groove_radius"] + radius * np.cos(slope), radius, 0.0, -1.0, 1.0)
+    ends = sorted(side * radius * np.sin(slope + np.array([-spread, spread])))
+    rim = Rim((-_FAR_MM, _FAR_MM), (ends[0], ends[1]), float(np.sin(reach)))
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    return _patch(torus, rim, turn, side * (g["facet_offset"] - radius * np.sin(slope)), surface)
+
+
+def _patch(torus: Torus | None, rim: Rim, turn: Array, z_0: float, surface: MovingSurface) -> SmoothPatch:
+    arcs = surface.parameters[3:].reshape(-1, 5)
+    tube_radius, centre_z = float(surface.parameters[1]), float(surface.parameters[2])
+    patch = SmoothPatch(torus, rim, turn, z_0, arcs, tube_radius, centre_z, (1.0, 1.0))
+    along, across = _relative_curvatures(patch)
+    stretch = (across / along) ** 0.25
+    return SmoothPatch(torus, rim, turn, z_0, arcs, tube_radius, centre_z, (stretch, 1.0 / stretch))
+
+
+def _relative_curvatures(patch: SmoothPatch) -> tuple[float, float]:
+    """Curvatures of the moving surface relative to the fixed one [1/mm], along u (middle of the arcs) and along v."""
+    radii = patch.arcs[:, 2] + patch.tube_radius
+    along, across = 1.0 / radii, 1.0 / patch.tube_radius
+    if patch.torus is not None:
+        rho = patch.torus.offset + patch.torus.rho_sign * patch.torus.radius
+        along = along + patch.torus.w_sign / rho
+        across -= 1.0 / patch.torus.radius
+    return float(np.sqrt(along.min() * along.max())), across

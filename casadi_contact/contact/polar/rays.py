@@ -1,0 +1,101 @@
+"""Where polar quadrature puts its points: along each ray from the middle, its edge and its break."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact.polar.ends import ray_ends
+from casadi_contact.contact.polar.middle import RIM_STEPS, Spot, bounded, edge_distance, u_range
+from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.conventions import Array
+
+EDGE_STEPS = 2
+_FAR_MM = 1e3
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Number of rays from the middle, and Gauss points on each of their two pieces."""
+
+    count: int
+    points: int
+
+    def __str__(self) -> str:
+        return f"{self.count} rays × {self.points} points"
+
+
+@dataclass(frozen=True)
+class RayPlan:
+    """Directions (m, 2) of the rays; distances (n, m) to edge and break; cut: the rim ends the ray."""
+
+    directions: Array
+    edge: Array
+    junction: Array
+    cut: np.ndarray
+
+
+def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> RayPlan:
+    """Edge and break of every ray from the middle."""
+    angle = 2.0 * np.pi * (np.arange(rays.count) + 0.5) / rays.count
+    directions = np.stack([patch.scale[0] * np.cos(angle), patch.scale[1] * np.sin(angle)], -1)
+    u, v = m.u[:, None], m.v[:, None]
+    depth = np.maximum(m.depth, 0.0)[:, None]
+    slope = m.slope @ directions.T
+    k = bounded(np.einsum("jr,nrs,js->nj", directions, m.curvature, directions))
+    junction, beyond = _junctions(patch, R, t, m, directions)
+    reach = _rim_distance(patch, u, v, directions)
+    # Beyond the junction the depth goes on with the next arc's curvature.
+    k_next = bounded(k + beyond)
+    left = np.maximum(depth + slope * junction - 0.5 * k * junction**2, 0.0)
+    extended = junction + edge_distance(left, slope - k * junction, k_next)
+    plain = edge_distance(depth, slope, k)
+    edge = np.minimum(np.where(junction < plain, extended, plain), reach)
+    for _ in range(EDGE_STEPS):
+        there = ray_ends(patch, R, t, u + edge * directions[:, 0], v + edge * directions[:, 1]).depth
+        bend = 2.0 * (depth + slope * edge - there) / np.maximum(edge, 1e-12) ** 2
+        edge = np.minimum(np.clip(edge_distance(depth, slope, bend), 0.5 * edge, 2.0 * edge), reach)
+    return RayPlan(directions, edge, np.minimum(junction, edge), edge >= reach)
+
+
+def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Array) -> tuple[Array, Array]:
+    """Distance along every ray to the nearest junction of arcs, and how much its curvature is more beyond it."""
+    nearest = np.full((len(t), len(directions)), _FAR_MM)
+    change = np.zeros_like(nearest)
+    if len(patch.arcs) == 1:
+        return nearest, change
+    ends, arcs = m.ends, patch.arcs
+    end = np.einsum("nji,nj->ni", R, ends.x - t)[:, :2]
+    one, zero = np.ones_like(m.u), np.zeros_like(m.u)
+    tangents = np.stack([np.stack([one, -ends.N[:, 0], zero], -1), np.stack([zero, -ends.N[:, 2], one], -1)], 1)
+    tangent = directions @ tangents
+    rho = np.hypot(*(end - arcs[ends.arc, :2]).T)
+    lean = ends.kappa_2 * rho
+    bend = np.einsum("nmi,ni->nm", tangent, ends.along) ** 2
+    for step in (0, 1):
+        here = np.clip(ends.arc + step - 1, 0, len(arcs) - 2)
+        exists = (ends.arc + step - 1 == here)[:, None]
+        last = arcs[here]
+        normal = np.einsum("nij,nj->ni", R[:, :, :2], last[:, 3:])
+        at = np.sum((end - last[:, :2]) * last[:, 3:], axis=1)[:, None]
+        rate = np.einsum("nmi,ni->nm", tangent, normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = -at / rate
+        other = arcs[np.clip(ends.arc + 2 * step - 1, 0, len(arcs) - 1)]
+        kappa_next = lean / np.maximum(rho + other[:, 2] - arcs[ends.arc, 2], 1e-12)
+        closer = exists & (distance > 0.0) & (distance < nearest)
+        nearest = np.where(closer, distance, nearest)
+        change = np.where(closer, (kappa_next - ends.kappa_2)[:, None] * bend, change)
+    return nearest, change
+
+
+def _rim_distance(patch: SmoothPatch, u: Array, v: Array, directions: Array) -> Array:
+    """Distance along every ray to the rim."""
+    du, dv = directions[:, 0], directions[:, 1]
+    along_v = np.maximum((np.where(dv > 0.0, patch.rim.v[1], patch.rim.v[0]) - v) / dv, 0.0)
+    distance = along_v
+    for _ in range(1 if np.isinf(patch.rim.spread) else RIM_STEPS):
+        low, high = u_range(patch, np.broadcast_to(v + distance * dv, distance.shape))
+        distance = np.minimum(along_v, np.maximum((np.where(du > 0.0, high, low) - u) / du, 0.0))
+    return distance

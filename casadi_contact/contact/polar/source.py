@@ -1,0 +1,59 @@
+"""The polar quadrature of a scene's patches as C (``contact/c/polar.h``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from casadi_contact.contact.c_text import braces
+from casadi_contact.contact.polar.middle import MIDDLE_STEPS, RIM_STEPS
+from casadi_contact.contact.polar.patches import SmoothPatch, Torus
+from casadi_contact.contact.polar.rays import EDGE_STEPS, Rays
+from casadi_contact.transcription.kernel.source import c_text
+
+_C = "casadi_contact.contact.c"
+
+
+def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
+    """Tables of the patches and `patch_loads`."""
+    angle = 2.0 * np.pi * (np.arange(rays.count) + 0.5) / rays.count
+    x, weight = np.polynomial.legendre.leggauss(rays.points)
+    sizes = {
+        "RAYS": rays.count,
+        "GAUSS": rays.points,
+        "ARCS": len(patches[0].arcs),
+        "TORUS": int(patches[0].torus is not None),
+        "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
+        "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
+        "MIDDLE_STEPS": MIDDLE_STEPS,
+        "RIM_STEPS": RIM_STEPS,
+        "EDGE_STEPS": EDGE_STEPS,
+    }
+    tables = {
+        "ray_cos[RAYS]": np.cos(angle),
+        "ray_sin[RAYS]": np.sin(angle),
+        "gauss_x[GAUSS]": 0.5 * (1.0 + x),
+        "gauss_w[GAUSS]": 0.5 * weight,
+    }
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in sizes.items()),
+            *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
+            c_text("chart_axes.h", _C),
+            c_text("polar_surfaces.h", _C),
+            f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
+            c_text("polar_rays.h", _C),
+            c_text("polar.h", _C),
+        ]
+    )
+
+
+def _surfaces(patch: SmoothPatch) -> str:
+    """The fields of `Surfaces` in their order."""
+    torus, rim = patch.torus or Torus(0.0, 1.0, 0.0, 1.0, 1.0), patch.rim
+    spread = rim.spread if np.isfinite(rim.spread) else 0.0
+    numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
+    numbers += [patch.z_0, patch.tube_radius, patch.centre_z, *patch.scale]
+    fields = [*(repr(float(number)) for number in numbers), f"{{{', '.join(map(braces, patch.turn))}}}"]
+    return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"

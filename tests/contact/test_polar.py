@@ -1,0 +1,137 @@
+"""Polar quadrature in NumPy: closed forms, symmetry, invariance, its own convergence, and the choice of rays."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Rays
+from casadi_contact.conventions import rotation
+from tests.contact.test_elastic_foundation import CASES, at
+
+SMOOTH = [case for case in CASES if case[0].startswith("sphere")]
+KNEE = [2.0, 27.256, 0.3, -0.0007, 0.02, -0.3]  # about 900 N medial, 600 N lateral
+
+
+def polar(name, rays=Rays(12, 3), **overrides):  # noqa: B008
+    return cc.PolarFoundation(cc.load_scene(name, **overrides), rays, compiled=False)
+
+
+@pytest.mark.parametrize(("name", "overrides", "overlap", "force"), SMOOTH)
+def test_closed_form_forces_hold_to_a_thousandth(name, overrides, overlap, force):
+    model = polar(name, **overrides)
+    wrench = model.wrenches(at(model.scene.geometry["radius"] - overlap))[0, 0]
+    assert wrench[1] == pytest.approx(-force, rel=1e-3)
+    np.testing.assert_allclose(wrench[[0, 2, 3, 4, 5]], 0.0, atol=1e-6 * force)
+
+
+def test_no_overlap_gives_exactly_zero_and_the_distance():
+    model = polar("sphere_on_plane")
+    poses = np.vstack([at(30.25), at(30.0 + 1e-9), at(29.9)])
+    assert not model.wrenches(poses[:2]).any()
+    np.testing.assert_allclose(model.gaps(poses)[:, 0], [0.25, 1e-9, -0.1], atol=1e-12)
+    np.testing.assert_allclose(model.root_loads(poses[:1])[1][0, 0], [0.0, -model.scene.gap_slope, 0.0, 0.0, 0.0, 0.0])
+
+
+def test_doubling_the_overlap_of_a_sphere_gives_four_times_the_force():
+    model = polar("sphere_on_plane")
+    single, double = model(np.vstack([at(30.0 - 0.01), at(30.0 - 0.02)]))[:, 1]
+    assert double / single == pytest.approx(4.0, rel=1e-3)
+
+
+def test_the_resultant_in_a_spherical_dish_passes_through_its_centre():
+    model = polar("sphere_in_dish", Rays(16, 4))
+    wrench = model.wrenches(np.array([[2.0, 30.0, 1.0, 0.0, 0.0, 0.0]]))[0, 0]
+    assert wrench[1] < -100.0
+    about_centre = wrench[3:] - np.cross([0.0, 45.0, 0.0], wrench[:3])
+    np.testing.assert_allclose(about_centre, 0.0, atol=1e-4 * np.abs(wrench[3:]).max())
+
+
+def test_turning_a_ball_about_its_centre_changes_nothing():
+    model = polar("sphere_on_plane")
+    pose = at(29.8, tx=1.0, tz=-2.0)
+    turned = pose + np.array([[0.0, 0.0, 0.0, 0.4, -1.1, 2.0]])
+    np.testing.assert_allclose(model.wrenches(turned), model.wrenches(pose), rtol=1e-9, atol=1e-7)
+
+
+def test_a_mirrored_pose_on_the_symmetric_knee_mirrors_the_loads():
+    model = polar("knee")
+    names = model.load_names
+    loads, mirrored = model(np.array([KNEE, np.multiply(KNEE, [1, 1, -1, -1, -1, 1])]))
+    swapped = {"Fy_med": "Fy_lat", "Fy_lat": "Fy_med"}
+    signs = {"Fz": -1.0, "Tx": -1.0, "Ty": -1.0}
+    assert min(-loads[:2]) > 50.0
+    for i, name in enumerate(names):
+        other = mirrored[names.index(swapped.get(name, name))]
+        assert signs.get(name, 1.0) * other == pytest.approx(loads[i], rel=1e-9, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "pose"),
+    [("knee", KNEE), ("patellofemoral", [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1])],
+)
+def test_it_agrees_with_a_fine_element_grid(name, pose):
+    """Inside the rim; the element grid's own error of some tenths of a newton is what is left."""
+    model = polar(name, Rays(24, 4))
+    grid = cc.ElasticFoundation(model.scene, (320, 160))
+    poses = np.array([pose])
+    force = np.abs(grid(poses)).max()
+    np.testing.assert_allclose(model(poses), grid(poses), atol=2e-3 * force)
+    np.testing.assert_allclose(model.gaps(poses), grid.gaps(poses), atol=0.01)
+
+
+def test_moving_both_bodies_together_leaves_the_wrench_in_the_fixed_frame_unchanged():
+    """On a plane of any size: shifted along it and turned about its normal, the wrench goes along."""
+    model = polar("sphere_on_plane")
+    pose = at(29.8, tx=0.5)
+    wrench = model.wrenches(pose)[0, 0]
+    R = rotation([0.0, 0.7, 0.0])
+    moved = pose.copy()
+    moved[0, :3] = R @ pose[0, :3]
+    moved[0, 4] = 0.7
+    np.testing.assert_allclose(model.wrenches(moved)[0, 0], np.kron(np.eye(2), R) @ wrench, atol=1e-6)
+
+
+def test_the_rim_cuts_off_what_lies_beyond_it():
+    """Half a ball's spot on a plane's edge carries half its force; a spot beyond the edge nothing."""
+    model = polar("sphere_on_plane", Rays(48, 4))
+    whole, half, beyond = model(np.vstack([at(29.8), at(29.8, tx=12.0), at(29.8, tx=16.0)]))
+    assert half[1] == pytest.approx(0.5 * whole[1], rel=2e-3)
+    assert not beyond.any()
+    np.testing.assert_array_equal(model.at_edge(np.vstack([at(29.8), at(29.8, tx=12.0)]))[:, 0], [False, True])
+
+
+def test_more_rays_converge_and_the_choice_meets_the_tolerances_with_the_fewest():
+    model = cc.foundation("knee", compiled=False)
+    record = model.record
+    assert (model.rays.count, model.rays.points) == (record["rays"], record["points"])
+    for name, tolerance in model.scene.tolerances.items():
+        assert record["rms"][name] <= tolerance
+        assert record["largest"][name] <= 3.0 * tolerance
+    strict = cc.load_scene("knee").with_overrides(Tx=1.0)
+    assert cc.foundation(strict, compiled=False).rays.count > model.rays.count
+    with pytest.raises(ValueError, match="relax the scene's tolerances"):
+        cc.foundation(cc.load_scene("knee").with_overrides(Tx=1e-9), compiled=False)
+
+
+def test_a_shape_without_a_smooth_spot_is_refused_with_the_cure():
+    with pytest.raises(ValueError, match=r"punch_on_plane.*expected one of .*ElasticFoundation"):
+        cc.foundation("punch_on_plane")
+    with pytest.raises(ValueError, match="multiple of 4"):
+        polar("knee", Rays(10, 3))
+
+
+def test_the_jacobian_is_the_derivative_of_the_value():
+    model = polar("knee", Rays(16, 3))
+    check_jacobian(model, np.array([KNEE]), 1e-5)
+
+
+def check_jacobian(model, poses, tolerance):
+    """Of loads and root loads, against central differences; an angle counts 25 mm to the radian."""
+    scales = np.repeat([1.0, 25.0], 3)
+    steps = 1e-5 / scales
+    for evaluate in (model.jacobian, model.root_loads):
+        slopes = evaluate(poses)[1] / scales
+        moves = np.diag(steps)
+        ends = [(evaluate(poses + move)[0], evaluate(poses - move)[0]) for move in moves]
+        differences = np.stack([(a - b) / 2e-5 for a, b in ends], -1)
+        np.testing.assert_allclose(slopes, differences, atol=tolerance * np.abs(slopes).max())

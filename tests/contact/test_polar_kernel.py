@@ -1,0 +1,135 @@
+"""The kernel of polar quadrature in C: against NumPy, derivatives against differences, inside CasADi and IPOPT."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Rays
+from casadi_contact.transcription.kernel.compiler import CACHE_VARIABLE
+from tests.contact.test_polar import KNEE, check_jacobian
+from tests.support.compiler import needs_compiler
+
+RAYS = Rays(16, 3)
+GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
+LIFTED = [2.0, 27.4, 0.3, 0.01, 0.02, -0.9]  # off laterally
+SCENES = {  # scene, overrides, poses in contact and out of it
+    "knee": ("knee", {}, [KNEE, LIFTED, [4.0, 27.48, -0.5, -0.004, 0.05, -0.45]]),
+    "knee, log law": ("knee", {"law": "log"}, [KNEE, LIFTED]),
+    "groove": ("patellofemoral", {}, [GROOVE, [-51.5, 6.0, -0.2, 0.02, -0.05, -0.1]]),
+    "sphere": ("sphere_on_plane", {}, [[0.5, 29.8, 0.2, 0.1, 0.2, 0.3], [11.0, 30.4, -13.5, 0.0, 0.1, 0.2]]),
+}
+pytestmark = needs_compiler
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def pair(request):
+    """Compiled and NumPy model of a scene, and poses."""
+    name, overrides, poses = SCENES[request.param]
+    scene = cc.load_scene(name, **overrides)
+    compiled, plain = (cc.PolarFoundation(scene, RAYS, compiled=c) for c in (True, False))
+    return compiled, plain, np.array(poses)
+
+
+def test_c_and_numpy_are_the_same_formulas(pair):
+    compiled, plain, poses = pair
+    scale = np.abs(plain.jacobian(poses)[1]).max()
+    np.testing.assert_allclose(compiled.wrenches(poses), plain.wrenches(poses), atol=1e-12 * scale)
+    for a, b in zip(compiled.jacobian(poses), plain.jacobian(poses), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-11 * scale)
+    np.testing.assert_allclose(compiled.gaps(poses), plain.gaps(poses), atol=1e-10)
+    np.testing.assert_array_equal(compiled.at_edge(poses), plain.at_edge(poses))
+    for a, b in zip(compiled.root_loads(poses), plain.root_loads(poses), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8)
+
+
+def test_jacobians_are_the_derivatives_of_the_values(pair):
+    compiled, _, poses = pair
+    check_jacobian(compiled, poses, 1e-4)
+
+
+def test_the_casadi_function_gives_the_model_s_values_and_derivatives(pair):
+    model, _, poses = pair
+    both = model.load_and_root_function()
+    x = ca.MX.sym("pose", 6)
+    slopes = ca.Function("slopes", [x], [ca.jacobian(output, x) for output in both(x)])
+    for pose, loads, jacobian, roots, root_slopes in zip(
+        poses, *model.jacobian(poses), *model.root_loads(poses), strict=True
+    ):
+        rounding = 1e-14 * np.abs(jacobian).max()
+        np.testing.assert_allclose(np.array(both(pose)[0])[:, 0], loads, rtol=1e-12, atol=rounding)
+        np.testing.assert_allclose(np.array(both(pose)[1])[:, 0], roots, rtol=1e-12)
+        np.testing.assert_allclose(np.array(slopes(pose)[0]), jacobian, rtol=1e-12, atol=rounding)
+        np.testing.assert_allclose(np.array(slopes(pose)[1]), root_slopes, rtol=1e-9, atol=1e-9)
+
+
+def test_hessians_are_the_derivatives_of_the_jacobians(pair):
+    """Of a weighted sum of loads and of root loads, in contact and out of it; angles count 25 mm to the radian.
+
+    Of a root load in contact what is left of two large terms: hence the wider tolerance.
+    """
+    model, _, poses = pair
+    both = model.load_and_root_function()
+    x = ca.MX.sym("pose", 6)
+    scales = np.repeat([1.0, 25.0], 3)
+    for output, tolerance in zip(both(x), (2e-3, 2e-2), strict=True):
+        total = ca.dot(ca.linspace(ca.DM(0.5), ca.DM(1.5), output.numel()) if output.numel() > 1 else 1.0, output)
+        hessian = ca.Function("hessian", [x], [ca.hessian(total, x)[0]])
+        gradient = ca.Function("gradient", [x], [ca.gradient(total, x)])
+        for pose in poses:
+            steps = 1e-5 / scales
+            moves = np.diag(steps)
+            columns = [np.array(gradient(pose + m) - gradient(pose - m))[:, 0] for m in moves]
+            differences = np.column_stack(columns) / (2.0 * steps) / np.outer(scales, scales)
+            scaled = np.array(hessian(pose)) / np.outer(scales, scales)
+            np.testing.assert_allclose(scaled, differences, atol=tolerance * np.abs(differences).max() + 1e-6)
+            np.testing.assert_allclose(scaled, scaled.T, rtol=1e-9, atol=1e-9 * np.abs(scaled).max())
+
+
+def test_some_loads_a_batch_and_a_pose_that_is_not_a_number():
+    model = cc.PolarFoundation(cc.load_scene("knee"), RAYS)
+    poses = np.array([KNEE, LIFTED, KNEE])
+    f = model.function(["Fx", "Fy_lat"], batch=3)
+    rows = [model.load_names.index(name) for name in ("Fx", "Fy_lat")]
+    np.testing.assert_allclose(np.array(f(poses.T)).T, model(poses)[:, rows], rtol=1e-12, atol=1e-12)
+    assert np.isnan(np.array(model.function()([*KNEE[:5], np.nan]))).any()
+    with pytest.raises(ValueError, match="expected some of"):
+        model.function(["Fq"])
+
+
+def test_ipopt_settles_the_knee_on_it():
+    """Wanted medial and lateral forces are constraints on named loads; ty and rx are free."""
+    model = cc.foundation("knee")
+    f = model.function()
+    x = ca.MX.sym("x", 2)
+    pose = ca.vertcat(KNEE[0], x[0], KNEE[2], x[1], KNEE[4], KNEE[5])
+    loads = f(pose)
+    problem = {"x": x, "f": ca.sumsqr(x - ca.DM([27.0, 0.0])), "g": loads[:2] + ca.DM([700.0, 500.0])}
+    solver = ca.nlpsol("settled", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False})
+    found = solver(x0=[26.8, 0.0], lbg=0.0, ubg=0.0)
+    assert solver.stats()["success"]
+    assert solver.stats()["iter_count"] < 30
+    in_numpy = cc.PolarFoundation(model.scene, model.rays, compiled=False)
+    by_newton, report = cc.settle(in_numpy, [KNEE], ("ty", "rx"), {"Fy_med": -700.0, "Fy_lat": -500.0})
+    assert report.converged.all()
+    np.testing.assert_allclose(np.array(found["x"])[:, 0], by_newton[0, [1, 3]], atol=1e-6)
+
+
+def test_without_a_compiler_it_warns_and_runs_in_numpy(monkeypatch, tmp_path):
+    with_compiler = cc.PolarFoundation(cc.load_scene("knee"), RAYS).load_and_root_function()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    model = cc.PolarFoundation(cc.load_scene("knee"), RAYS)
+    with pytest.warns(RuntimeWarning, match="no-such-compiler"):
+        f = model.load_and_root_function()
+    for slow, fast in zip(f(KNEE), with_compiler(KNEE), strict=True):
+        np.testing.assert_allclose(np.array(slow), np.array(fast), rtol=1e-9, atol=1e-7)
+    x = ca.MX.sym("pose", 6)
+    jacobians, hessians = [], []
+    for function in (with_compiler, f):
+        loads = function(x)[0]
+        jacobians.append(np.array(ca.Function("J", [x], [ca.jacobian(loads, x)])(KNEE)))
+        hessians.append(np.array(ca.Function("H", [x], [ca.hessian(loads[0], x)[0]])(KNEE)))
+    np.testing.assert_allclose(jacobians[1], jacobians[0], rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(hessians[1], hessians[0], atol=1e-3 * np.abs(hessians[0]).max())
+    assert all(np.isnan(np.array(output)).all() for output in f([np.nan] * 6))
