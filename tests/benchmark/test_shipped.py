@@ -1,5 +1,6 @@
 """Before anything is built, the shipped surrogates of a scene and their measured front serve it."""
 
+import re
 from importlib import import_module
 
 import casadi as ca
@@ -12,8 +13,10 @@ from casadi_contact.benchmark.kernel_speed import KernelSpeed, MachineLimit
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.dataset.errors import load_errors, rms_by_kind
 from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
 from casadi_contact.report import read_kernel_speed
+from tests.test_readme import README
 
 speed_room = import_module("casadi_contact.benchmark.speed")  # the room's name is the function's in the package
 
@@ -29,18 +32,35 @@ def motion(project):
     return motion_at_hand(project)
 
 
-def test_its_errors_are_those_of_the_surrogates_that_are_shipped_today(project, motion):
+@pytest.fixture(scope="module")
+def walking(project, motion):
+    """Unseen poses of walking and the loads of a fine elastic foundation there."""
+    poses = unseen_walking(cc.ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
+    return poses, cc.ElasticFoundation(project.scene, (320, 160))(poses)
+
+
+def test_its_errors_are_those_of_the_surrogates_that_are_shipped_today(project, walking):
     _, front = shipped_front(project.scene)
-    walking = unseen_walking(cc.ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
-    assert front.header["walking_poses"] == str(len(walking))
+    poses, loads = walking
+    assert front.header["walking_poses"] == str(len(poses))
     assert front.header["processor"]
-    loads = cc.ElasticFoundation(project.scene, (320, 160))(walking)
     points = {point.name: point for point in front.points}
     for name in ("knee", "knee_two_stage"):
         surrogate = cc.load_surrogate(name)
         forces = [i for i, load in enumerate(surrogate.load_names) if load.startswith("F")]
-        rms = np.sqrt(np.mean((surrogate(walking) - loads)[:, forces] ** 2))
+        rms = np.sqrt(np.mean((surrogate(poses) - loads)[:, forces] ** 2))
         assert points[name].force_rms_n == pytest.approx(rms, rel=0.05), f"measure the front of {name} again"
+
+
+def test_the_shipped_knee_errs_on_unseen_walking_as_the_readme_says(walking):
+    """Within a factor of 1.3 either way, in forces and in torques."""
+    (line,) = re.findall(r"RMS error of `knee` on (\d+) unseen poses of walking \| ([\d.]+) N, ([\d.]+) N·mm", README)
+    poses, loads = walking
+    knee = cc.load_surrogate("knee")
+    rms = rms_by_kind(load_errors(knee.load_names, knee(poses), loads))
+    assert int(line[0]) == len(poses)
+    for kind, stated in zip(("force", "torque"), line[1:], strict=True):
+        assert float(stated) / 1.3 <= rms[kind] <= 1.3 * float(stated)
 
 
 def test_no_scene_but_the_very_same_has_the_shipped_front(project):

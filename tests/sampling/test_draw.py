@@ -1,5 +1,6 @@
 import os
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -168,6 +169,39 @@ def test_a_model_that_pulls_has_those_samples_dropped(tmp_path):
         )
     assert samples.provenance["dropped"] == {"D5": {"pulls": 30}}
     assert len(samples) == 20
+
+
+class Rimmed(TwoSpheres):
+    """Elements that end at z = 0.2 mm off the middle of each patch: contact reaches their edge beyond."""
+
+    def at_edge(self, poses):
+        centres, _ = self._centres(poses)
+        return (centres[..., 2] - self.scene.anchors_mm[:, 2] > 0.2) & (self.gaps(poses) < 0.0)
+
+
+def rimmed_models(scene, settings):
+    return TwoSpheres(scene), Rimmed(scene)
+
+
+def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(samples, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        kept = draw_samples(
+            knee(),
+            MOTION,
+            tmp_path / "s.h5",
+            settings=replace(SETTINGS, most_dropped=1.0),
+            executor=executor,
+            models=rimmed_models,
+        )
+    edge = Rimmed(knee()).at_edge(samples.poses).any(axis=1)
+    assert 0.1 < edge.mean() < 0.9
+    np.testing.assert_array_equal(kept.poses, samples.poses[~edge])
+    np.testing.assert_array_equal(kept.wrenches, samples.wrenches[~edge])
+    np.testing.assert_array_equal(kept.dropped.poses, samples.poses[edge])
+    counts = {f"D{k}": int((edge & (samples.domain == k)).sum()) for k in range(1, 8)}
+    assert kept.provenance["dropped"] == {
+        domain: {"contact reaches the edge of the elements": count} for domain, count in counts.items() if count
+    }
 
 
 def users_models(scene, settings):

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.conventions import LEVER_MM, rotation
+from casadi_contact.statics.relax import _conjugate_motion
 from tests.contact.test_elastic_foundation import at
+from tests.support import two_spheres
+from tests.support.two_spheres import TwoSpheres
+
+PRESSED = ("ty",), {"Fy_med": -400.0}
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +86,70 @@ def test_damped_dynamics_falls_into_contact(method):
     rest, report = cc.relax(model, at(33.0), ("ty",), {"Fy": -400.0}, method=method)
     assert report.converged[0]
     assert model(rest)[0, 1] == pytest.approx(-400.0, abs=1e-3)
+
+
+def test_each_load_works_on_the_motion_of_where_it_acts(knee):
+    """Central differences: of a patch's anchor for its force, of the rotation for a torque, of the origin else."""
+    pose, step = np.array([1.0, 27.0, 2.0, 0.3, -0.4, -0.7]), 1e-6
+    motion = _conjugate_motion(knee, ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz"), pose)
+
+    def places(q):
+        return np.vstack([q[:3] + (rotation(q[3:]) @ anchor) for anchor in (*knee.scene.anchors_mm, np.zeros(3))])
+
+    for k in range(6):
+        ahead, behind = pose + step * np.eye(6)[k], pose - step * np.eye(6)[k]
+        med, lat, origin = (places(ahead) - places(behind)) / (2.0 * step)
+        spin = (rotation(ahead[3:]) - rotation(behind[3:])) / (2.0 * step) @ rotation(pose[3:]).T
+        wanted = [med[1], lat[1], origin[0], origin[2], spin[2, 1], spin[0, 2], spin[1, 0]]
+        np.testing.assert_allclose(motion[:, k], wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize("tolerance_n", [1e-3, 1.0, 30.0])
+def test_damped_motion_ends_as_soon_as_the_loads_are_met_within_tolerance(tolerance_n):
+    """It creeps towards rest, so that it stops on the bound itself: neither short of it nor well inside."""
+    _, report = cc.relax(TwoSpheres(two_spheres.knee()), at(27.0), *PRESSED, damping=100.0, tolerance=tolerance_n)
+    assert 0.9 * tolerance_n < report.residual[0] < 1.02 * tolerance_n
+
+
+def test_damped_motion_cut_short_counts_as_rest_within_ten_times_the_tolerance():
+    def cut_short(**options):
+        return cc.relax(TwoSpheres(two_spheres.knee()), at(27.0), *PRESSED, end_time=5e-4, **options)[1]
+
+    left = cut_short().residual[0]
+    assert left > 1.0  # the time was up before the loads were met
+    for times, met in ((9.0, True), (11.0, False)):
+        report = cut_short(tolerance=left / times)
+        assert report.residual[0] == pytest.approx(left)
+        assert report.converged.tolist() == [met]
+        assert (report.reason[0] == "") == met
+
+
+def test_a_torque_counts_as_the_force_that_makes_it_at_a_condyles_distance(knee):
+    """A misfit of 250 N·mm is one of 10 N: 25 mm are about what a condyle lies off the middle."""
+    assert np.abs(knee.scene.anchors_mm[:, 2]) == pytest.approx(LEVER_MM, rel=0.2)
+    poses = settled = at(27.3)
+    wanted = dict(zip(knee.load_names, knee(poses)[0], strict=True))
+    targets = {"Fy_med": wanted["Fy_med"], "Tz": wanted["Tz"] + 250.0}
+    for limit, converged in ((9.9, False), (10.1, True)):
+        settled, report = cc.settle(knee, poses, ("ty", "tx"), targets, tolerance=limit, max_iterations=0)
+        assert report.residual[0] == pytest.approx(10.0)
+        assert report.converged.tolist() == [converged]
+    np.testing.assert_array_equal(settled, poses)
+    _, moved = cc.settle(knee, poses, ("ty", "tx"), targets, tolerance=0.01)
+    assert abs(moved.misfit["Tz"][0]) <= 0.25
+
+
+def test_contradicting_loads_end_where_squares_with_torques_over_25_mm_are_least():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_in_dish"), (60, 60))
+    start = at(29.9, tx=0.5)
+    wanted = {"Fx": 200.0, "Tz": 9000.0}  # a resultant through the dish's centre has Tz = -45 mm·Fx
+    nearest, report = cc.settle(model, start, ("tx",), wanted)
+    assert not report.converged[0]
+    columns = [model.load_names.index(name) for name in wanted]
+    slope = model.jacobian(nearest)[1][0, columns, 0] / (1.0, 25.0)
+    misfit = (model(nearest)[0, columns] - list(wanted.values())) / (1.0, 25.0)
+    assert np.abs(misfit).min() > 1.0
+    assert misfit @ slope == pytest.approx(0.0, abs=1e-4 * np.linalg.norm(misfit) * np.linalg.norm(slope))
 
 
 @pytest.mark.parametrize(

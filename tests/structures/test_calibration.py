@@ -126,6 +126,23 @@ def test_contact_that_no_root_load_confirms_is_not_valid(surrogate):
     ]
 
 
+@pytest.mark.parametrize("some_pressed_apart", [True, False])
+def test_contact_is_confirmed_well_above_the_largest_root_load_that_was_seen_apart(surrogate, some_pressed_apart):
+    """At three and a half times that root load, and at 0.0125 at least."""
+    samples = made_up_samples(surrogate, count=1000)
+    staged = random_surrogate(SCENE, "two_stage", seed=3)
+    roots = staged.trust_roots(samples.poses)
+    apart = roots[:, 0] <= (np.median(roots[roots > 0.0]) if some_pressed_apart else 0.0)
+    assert apart.any()
+    assert not apart.all()
+    pressed = np.where(apart[:, None, None], 0.0, -np.abs(samples.wrenches) - 1.0)
+    confirmation = with_trust(staged, replace(samples, wrenches=pressed)).trust.confirmation
+    largest = max(roots[apart].max(), 0.0)
+    width = max(largest, 0.005)
+    assert confirmation.width == pytest.approx(width)
+    assert confirmation.root == pytest.approx(largest + 2.5 * width)
+
+
 def test_the_expected_error_covers_moved_poses_too(surrogate):
     """Away from the samples the truth bends off, growing with the distance: most of these errors are expected."""
     samples = made_up_samples(surrogate)

@@ -19,7 +19,7 @@ SOURCE = "int answer(void) { return 42; }\n"
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    folder = tmp_path / "cache"
+    folder = tmp_path / "new" / "home" / "cache"  # nothing of it is there yet
     monkeypatch.setenv(compiler.CACHE_VARIABLE, str(folder))
     return folder
 

@@ -5,8 +5,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import LEVER_MM
 from casadi_contact.dataset import DOMAINS
-from casadi_contact.motion.walking import reference_cycles
+from casadi_contact.dataset.errors import load_errors, rms_by_kind
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.chunk import draw_chunk
 from casadi_contact.structures.load import ready_surrogates
@@ -16,22 +18,22 @@ from tests.transcription.test_consistency import evaluated, torch_oracle
 
 @pytest.fixture(scope="module")
 def poses_of_domain():
-    """A few real sample poses of each domain."""
+    """New poses of each domain, about 200 (D5: 30, D7: 90), drawn like the shipped samples but with another seed."""
     scene = cc.load_scene("knee")
-    settings = SamplingSettings.from_scene(scene, scale=0.001, teacher_grid=(80, 40))
-    model = ElasticFoundation(scene, (80, 40))
-    motion, _ = reference_motion(model, reference_cycles(count=4), settings)
+    settings = SamplingSettings.from_scene(scene, scale=0.01, seed=7, counts={"D7": 10_000})
+    model = ElasticFoundation(scene, settings.settle_grid)
+    motion, _ = reference_motion(model, reference_motion_cycles(scene, ()), settings)
     poses: dict[str, list[np.ndarray]] = {name: [] for name in DOMAINS}
     for chunk in plan_chunks(scene, motion, settings):
         drawn = draw_chunk(model, model, chunk, settings)
-        poses[DOMAINS[chunk.domain - 1]].append(drawn.poses[:5])
-    return {name: np.concatenate(parts)[:5] for name, parts in poses.items()}
+        poses[DOMAINS[chunk.domain - 1]].append(drawn.poses)
+    return {name: np.concatenate(parts) for name, parts in poses.items()}
 
 
 @pytest.mark.parametrize("name", ready_surrogates())
 def test_all_evaluations_agree_in_every_domain(name, poses_of_domain):
     surrogate = cc.load_surrogate(name)
-    poses = np.concatenate(list(poses_of_domain.values()))
+    poses = np.concatenate([part[:5] for part in poses_of_domain.values()])
     in_numpy = surrogate.jacobian(poses)
     weights = np.tile(np.linspace(-1.0, 1.0, len(surrogate.load_names)), (len(poses), 1))
     wanted = torch_oracle.oracles(surrogate, poses, weights)
@@ -43,15 +45,18 @@ def test_all_evaluations_agree_in_every_domain(name, poses_of_domain):
             agree(got, want, order, amplified=CANCELLED[surrogate.structure])
 
 
-def test_the_shipped_knee_is_as_accurate_as_the_readme_says(poses_of_domain):
+def test_the_shipped_knee_errs_on_new_poses_as_its_file_says(poses_of_domain):
+    """At most 1.3 times the RMS error of each load in each domain that the surrogate states (`casadi-contact info`)."""
     knee = cc.load_surrogate("knee")
     teacher = ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
-    bounds = {"D1": (1.0, 25.0), "D2": (2.0, 50.0), "D3": (4.0, 100.0)}
     for domain, poses in poses_of_domain.items():
-        off = np.sqrt(np.mean((knee(poses) - teacher(poses)) ** 2, axis=0))
-        force, torque = bounds.get(domain, (3.0, 75.0))
-        if domain == "D5":
-            assert not knee(poses).any()
-        assert off[:4].max() < 1.5 * force  # a handful of poses: half as much again as the bar for the whole domain
-        assert off[4:].max() < 1.5 * torque
+        errors = load_errors(knee.load_names, knee(poses), teacher(poses))
+        if domain == "D7":  # stated on 4 poses, too few to hold it to: a tenth of the 5 N that they carry
+            assert rms_by_kind(errors)["force"] < 0.5
+            assert rms_by_kind(errors)["torque"] < 0.5 * LEVER_MM
+            continue
+        stated = knee.record["test_errors"][domain]
+        for load in knee.load_names:
+            assert errors[load]["rms"] <= 1.3 * stated[load]["rms"], (domain, load)
+    assert not knee(poses_of_domain["D5"]).any()
     assert cc.load_scene("knee").digest == knee.scene.digest

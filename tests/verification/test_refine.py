@@ -8,6 +8,7 @@ from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.structures import PatchSurrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
+from casadi_contact.verification.refine import SPREAD
 
 SCENE = cc.load_scene("sphere_on_plane")
 MODEL = cc.ElasticFoundation(SCENE, (60, 60))
@@ -80,6 +81,23 @@ def test_what_passes_is_returned_as_it_is_and_rounds_may_be_used_up(start):
     assert at_home.passed
     assert at_home.added == []
     assert at_home.surrogate is surrogate
+
+
+def test_new_samples_lie_evenly_around_the_failing_frames(start):
+    """Pose inputs up to SPREAD of the trust's scales to either side, and about a tenth lifted off."""
+    surrogate, samples = start
+    frames, _ = cc.settle(MODEL, [[FAR_MM, 29.95, 0.0, 0.0, 0.0, 0.0]], ("ty",), {"Fy": -500.0})
+    result = cc.refine(
+        surrogate, samples, lambda _: (frames, np.array([True])), MODEL, rounds=1, gflop=1e-6, per_frame=300
+    )
+    new = result.samples.rows(np.arange(len(samples), len(result.samples)))
+    assert len(new) > 250
+    for column in (0, 2, 3, 4, 5):
+        off = (new.poses[:, column] - frames[0, column]) / (SPREAD * surrogate.trust.scales[column])
+        assert 0.95 < off.max() <= 1.0 + 1e-9
+        assert -1.0 - 1e-9 <= off.min() < -0.95
+        assert abs(off.mean()) < 0.15
+    assert 0.05 < (new.wrenches == 0.0).all(axis=(1, 2)).mean() < 0.4
 
 
 def test_mistakes_are_named(start):

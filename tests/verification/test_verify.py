@@ -29,6 +29,7 @@ def test_a_solution_in_the_learned_region_passes(knee, poses):
     assert (check.worst >= check.rms).all()
     text = str(check)
     assert "passed" in text
+    assert "too large" not in text
     assert "0 of 21 frames outside" in text
     assert all(name in text for name in knee.load_names)
 

@@ -1,4 +1,4 @@
-"""Errors and timings are what their names say."""
+"""Timings and the unseen walking that errors are stated on are what their names say."""
 
 import casadi as ca
 import numpy as np
@@ -8,33 +8,8 @@ import casadi_contact as cc
 from casadi_contact.benchmark import time_batch, time_single_calls, unseen_walking
 from casadi_contact.benchmark import timing as timing_module
 from casadi_contact.benchmark.timing import compare
-from casadi_contact.dataset import TEST, TRAIN, Samples
-from casadi_contact.dataset.errors import domain_errors, load_errors
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
-
-
-def test_errors_of_hand_worked_loads():
-    errors = load_errors(("Fx", "Tx"), np.array([[1.0, 0.0], [4.0, 0.0]]), np.array([[0.0, 0.0], [0.0, -2.0]]))
-    assert errors["Fx"] == {"rms": pytest.approx(np.sqrt(8.5)), "max": 4.0, "mean": 2.5}
-    assert errors["Tx"]["max"] == 2.0
-    with pytest.raises(ValueError, match=r"expected \(n, 2\) twice"):
-        load_errors(("Fx", "Tx"), np.zeros((2, 2)), np.zeros((3, 2)))
-
-
-def test_domain_errors_use_only_the_wanted_role_and_domain():
-    scene = cc.load_scene("sphere_on_plane")
-    model = cc.ElasticFoundation(scene, (40, 40))
-    poses = np.zeros((4, 6))
-    poses[:, 1] = [29.9, 29.8, 29.9, 29.8]
-    wrenches = model.wrenches(poses)
-    wrenches[3, 0, 1] += 7.0  # a wrong load in the one test sample of D3
-    role = np.array([TRAIN, TRAIN, TEST, TEST], dtype=np.uint8)
-    domain = np.array([1, 3, 1, 3], dtype=np.uint8)
-    errors = domain_errors(model, Samples(scene, poses, wrenches, model.gaps(poses), domain, role))
-    assert set(errors) == {"D1", "D3"}
-    assert errors["D1"]["Fy"]["max"] == 0.0
-    assert errors["D3"]["Fy"]["max"] == pytest.approx(7.0)
 
 
 def test_unseen_walking_lies_inside_the_envelopes_and_is_new():
