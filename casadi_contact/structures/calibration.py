@@ -135,7 +135,10 @@ def _confirmed(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
     """Above which root load contact counts as confirmed, for a structure whose loads come from other networks."""
     if surrogate.trust_claims(known.poses[:1]) is None:
         return trust
-    scene, roots = surrogate.scene, surrogate.trust_roots(known.poses)
+    scene = surrogate.scene
+    # Elsewhere validity is low anyway, and root loads that extrapolate would let nothing be confirmed.
+    known = known.rows(trust.excess(known.poses, surrogate.trust_roots(known.poses)) < _EXCESS)
+    roots = surrogate.trust_roots(known.poses)
     parts = normal_forces([part.normal for part in scene.parts], known.wrenches)
     apart = ~np.logical_or.reduceat(parts > 0.0, scene.first_parts, axis=1)
     largest = np.array([max(s[rows].max(initial=0.0), 0.0) for s, rows in zip(roots.T, apart.T, strict=True)])
