@@ -197,19 +197,12 @@ def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Sampl
         if not rows.any():
             shares[k] = 1.0
             continue
-        # Both kinds of rows count alike, however few of one there are.
-        few = off_sample[rows]
-        count = np.where(few, max(few.sum(), 1), max((~few).sum(), 1))
-        shares[k] = _quantile_shares(features[rows], errors[rows, k] / level[rows, k], len(few) / count)
+        shares[k] = _quantile_shares(features[rows], errors[rows, k] / level[rows, k])
     trust = replace(trust, shares=shares)
     inside = level * (features @ shares.T)
     growing = trust.outside(excess)
     growth = np.ones(len(names))
     for k in range(len(names)):
-        rows = loaded[:, k] & (off_sample & (excess < -_EXCESS))
-        if rows.sum() >= _LEAST_ROWS:
-            shares[k] *= max(1.0, float(np.quantile(errors[rows, k] / inside[rows, k], COVERAGE)))
-            inside[:, k] = level[:, k] * (features @ shares[k])
         rows = loaded[:, k] & (growing > 1e-3)
         if rows.sum() >= _LEAST_ROWS:
             missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
@@ -217,11 +210,11 @@ def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Sampl
     return replace(trust, shares=shares, growth=growth)
 
 
-def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:
-    """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ w·(q·max(r, 0) + (1 - q)·max(-r, 0)), r = ratio -
+def _quantile_shares(features: Array, ratios: Array) -> Array:
+    """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ q·max(r, 0) + (1 - q)·max(-r, 0), r = ratio -
     features·θ, q = `COVERAGE`, as a linear programme in θ and the parts of r (Koenker and Bassett 1978)."""
     count, columns = features.shape
-    cost = np.concatenate([np.zeros(columns), COVERAGE * weights, (1.0 - COVERAGE) * weights])
+    cost = np.concatenate([np.zeros(columns), np.full(count, COVERAGE), np.full(count, 1.0 - COVERAGE)])
     parts = hstack([csr_matrix(features), eye(count), -eye(count)]).tocsr()
     answer = linprog(cost, A_eq=parts, b_eq=ratios, bounds=(0.0, None), method="highs")
     if answer.x is None:

@@ -159,7 +159,7 @@ def test_a_cache_or_library_of_another_user_is_refused(cache, refused):
 @needs_compiler
 @pytest.mark.skipif(os.name != "posix", reason="mode bits are POSIX")
 def test_a_cache_that_others_can_write_is_refused(cache, refused):
-    cache.mkdir()
+    cache.mkdir(parents=True)
     for mode in (0o777, 0o1777, 0o770):
         cache.chmod(mode)
         refused("can be written by other users")
