@@ -157,4 +157,4 @@ def test_the_expected_error_covers_moved_poses_too(surrogate):
     coverage = with_trust(surrogate, samples, around).info().coverage
     for row in ("around", "outside"):
         shares = [share for load, share in coverage[row].items() if load != "valid"]
-        assert min(shares) > 0.9, row
+        assert min(shares) > 0.8, row
