@@ -189,8 +189,7 @@ def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Sampl
     features = trust.features(both.poses, roots)
     excess = trust.excess(both.poses, roots, surrogate.trust_claims(both.poses))
     valid = excess < -_EXCESS
-    off_sample = np.arange(len(both)) >= len(held_out)
-    valid[~off_sample] = True
+    valid[: len(held_out)] = True
     shares = np.zeros_like(trust.shares)
     for k in range(len(names)):
         rows = loaded[:, k] & valid
