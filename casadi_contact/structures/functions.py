@@ -52,7 +52,10 @@ class SurrogateFunctions(ABC):
         return self.require_trust().expressions(pose, self.root_function()(pose))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
-        """casadi.Function pose (6) -> validity (1), twice continuously differentiable: a constraint for IPOPT."""
+        """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
+
+        As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
+        """
         pose = ca.MX.sym("pose", 6)
         return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"])
 

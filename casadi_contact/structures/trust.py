@@ -14,7 +14,7 @@ network there happens to give a known load. Together, and smooth to every order:
     u = log Σ_i exp(u_i),   validity = ½(1 - u/√(1 + u²))
 
 which is 0.9 at u = -4/3, 0.1 at u = 4/3, and far outside falls with a slope that leads an optimiser back (a logistic
-function is flat there: IPOPT, kept by validity >= 1/2, then solved none of the cases of which it now solves most).
+function is flat there). As a constraint 1/validity <= 2 is best: it grows with the square of u.
 
 The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-out samples:
 

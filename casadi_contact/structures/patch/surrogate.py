@@ -58,6 +58,7 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        """A root and the ratios of every part, each of the local pose (6)."""
         names = []
         for part in scene.parts:
             ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
@@ -71,6 +72,7 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        """Of every part that the loads need: its root, and the ratios they are made of."""
         selection = scene.part_selection(loads)
         names = []
         for p, part in enumerate(scene.parts):

@@ -46,6 +46,7 @@ class TwoStageSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        """The pose (6); for loads of the second stage the sensitive loads as well. ValueError: no fit."""
         if not cls.fits(scene):
             raise ValueError(
                 f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
@@ -95,10 +96,12 @@ class TwoStageSurrogate(Surrogate):
         return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
 
     def trust_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) of the confirming networks; those of the loads where a surrogate has none."""
         confirming = self._confirming
         return (self if confirming is None else confirming).root_loads(poses)[0]
 
     def trust_claims(self, poses: Array) -> Array | None:
+        """Normal loads (n, P) [N] before the clamp; None without confirming networks."""
         return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads)[0]
 
     def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -120,6 +123,7 @@ class TwoStageSurrogate(Surrogate):
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        """The loads' own networks, with the sensitive ones first where a second stage takes them."""
         first = list(scene.sensitive_loads)
         known = cls.network_inputs(scene)
         for load in loads:
