@@ -22,6 +22,7 @@ _EXAMPLES = {
     "export": (
         "export knee",
         "export knee --kernel --out results/my_knee",
+        "export knee --foundation",
     ),
     "chart": (
         "chart knee --preset standard",
