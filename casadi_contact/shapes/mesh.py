@@ -74,7 +74,8 @@ class Mesh(Shape):
             of_patch = dict(zip(geometry["patches"], self.cells(geometry, grid), strict=True))
             for (patch, cells), ranges in zip(of_patch.items(), z_ranges_mm, strict=True):
                 cut = cut_cells(geometry, patch, cells, field)
-                found += [grid_elements(*cells, z_mm=z_mm, outermost=cut) for z_mm in ranges]
+                centres, normals, areas = cells
+                found += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
             return found
         check_patches(geometry)
         for patch, ranges in zip(geometry["patches"], z_ranges_mm, strict=True):
