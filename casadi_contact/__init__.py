@@ -13,6 +13,7 @@ __all__ = [
     "CallableModel",
     "ContactFrames",
     "ContactInOpti",
+    "CupFoundation",
     "ElasticFoundation",
     "PolarFoundation",
     "RayCastFoundation",
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
+        CupFoundation,
         ElasticFoundation,
         PolarFoundation,
         RayCastFoundation,
@@ -47,7 +49,10 @@ if TYPE_CHECKING:
 else:
     _ROOMS = {
         "benchmark": ("choose",),
-        "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
+        "contact": (
+            *("CallableModel", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
+            *("RayCastFoundation", "foundation"),
+        ),
         "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),

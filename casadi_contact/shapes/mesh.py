@@ -73,8 +73,8 @@ class Mesh(Shape):
         if geometry["elements"] == "grid":
             of_patch = dict(zip(geometry["patches"], self.cells(geometry, grid), strict=True))
             for (patch, cells), ranges in zip(of_patch.items(), z_ranges_mm, strict=True):
-                cut = cut_cells(geometry, patch, cells, field)
                 centres, normals, areas = cells
+                cut = cut_cells(geometry, patch, cells, field)
                 found += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
             return found
         check_patches(geometry)
