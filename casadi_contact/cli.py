@@ -19,6 +19,7 @@ from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_o
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
+from casadi_contact.proposal.command import scene as propose_scene
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
 from casadi_contact.sampling.drops import dropped_shares
@@ -63,6 +64,9 @@ def options(
     ] = False,
 ) -> None:
     """Options that come before a command."""
+
+
+app.command("scene", epilog=examples("scene"))(propose_scene)
 
 
 @app.command(epilog=examples("build"))
