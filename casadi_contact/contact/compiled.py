@@ -52,6 +52,10 @@ class CompiledFoundation(ABC):
     def _patch_source(self) -> str:
         """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
 
+    def _patch_data(self) -> bytes:
+        """Tables that `_patch_source` takes from the library's data (see `compiler.shared_library`)."""
+        return b""
+
     @abstractmethod
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
@@ -204,7 +208,7 @@ class CompiledFoundation(ABC):
             c_text("batch.h", C_FOLDER),
         ]
         try:
-            return shared_library("\n".join(texts))
+            return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None
