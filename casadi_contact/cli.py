@@ -23,7 +23,7 @@ from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_e
 from casadi_contact.report.choice_table import choice_table
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
-from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
 
@@ -251,6 +251,8 @@ def show(
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
+    if len(shown) == 1:
+        console.print(pressures_text(model, shown[0]), highlight=False, soft_wrap=True)
     if fits := surface_fits(model):
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)

@@ -27,7 +27,7 @@ app = new_app()
 def run(
     cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the reference cycle if left out")] = None,
     surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
-    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, poses.sto, .png and summary.json")] = (
+    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .sto, .png and summary.json")] = (
         RESULTS / NAME
     ),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,

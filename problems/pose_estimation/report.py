@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -18,6 +18,7 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
+from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
 from problems.pose_estimation.problem import LOADS, PoseEstimation, cop
 from problems.pose_estimation.solve import PoseResult
@@ -40,12 +41,13 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class Tracked:
     """Values of `QUANTITIES`, each (n, 4): wanted, got (surrogate), on the fine EF grid, and on the teacher grid,
-    which has next to no error of its own."""
+    which has next to no error of its own and tells the pressures."""
 
     wanted: Array
     got: Array
     ef: Array
     teacher: Array
+    pressures: PressureSummary
 
     @classmethod
     def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
@@ -53,8 +55,10 @@ class Tracked:
         cycle, scene = problem.cycle, problem.surrogate.scene
         wanted = np.column_stack([cycle.fy_med, cycle.fy_lat, cycle.cop_ap_mm, cycle.cop_ml_mm])
         columns = [scene.load_names.index(name) for name in LOADS]
-        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
-        return cls(wanted, *(np.column_stack([loads[:, :2], cop(loads)]) for loads in (result.loads, *grids)))
+        fine, teacher = (ElasticFoundation(scene, scene.grids[grid]) for grid in ("fine", "teacher"))
+        found = (result.loads, fine(result.poses)[:, columns], teacher(result.poses)[:, columns])
+        got, ef, converged = (np.column_stack([loads[:, :2], cop(loads)]) for loads in found)
+        return cls(wanted, got, ef, converged, teacher.summary(result.poses))
 
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:
         """RMS and largest difference by quantity: surrogate - wanted, fine EF - surrogate, teacher EF - surrogate."""
@@ -68,7 +72,8 @@ class Tracked:
 def report(
     problem: PoseEstimation, result: PoseResult, verdict: Verdict, out: Path, starts: RandomStarts | None = None
 ) -> None:
-    """Print the table and write pose_estimation.csv, poses.sto (OpenSim), summary.json and .png in the folder out."""
+    """Print the table and write pose_estimation.csv, .png, summary.json, and poses.sto and pressures.sto (OpenSim) in
+    the folder out."""
     writable_folder(out)
     cycle, scene = problem.cycle, problem.surrogate.scene
     tracked = Tracked.of(problem, result)
@@ -77,6 +82,8 @@ def report(
     _print(problem, result, verdict, errors, grids, starts)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
+    pressed = pressures_table(cycle.time_s, tracked.pressures, scene.patch_names, f"{cycle.name} pressures")
+    write_table(pressed, out / "pressures.sto")
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "cycle": cycle.name,
@@ -140,6 +147,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
         names = [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
         columns |= dict(zip(names, values.T, strict=True))
+    columns |= pressure_columns(tracked.pressures, problem.surrogate.scene.patch_names)
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
     columns["on_rim"] = result.on_rim.astype(int)
     columns |= {"reason": result.reason, "verdict": verdict.words}
