@@ -13,7 +13,7 @@ from casadi_contact import __version__, benchmark, pipeline
 from casadi_contact.command_examples import examples
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.files import file_stem, short
+from casadi_contact.files import file_stem, folder_lock, short
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
@@ -76,10 +76,11 @@ def build(
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = _project(scene, preset, out)
-    _sample(project, [*(cycles or []), *(more_cycles or [])], table)
-    _train(project)
-    _evaluate(project)
-    _export(project)
+    with folder_lock(project.folder):
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table)
+        _train(project)
+        _evaluate(project)
+        _export(project)
 
 
 @app.command(epilog=examples("sample"))

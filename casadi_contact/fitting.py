@@ -17,7 +17,7 @@ from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
-from casadi_contact.project import Project, Update, has_motion, read_motion
+from casadi_contact.project import Project, Update, alone, has_motion, read_motion
 from casadi_contact.sampling import SamplingSettings, elastic_foundations
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
@@ -42,6 +42,7 @@ def structures_for_scene(project: Project) -> list[str]:
     return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
 
 
+@alone
 def train(
     project: Project,
     update: Update | None = None,

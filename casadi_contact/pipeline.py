@@ -19,12 +19,13 @@ from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
-from casadi_contact.files import file_stem, replacing, writable_folder, write_npz, write_text
+from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
     Project,
     Update,
+    alone,
     has_motion,
     motion_at_hand,
     project_surrogates,
@@ -86,18 +87,20 @@ def build(
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written.
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written or that another
+    process works in.
     """
     if table is not None and (cycles or model is not None):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
     project = Project.open(scene, preset, None if folder is None else Path(folder))
-    if table is not None:
-        take_table(project, Path(table))
-    else:
-        _draw(project, [Path(path) for path in cycles], model, progress, executor)
-    train(project, progress, executor)
-    evaluate(project)
-    export(project)
+    with folder_lock(project.folder):
+        if table is not None:
+            take_table(project, Path(table))
+        else:
+            _draw(project, [Path(path) for path in cycles], model, progress, executor)
+        train(project, progress, executor)
+        evaluate(project)
+        export(project)
     return project_surrogates(project)
 
 
@@ -128,6 +131,7 @@ def _draw(
         sample(project, cycles, tell, here, models=given)
 
 
+@alone
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
@@ -160,6 +164,7 @@ def sample(
     return samples, report
 
 
+@alone
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
@@ -174,6 +179,7 @@ def take_table(project: Project, table: Path) -> Samples:
     return samples
 
 
+@alone
 def calibrate(project: Project) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
     samples = project.samples()
@@ -183,6 +189,7 @@ def calibrate(project: Project) -> list[Path]:
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 
+@alone
 def evaluate(project: Project) -> Path:
     """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
     motion = read_motion(project)[0] if has_motion(project) else None
@@ -200,6 +207,7 @@ def evaluate(project: Project) -> Path:
     return path
 
 
+@alone
 def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
 
@@ -220,6 +228,7 @@ def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
     return written
 
 
+@alone
 def chart(
     project: Project,
     *,

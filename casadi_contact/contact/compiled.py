@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numba
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.contact.callback import contact_callback
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
+from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 
 BOTH = "contact_loads_and_roots"
-_SHARE = 256  # poses that make another thread worth its start
 
 
 class CompiledFoundation(ABC):
@@ -71,6 +70,23 @@ class CompiledFoundation(ABC):
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+
+    @pose_or_poses
+    def hessian(self, poses: Array, weights: ArrayLike) -> Array:
+        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
+
+        Raises ValueError for weights of another shape.
+        """
+        wanted = as_weights(weights, len(poses), self.load_names)
+        if self._library is None:
+            return weighted_hessians(self._differences, poses, wanted)
+        hessians = np.empty((len(poses), 6, 6))
+        call_in_shares(self._library, "array_hessians", poses, wanted, hessians)
+        return hessians
+
+    @cached_property
+    def _differences(self) -> ca.Function:
+        return hessian_function(self.function(compiled=False))
 
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:
@@ -161,7 +177,13 @@ class CompiledFoundation(ABC):
         outputs = {key: sizes[key] for key in wanted}
         kernel = FoundationKernel(self.scene, loads, self._patch_source())
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-        texts = [source, casadi_interface(check_name(name), outputs, batch), c_text("batch.h", C_FOLDER), more]
+        texts = [
+            source,
+            casadi_interface(check_name(name), outputs, batch),
+            c_text("arrays.h"),
+            c_text("batch.h", C_FOLDER),
+            more,
+        ]
         try:
             return shared_library("\n".join(texts))
         except CompilerError as error:
@@ -169,10 +191,9 @@ class CompiledFoundation(ABC):
             return None
 
     @cached_property
-    def _library(self) -> ctypes.CDLL | None:
+    def _library(self) -> Path | None:
         """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
-        path = self._kernel(BOTH, self.load_names, ("loads", "roots"))
-        return None if path is None else ctypes.CDLL(str(path))
+        return self._kernel(BOTH, self.load_names, ("loads", "roots"))
 
     def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
@@ -182,7 +203,7 @@ class CompiledFoundation(ABC):
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
         derivatives = np.empty((*shape, 6, 6)) if slopes else None
-        self._shared_out(self._library.foundation_wrenches, poses, wrenches, derivatives, cut)
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut)
         return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
 
     def _gaps(self, poses: Array) -> tuple[Array, Array]:
@@ -191,29 +212,12 @@ class CompiledFoundation(ABC):
             return gaps, by_pose(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
         gaps, slopes = np.empty(shape), np.empty((*shape, 6))
-        self._shared_out(self._library.foundation_gaps, poses, gaps, slopes)
+        call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
         return gaps, slopes
-
-    @staticmethod
-    def _shared_out(function: Any, poses: Array, *outputs: np.ndarray | None) -> None:
-        """Call a C function on shares of the poses, on as many threads as numba has."""
-        shares = max(1, min(numba.get_num_threads(), len(poses) // _SHARE))
-        bounds = np.linspace(0, len(poses), shares + 1).astype(int)
-
-        def one(k: int) -> None:
-            part = slice(bounds[k], bounds[k + 1])
-            arrays = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *outputs)]
-            function(ctypes.c_longlong(bounds[k + 1] - bounds[k]), *arrays)
-
-        if shares == 1:
-            one(0)
-            return
-        with ThreadPoolExecutor(shares) as pool:
-            list(pool.map(one, range(shares)))
 
 
 def by_pose(by_twist: Array, poses: Array) -> Array:
     """Derivatives (n, ..., 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
-    by_pose = by_twist.copy()
-    by_pose[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
-    return by_pose
+    slopes = by_twist.copy()
+    slopes[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
+    return slopes

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 from abc import abstractmethod
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from casadi_contact.contact.compiled import BOTH, CompiledFoundation, by_pose
 from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure_outputs import MOMENTS, PressureOutputs
 from casadi_contact.conventions import Array, rotation
+from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.source import c_text
 
 
@@ -33,12 +34,11 @@ class CompiledPressures(CompiledFoundation, PressureOutputs):
             return values, by_pose(by_twist, poses)
         shape = (len(poses), len(self.patch_names), MOMENTS)
         values, slopes = np.empty(shape), np.empty((*shape, 6))
-        self._shared_out(self._pressure_library.foundation_moments, poses, values, slopes)
+        call_in_shares(self._pressure_library, "foundation_moments", poses, values, slopes)
         return values, slopes
 
     @cached_property
-    def _pressure_library(self) -> ctypes.CDLL | None:
+    def _pressure_library(self) -> Path | None:
         """A kernel of its own, compiled when pressures are first asked for."""
         more = "\n".join([self._moments_source(), c_text("pressures.h", C_FOLDER)])
-        path = self._kernel(BOTH, self.load_names, ("loads", "roots"), more=more)
-        return None if path is None else ctypes.CDLL(str(path))
+        return self._kernel(BOTH, self.load_names, ("loads", "roots"), more=more)

@@ -17,7 +17,8 @@ from casadi_contact.contact.pressure_summary import PressedElements, PressureSum
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.scenes import Scene
-from casadi_contact.shapes.mesh_bodies import body_mesh, patch_mesh
+from casadi_contact.shapes.mesh_bodies import body_mesh
+from casadi_contact.shapes.mesh_patches import patch_mesh
 
 LARGEST_DEPTH_MM = 20.0
 

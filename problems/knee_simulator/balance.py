@@ -36,10 +36,12 @@ class EnergyBalance:
 
     @property
     def error(self) -> Array:
+        """What the integrator lost or made, (n,) [N·mm]."""
         return self.applied + self.drive - self.kinetic - self.springs - self.dissipation - self.contact
 
     @property
     def unstored(self) -> Array:
+        """Work against contact that its energy does not hold, (n,) [N·mm]."""
         return self.contact - self.stored
 
     @classmethod

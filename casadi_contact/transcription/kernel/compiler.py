@@ -24,6 +24,7 @@ from pathlib import Path
 
 import platformdirs
 
+from casadi_contact.compilation import announce
 from casadi_contact.files import scratch_folder
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
@@ -92,8 +93,10 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
 
-def shared_library(source: str) -> Path:
+def shared_library(source: str, waited_for: str = "") -> Path:
     """Path of the compiled source, from the cache if it is there.
+
+    waited_for: what is announced, with a time, where it must be compiled; nothing if left out.
 
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
     Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
@@ -111,6 +114,8 @@ def shared_library(source: str) -> Path:
     if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
         folder = _process_folder()
         found = _intact(folder, key)
+    if found is None and waited_for:
+        announce(waited_for, f"kept in {folder}")
     try:
         return found or _compiled(source, command, chosen, folder, key)
     except CompilerError:
