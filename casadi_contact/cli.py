@@ -137,15 +137,20 @@ def export(
     preset: PresetName = "quick",
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
     foundation: Annotated[
         bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
     ] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example.
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
     """
-    _export(_project(scene, preset, out), kernel_only=kernel, contact_model=foundation)
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(_project(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
 
 
 @app.command(epilog=examples("chart"))
@@ -326,10 +331,10 @@ def _evaluate(project: Project) -> None:
     console.print(f"evaluation in {path}", highlight=False)
 
 
-def _export(project: Project, *, kernel_only: bool = False, contact_model: bool = False) -> None:
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
     if not contact_model:
         _say_shipped(project, "exporting")
-    for path in pipeline.export(project, kernel_only=kernel_only, contact_model=contact_model):
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
         console.print(f"exported {path}", highlight=False)
 
 

@@ -28,6 +28,7 @@ _EXAMPLES = {
         "export knee",
         "export knee --kernel --out results/my_knee",
         "export knee --foundation",
+        "export knee --fmu",
     ),
     "chart": (
         "chart knee --preset standard",

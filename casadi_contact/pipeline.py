@@ -18,6 +18,7 @@ from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
+from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
@@ -209,28 +210,35 @@ def evaluate(project: Project) -> Path:
 
 
 @alone
-def export(project: Project, *, kernel_only: bool = False, contact_model: bool = False) -> list[Path]:
+def export(
+    project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
+) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
 
-    Where nothing has been built: the scene's shipped surrogates. contact_model: write the C of `contact.foundation`
-    instead, which needs no surrogate.
+    Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
+    contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
     """
-    folder = project.folder / "export"
+    folder, stem = project.folder / "export", file_stem(project.scene.name)
+    models: dict[str, Surrogate | CompiledFoundation]
     if contact_model:
-        pose = contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle")))
-        writable_folder(folder / "foundation")
-        return foundation(project.scene).export_c(folder / "foundation", example_pose=list(pose))
+        models = {"foundation": foundation(project.scene)}
+        pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
+    else:
+        models = {**surrogates_at_hand(project)}
+        motion = not project.begun or has_motion(project)
+        poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+        pose = list(poses[len(poses) // 4])
     written = []
-    surrogates = surrogates_at_hand(project)
-    motion = not project.begun or has_motion(project)
-    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
-    for structure, surrogate in surrogates.items():
-        writable_folder(folder / structure)
-        if not kernel_only:
-            path = folder / structure / f"{file_stem(project.scene.name)}.casadi"
-            save_function(surrogate.function(), path)
+    for kind, model in models.items():
+        writable_folder(folder / kind)
+        if fmu:
+            written.append(model.export_fmu(folder / kind / f"{stem}.fmu", start=pose))
+            continue
+        if isinstance(model, Surrogate) and not kernel_only:
+            path = folder / kind / f"{stem}.casadi"
+            save_function(model.function(), path)
             written.append(path)
-        written += surrogate.export_c(folder / structure, example_pose=list(poses[len(poses) // 4]))
+        written += model.export_c(folder / kind, example_pose=pose)
     return written
 
 

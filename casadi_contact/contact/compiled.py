@@ -19,6 +19,7 @@ from casadi_contact.conventions import Array, angular_velocity_map, load_selecti
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
@@ -182,6 +183,12 @@ class CompiledFoundation(ABC):
         """Write C source and header for loads, derivatives and root loads, an example and a Makefile; return paths."""
         name = name or f"{self.scene.name}_foundation"
         return export_c(self.exported(loads), folder, name=name, example_pose=example_pose)
+
+    def export_fmu(
+        self, path: str | Path, name: str | None = None, loads: Iterable[str] | None = None, *, start: Sequence[float]
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a pose (6); return its path."""
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_foundation", start=start)
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None

@@ -25,6 +25,7 @@ from casadi_contact.structures.trust_source import OWN_ROOTS
 from casadi_contact.structures.trusted_kernel import TrustedKernel
 from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.kernel import Kernel
 from casadi_contact.transcription.kernel.networks import Bundle
 
@@ -282,6 +283,17 @@ class Surrogate(SurrogateFunctions):
         that was learned, if left out) and a Makefile; return their paths."""
         pose = self.learned_pose() if example_pose is None else example_pose
         return export_c(self.exported(loads), folder, name=name or f"{self.scene.name}_contact", example_pose=pose)
+
+    def export_fmu(
+        self,
+        path: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        start: Sequence[float] | None = None,
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a learned pose if none is given; return its path."""
+        pose = self.learned_pose() if start is None else start
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_contact", start=pose)
 
     def learned_pose(self) -> list[float]:
         """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or

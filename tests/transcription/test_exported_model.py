@@ -23,7 +23,8 @@ class Exported:
 
     def __init__(self, model, folder, **keywords):
         model.export_c(folder, name="joint", **keywords)
-        command = ["make", "-C", str(folder), "joint.so", f"CC={compiler_command()[0]}"]
+        flags = "CFLAGS=-O1 -Wall -Wextra -Wno-psabi"  # the makefile's -O3 takes long
+        command = ["make", "-C", str(folder), "joint.so", f"CC={compiler_command()[0]}", flags]
         built = subprocess.run(command, check=True, capture_output=True, text=True)
         assert "warning" not in built.stderr
         self.library, self.header = ctypes.CDLL(str(folder / "joint.so")), (folder / "joint.h").read_text()
@@ -115,8 +116,6 @@ def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_be
     weights = np.ones(len(model.load_names))
     close(exported("hessian", pressed, weights, (6, 6))[2], model.hessian(pressed, weights), 8)
     assert exported.all_of(pressed - 10.0 * away)[0] == OUTSIDE
-
-
-def test_a_foundation_s_pose_in_metres_is_out_of_its_range(tmp_path):
-    exported = Exported(cc.foundation("knee"), tmp_path)
-    assert exported.all_of([0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3])[0] == OUTSIDE
+    if scene == "knee":
+        metres = [0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3]
+        assert exported.all_of(metres)[0] == OUTSIDE, "the surfaces have passed through each other"

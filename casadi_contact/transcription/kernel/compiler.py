@@ -18,6 +18,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -141,6 +142,16 @@ def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, .
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
+
+
+def portable_library(sources: Sequence[Path], target: Path) -> Path:
+    """Compile C files into a shared library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
+
+    Raises CompilerError without a compiler, or where it refuses.
+    """
+    chosen = _words_of(CFLAGS_VARIABLE)
+    _run([*compiler_command(), *FLAGS, *chosen, "-o", str(target), *map(str, sources), "-lm"])
+    return target
 
 
 def _check_private(folder: Path) -> None:
