@@ -66,7 +66,7 @@ def test_every_joint_s_own_motion_is_found_again_from_random_starts(name, model,
 
 @needs_compiler
 def test_a_centre_of_pressure_tells_a_pose_parameter_that_was_not_measured(patellofemoral):
-    """The patella presses along x: its force on one facet and where the total crosses x = 0 stand for both facets' forces.
+    """Force on one facet, and where the total crosses x = 0, stand for the forces on both.
 
     The groove's own axis carries no torque, so that cop_y does not exist."""
     cycle = few_frames(scene_cycles(patellofemoral.scene)[0], every=50)
