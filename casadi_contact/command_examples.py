@@ -7,6 +7,10 @@ _EXAMPLES = {
         "export knee --kernel",
         "build knee --preset standard",
     ),
+    "scene": (
+        "scene femur.stl insert.stl --side right --out my_knee.toml",
+        "scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage",
+    ),
     "build": (
         "build knee",
         "build knee --preset standard --cycles walk1.csv walk2.csv",
@@ -22,6 +26,7 @@ _EXAMPLES = {
     "export": (
         "export knee",
         "export knee --kernel --out results/my_knee",
+        "export knee --foundation",
     ),
     "chart": (
         "chart knee --preset standard",

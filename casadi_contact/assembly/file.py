@@ -129,27 +129,25 @@ def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], 
     return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
 
 
-def _line(key: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def _line(key: str, given: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[Array, Array]]:
     bodies, points = given["bodies"], given["points_mm"]
     for part, value in (("bodies", bodies), ("points_mm", points)):
         if not isinstance(value, list) or len(value) != 2:
             raise fail(f"{key}.{part}", value, "two, one of each end")
-    return {
-        "bodies": tuple(map(str, bodies)),
-        "points_mm": tuple(_numbers(f"{key}.points_mm", point, 3) for point in points),
-    }
+    first, second = (_numbers(f"{key}.points_mm", point, 3) for point in points)
+    return (str(bodies[0]), str(bodies[1])), (first, second)
 
 
 def _ligament(name: str, table: object) -> Ligament:
     key = f"ligaments.{name}"
     given = table_of(key, table, ("bodies", "points_mm", "stiffness_n", "slack_length_mm"), complete=True)
-    sizes = {size: number(f"{key}.{size}", given[size], low=0.0) for size in ("stiffness_n", "slack_length_mm")}
-    return Ligament(name, **_line(key, given), **sizes)
+    stiffness, slack = (number(f"{key}.{size}", given[size], low=0.0) for size in ("stiffness_n", "slack_length_mm"))
+    return Ligament(name, *_line(key, given), stiffness, slack)
 
 
 def _pull(name: str, table: object) -> Pull:
     key = f"pulls.{name}"
-    return Pull(name, **_line(key, table_of(key, table, ("bodies", "points_mm"), complete=True)))
+    return Pull(name, *_line(key, table_of(key, table, ("bodies", "points_mm"), complete=True)))
 
 
 def _spring(name: str, table: object) -> Spring:

@@ -17,6 +17,7 @@ from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKer
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
@@ -24,6 +25,7 @@ from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.kernel.tables import roots_source
 
 _BOTH = "contact_loads_and_roots"
 
@@ -49,6 +51,10 @@ class CompiledFoundation(ABC):
     @abstractmethod
     def _patch_source(self) -> str:
         """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
+
+    def _patch_data(self) -> bytes:
+        """Tables that `_patch_source` takes from the library's data (see `compiler.shared_library`)."""
+        return b""
 
     @abstractmethod
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
@@ -147,6 +153,36 @@ class CompiledFoundation(ABC):
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
         return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
 
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads and root loads; raises ValueError for a pressure law without C."""
+        if self.scene.material.law not in C_LAWS:
+            raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
+        names, patches = self.check_loads(loads), len(self.patch_names)
+        kernel = FoundationKernel(self.scene, names, self._patch_source())
+        source = kernel.source(loads=len(names), roots=patches)
+        return ExportedModel(
+            "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
+            names,
+            self.patch_names,
+            patches,
+            False,
+            "overlap of no more than the layer's thickness",
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
+            vectors=True,
+        )
+
+    def export_c(
+        self,
+        folder: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        example_pose: Sequence[float] = (0.0,) * 6,
+    ) -> list[Path]:
+        """Write C source and header for loads, derivatives and root loads, an example and a Makefile; return paths."""
+        name = name or f"{self.scene.name}_foundation"
+        return export_c(self.exported(loads), folder, name=name, example_pose=example_pose)
+
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
@@ -172,7 +208,7 @@ class CompiledFoundation(ABC):
             c_text("batch.h", C_FOLDER),
         ]
         try:
-            return shared_library("\n".join(texts))
+            return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None
