@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 __version__ = "0.2.0.dev0"
 
 __all__ = [
+    "Assembly",
     "CallableModel",
     "ContactFrames",
     "ContactInOpti",
+    "CupFoundation",
     "ElasticFoundation",
     "PolarFoundation",
     "RayCastFoundation",
@@ -20,6 +22,7 @@ __all__ = [
     "build",
     "choose",
     "foundation",
+    "load_assembly",
     "load_scene",
     "load_surrogate",
     "refine",
@@ -30,9 +33,11 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from casadi_contact.assembly import Assembly, load_assembly
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
+        CupFoundation,
         ElasticFoundation,
         PolarFoundation,
         RayCastFoundation,
@@ -46,8 +51,12 @@ if TYPE_CHECKING:
     from casadi_contact.verification import refine, verify
 else:
     _ROOMS = {
+        "assembly": ("Assembly", "load_assembly"),
         "benchmark": ("choose",),
-        "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
+        "contact": (
+            *("CallableModel", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
+            *("RayCastFoundation", "foundation"),
+        ),
         "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),

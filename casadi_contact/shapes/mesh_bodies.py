@@ -11,10 +11,12 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.mesh import Box, TriangleMesh, load_mesh
+from casadi_contact.geometry.mesh import FILE_AXES, Box, TriangleMesh, load_mesh
+from casadi_contact.geometry.placement import Placement
 from casadi_contact.shapes.mesh_files import file_digest
 
-_Source = tuple[str, str, str, tuple[str, ...], tuple[Box, ...] | None]  # path, digest, units, axes, contact
+# Path, digest, units, axes, contact, placement.
+_Source = tuple[str, str, str, tuple[str, ...], tuple[Box, ...] | None, Placement]
 Geometry = Mapping[str, Any]
 _NO_BOUND = [-np.inf, np.inf]
 
@@ -36,13 +38,8 @@ def body_field(geometry: Geometry, body: str) -> DistanceField:
 def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:
     """Lowest and highest corner (3,) of the box that bounds a patch, infinite where the scene names no bound [mm]."""
     bounds = geometry["patches"][patch]
-    box = np.array([bounds.get("x", _NO_BOUND), _NO_BOUND, bounds.get("z", _NO_BOUND)])
+    box = np.array([bounds.get(axis, _NO_BOUND) for axis in FILE_AXES])
     return box[:, 0], box[:, 1]
-
-
-def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
-    """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box."""
-    return body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
 
 
 def _source(geometry: Geometry, body: str) -> _Source:
@@ -52,7 +49,8 @@ def _source(geometry: Geometry, body: str) -> _Source:
     digest = file_digest(path)
     if geometry.get(f"{body}_sha256", digest) != digest:
         raise ValueError(f"scene: {path} has changed since the scene was made with it: load it again")
-    return str(path), digest, geometry["units"], tuple(geometry["axes"]), _contact(geometry, body)
+    placement = Placement.from_table(geometry.get("placement", {}).get(body, {}))
+    return str(path), digest, geometry["units"], tuple(geometry["axes"]), _contact(geometry, body), placement
 
 
 def _contact(geometry: Geometry, body: str) -> tuple[Box, ...] | None:
@@ -64,8 +62,15 @@ def _contact(geometry: Geometry, body: str) -> tuple[Box, ...] | None:
 
 
 @lru_cache(maxsize=8)
-def _mesh(path: str, digest: str, units: str, axes: tuple[str, ...], contact: tuple[Box, ...] | None) -> TriangleMesh:
-    return load_mesh(path, units, axes, contact)
+def _mesh(
+    path: str,
+    digest: str,
+    units: str,
+    axes: tuple[str, ...],
+    contact: tuple[Box, ...] | None,
+    placement: Placement,
+) -> TriangleMesh:
+    return load_mesh(path, units, axes, contact, placement)
 
 
 @lru_cache(maxsize=4)

@@ -24,9 +24,11 @@ class NumpyArrays:
         return np.ascontiguousarray(values, dtype=np.float64)
 
     def empty(self, *shape: int) -> Any:
+        """Numbers of any value."""
         return np.empty(shape)
 
     def zeros(self, *shape: int) -> Any:
+        """Zeros of a shape."""
         return np.zeros(shape)
 
     def numpy(self, array: Any) -> Any:
@@ -42,6 +44,7 @@ class NumpyArrays:
         return dsyrk(1.0, rows.T, beta=1.0, c=gram, overwrite_c=1)
 
     def diagonal(self, gram: Any) -> Any:
+        """The diagonal of gram."""
         return np.diagonal(gram)
 
     def factor(self, gram: Any, shift: float) -> Any | None:
@@ -54,6 +57,7 @@ class NumpyArrays:
             return None
 
     def solve(self, factor: Any, right: Any) -> Any:
+        """(gram + shift·I)⁻¹·right from the factor."""
         return scipy.linalg.cho_solve(factor, right, check_finite=False)
 
 
@@ -67,38 +71,47 @@ class TorchArrays:
         self.device = torch.device(device)
 
     def array(self, values: Any) -> Any:
+        """A contiguous float64 array on the device."""
         return self.xp.as_tensor(values, dtype=self.xp.float64, device=self.device).contiguous()
 
     def empty(self, *shape: int) -> Any:
+        """Numbers of any value."""
         return self.xp.empty(shape, dtype=self.xp.float64, device=self.device)
 
     def zeros(self, *shape: int) -> Any:
+        """Zeros of a shape."""
         return self.xp.zeros(shape, dtype=self.xp.float64, device=self.device)
 
     def numpy(self, array: Any) -> Any:
+        """The array in the computer's memory."""
         return array.detach().cpu().numpy()
 
     def new_gram(self, size: int) -> Any:
+        """Zeros (size, size) for `add_gram`."""
         return self.zeros(size, size)
 
     def add_gram(self, gram: Any, rows: Any) -> Any:
+        """gram + rowsᵀ·rows in place."""
         return gram.addmm_(rows.T, rows)
 
     def diagonal(self, gram: Any) -> Any:
+        """The diagonal of gram."""
         return self.xp.diagonal(gram)
 
     def factor(self, gram: Any, shift: float) -> Any | None:
+        """Cholesky factor of gram + shift·I, None where that is not positive definite."""
         shifted = gram.clone()
         shifted.diagonal().add_(shift)
         factor, info = self.xp.linalg.cholesky_ex(shifted)
         return None if int(info) else factor
 
     def solve(self, factor: Any, right: Any) -> Any:
+        """(gram + shift·I)⁻¹·right from the factor."""
         return self.xp.cholesky_solve(right[:, None], factor)[:, 0]
 
 
 def arrays_for(device: str) -> NumpyArrays | TorchArrays:
-    """ "cpu" trains with NumPy; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
+    """NumPy trains on "cpu"; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
     if device == "cpu":
         return NumpyArrays()
     try:

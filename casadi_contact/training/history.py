@@ -24,6 +24,7 @@ class History:
         return len(self.gflop)
 
     def add(self, training_rms: float, validation_rms: float, gflop: float, size: int) -> None:
+        """The entry of one more iteration."""
         self.training_rms.append(training_rms)
         self.validation_rms.append(validation_rms)
         self.gflop.append(gflop)
@@ -40,5 +41,6 @@ class History:
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, Any]) -> History:
+        """The course that `arrays` wrote."""
         names = ("training_rms", "validation_rms", "gflop", "size")
         return cls(*([value.item() for value in np.asarray(arrays[name])] for name in names))

@@ -12,15 +12,24 @@ class Outcome(Protocol):
     """What the results of problems that IPOPT solves have in common; converged and reason are (n,)."""
 
     @property
-    def converged(self) -> np.ndarray: ...
+    def converged(self) -> np.ndarray:
+        """True (n,) where a row is solved."""
+
     @property
-    def reason(self) -> np.ndarray: ...
+    def reason(self) -> np.ndarray:
+        """Why a row is not solved, or what else there is to say of it, (n,); empty where nothing."""
+
     @property
-    def ipopt_status(self) -> str: ...
+    def ipopt_status(self) -> str:
+        """IPOPT's return status."""
+
     @property
-    def iterations(self) -> int: ...
+    def iterations(self) -> int:
+        """IPOPT's iterations."""
+
     @property
-    def seconds(self) -> float: ...
+    def seconds(self) -> float:
+        """Time of the solution with its start."""
 
 
 def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:

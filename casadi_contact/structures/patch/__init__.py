@@ -1,0 +1,1 @@
+"""The default structure: a root and ratios for every patch."""

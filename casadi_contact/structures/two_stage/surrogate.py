@@ -27,9 +27,10 @@ from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
 from casadi_contact.structures.patch.targets import root_regressions
 from casadi_contact.structures.sample_rows import finite, fitted_rows
 from casadi_contact.structures.two_stage.graph import two_stage_expressions
-from casadi_contact.structures.two_stage.kernel import two_stage_kernel
+from casadi_contact.structures.two_stage.kernel import confirming_inputs, two_stage_kernel
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.network_graph import network_value
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
@@ -45,6 +46,7 @@ class TwoStageSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        """The pose (6); for loads of the second stage the sensitive loads as well. ValueError: no fit."""
         if not cls.fits(scene):
             raise ValueError(
                 f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
@@ -94,10 +96,12 @@ class TwoStageSurrogate(Surrogate):
         return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
 
     def trust_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) of the confirming networks; those of the loads where a surrogate has none."""
         confirming = self._confirming
         return (self if confirming is None else confirming).root_loads(poses)[0]
 
     def trust_claims(self, poses: Array) -> Array | None:
+        """Normal loads (n, P) [N] before the clamp; None without confirming networks."""
         return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads)[0]
 
     def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -107,12 +111,19 @@ class TwoStageSurrogate(Surrogate):
         claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
         return self.require_trust().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
 
+    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
+        confirming = self._confirming
+        if confirming is None:
+            return super()._trust_inputs()
+        return confirming_inputs(confirming.known_parts(())[0], self.scene.first_parts)
+
     @property
     def _smoothing_load(self) -> float:
         return ROOT_SMOOTHING * self.scene.boundary_load
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        """The loads' own networks, with the sensitive ones first where a second stage takes them."""
         first = list(scene.sensitive_loads)
         known = cls.network_inputs(scene)
         for load in loads:

@@ -41,6 +41,7 @@ class Shape:
 
     @property
     def symbol(self) -> str:
+        """What names the shape in C."""
         sizes = "_".join(map(str, (self.inputs, *self.hidden)))
         return f"{self.activation}_{sizes}_by_{self.count}"
 
@@ -61,6 +62,7 @@ class Shape:
 
     @property
     def widest(self) -> int:
+        """Doubles of the largest layer, all networks together."""
         return max(self.stacked)
 
     def slab(self, layer: int) -> int:
@@ -79,6 +81,7 @@ class Shape:
 
     @property
     def output_bias(self) -> int:
+        """Where the output biases begin."""
         return self.output + self.stacked[self.last]
 
 
@@ -92,6 +95,7 @@ class Group:
 
     @property
     def shape(self) -> Shape:
+        """What its networks have in common."""
         first = self.networks[0]
         return Shape(first.activation, len(first.input_shift), first.hidden, len(self.networks))
 
