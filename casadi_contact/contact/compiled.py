@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.callback import check_loads, model_callback
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
@@ -53,6 +53,10 @@ class CompiledFoundation(ABC):
     def _patch_source(self) -> str:
         """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
 
+    def _patch_data(self) -> bytes:
+        """Tables that `_patch_source` takes from the library's data (see `compiler.shared_library`)."""
+        return b""
+
     @abstractmethod
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
@@ -63,16 +67,16 @@ class CompiledFoundation(ABC):
         return self._wrenches(poses, slopes=False)[0]
 
     @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm]: ``load_names``, or the loads asked for."""
+        return np.einsum("lpk,npk->nl", self._rows(loads), self.wrenches(poses))
 
     @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
-        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
-        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+        selection = self._rows(loads)
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike) -> Array:
@@ -112,10 +116,11 @@ class CompiledFoundation(ABC):
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
-        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
-        if not names or any(name not in self.load_names for name in names):
-            raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(self.load_names)}")
-        return names
+        return check_loads(self.load_names, loads)
+
+    def _rows(self, loads: Iterable[str] | None) -> Array:
+        """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
+        return self._selection[[self.load_names.index(name) for name in self.check_loads(loads)]]
 
     def function(
         self,
@@ -166,6 +171,7 @@ class CompiledFoundation(ABC):
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
+            data=self._patch_data(),
         )
 
     def export_c(
@@ -193,15 +199,7 @@ class CompiledFoundation(ABC):
         path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
         if path is not None:
             return ca.external(name, str(path))
-        rows = [self.load_names.index(load) for load in loads]
-
-        def some_loads(poses: Array) -> tuple[Array, Array]:
-            values, slopes = self.jacobian(poses)
-            return values[:, rows], slopes[:, rows]
-
-        models = {"loads": (len(loads), some_loads), "roots": (len(self.patch_names), self.root_loads)}
-        function = contact_callback(name, [(key, *models[key]) for key in wanted])
-        return function if batch is None else function.map(batch)
+        return model_callback(self, name, loads, wanted, batch)
 
     def _kernel(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1) -> Path | None:
         """The compiled kernel, for CasADi and for arrays; None, with one warning, where there is no compiler."""
@@ -218,7 +216,7 @@ class CompiledFoundation(ABC):
             c_text("batch.h", C_FOLDER),
         ]
         try:
-            return shared_library("\n".join(texts))
+            return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None
