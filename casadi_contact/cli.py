@@ -29,9 +29,10 @@ from casadi_contact.report import (
     write_report,
 )
 from casadi_contact.report.choice_table import choice_table
+from casadi_contact.sampling import MODELS, model_pair
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
-from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
 from casadi_contact.verification.fitness import fitness
@@ -51,6 +52,10 @@ Cycles = Annotated[
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[
     Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+]
+ModelName = Annotated[
+    str,
+    typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
 ]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
@@ -84,12 +89,13 @@ def build(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = _project(scene, preset, out)
     with folder_lock(project.folder):
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table)
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
         _train(project)
         _evaluate(project)
         _export(project)
@@ -103,10 +109,11 @@ def sample(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table)
+    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table, model)
 
 
 @app.command(epilog=examples("train"))
@@ -285,6 +292,8 @@ def show(
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
+    if len(shown) == 1:
+        console.print(pressures_text(model, shown[0]), highlight=False, soft_wrap=True)
     if fits := surface_fits(model):
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)
@@ -303,7 +312,7 @@ def _say_shipped(project: Project, doing: str) -> None:
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)
 
 
-def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> None:
+def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
     if table is not None:
         if cycle_files:
             raise ValueError("got cycle files and a table of samples, expected one of them")
@@ -311,7 +320,12 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
     with progress_bars(console) as update:
-        samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
+        samples, report = pipeline.sample(
+            project,
+            cycle_files,
+            lambda done, total: update("samples", done, total, ""),
+            models=model_pair(model),
+        )
     if report is not None:
         console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():

@@ -17,7 +17,7 @@ ROOMS = [
     *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
     *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "training", "structures"),
-    *("presets", "project", "fitting", "verification", "optimisation", "bridges"),
+    *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
     *("benchmark", "show", "report", "proposal", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]
 

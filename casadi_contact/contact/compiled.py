@@ -28,7 +28,7 @@ from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import roots_source
 
-_BOTH = "contact_loads_and_roots"
+BOTH = "contact_loads_and_roots"
 
 
 class CompiledFoundation(ABC):
@@ -146,7 +146,7 @@ class CompiledFoundation(ABC):
     def load_and_root_function(
         self,
         loads: Iterable[str] | None = None,
-        name: str = _BOTH,
+        name: str = BOTH,
         *,
         compiled: bool = True,
         batch: int | None = None,
@@ -201,8 +201,13 @@ class CompiledFoundation(ABC):
             return ca.external(name, str(path))
         return model_callback(self, name, loads, wanted, batch)
 
-    def _kernel(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1) -> Path | None:
-        """The compiled kernel, for CasADi and for arrays; None, with one warning, where there is no compiler."""
+    def _kernel(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1, more: str = ""
+    ) -> Path | None:
+        """The compiled kernel, for CasADi and for arrays, and more C with it.
+
+        None, with one warning, where there is no compiler.
+        """
         if not self._compiled:
             return None
         sizes = {"loads": len(loads), "roots": len(self.patch_names)}
@@ -214,6 +219,7 @@ class CompiledFoundation(ABC):
             casadi_interface(check_name(name), outputs, batch),
             c_text("arrays.h"),
             c_text("batch.h", C_FOLDER),
+            more,
         ]
         try:
             return shared_library("\n".join(texts), data=self._patch_data())
@@ -224,13 +230,13 @@ class CompiledFoundation(ABC):
     @cached_property
     def _library(self) -> Path | None:
         """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
-        return self._kernel(_BOTH, self.load_names, ("loads", "roots"))
+        return self._kernel(BOTH, self.load_names, ("loads", "roots"))
 
     def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
         if self._library is None:
             wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return wrenches, _by_pose(by_twist, poses), cut
+            return wrenches, by_pose(by_twist, poses), cut
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
         derivatives = np.empty((*shape, 6, 6)) if slopes else None
@@ -240,15 +246,15 @@ class CompiledFoundation(ABC):
     def _gaps(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
             _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return gaps, _by_pose(by_twist, poses)
+            return gaps, by_pose(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
         gaps, slopes = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
         return gaps, slopes
 
 
-def _by_pose(by_twist: Array, poses: Array) -> Array:
+def by_pose(by_twist: Array, poses: Array) -> Array:
     """Derivatives (n, ..., 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
-    by_pose = by_twist.copy()
-    by_pose[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
-    return by_pose
+    slopes = by_twist.copy()
+    slopes[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
+    return slopes

@@ -13,7 +13,7 @@ from casadi_contact.geometry.mesh import axes_rotation
 from casadi_contact.geometry.mesh_elements import axis_name
 from casadi_contact.geometry.placement import Placement
 from casadi_contact.proposal.joint import Joint
-from casadi_contact.proposal.meeting import Meeting
+from casadi_contact.proposal.meeting import REACH_MM, Meeting
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import Regions
 
@@ -62,7 +62,7 @@ def frame_of(
             untold.append("the side: taken as right (--side left mirrors it)")
     known = tuple(axes) if axes is not None else _axes(pair, meeting, regions, joint, mirror, told, untold)
     turned = axes_rotation(known)
-    offsets = _offsets(pair, meeting, regions, Placement(mirror=mirror), turned, told)
+    offsets = _offsets(pair, meeting, regions, joint, Placement(mirror=mirror), turned, told)
     return Frame(known, mirror, offsets, told, untold)
 
 
@@ -137,10 +137,14 @@ def _posterior(pair: Pair, regions: Regions, told: list[str], untold: list[str])
 
 
 def _offsets(
-    pair: Pair, meeting: Meeting, regions: Regions, mirror: Placement, turned: Array, told: list[str]
+    pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: Placement, turned: Array, told: list[str]
 ) -> dict[str, tuple[float, ...]]:
-    """Zero where the files' origins lie at the bodies; else what brings the origin to the middle of contact, or of a
-    ball: the same for both bodies where the files place them together."""
+    """What brings the bodies' origins to where they mean something; zero where the files' own do.
+
+    Files whose origin lies far from the bodies: to the middle of contact, of a ball to its centre; the same for both
+    bodies where the files place them together. A knee of one scan: the fixed origin, which centres of pressure refer
+    to, in x to the middle of contact and in z to between the patches, as a tray's.
+    """
     origins = {}
     for body, points in (("moving", pair.moving.vertices_mm), ("fixed", pair.points_mm)):
         low, high = points.min(axis=0), points.max(axis=0)
@@ -148,8 +152,28 @@ def _offsets(
         origins[body] = regions.centre_mm if far else np.zeros(3)
         if far and body == "moving" and not meeting.together:
             origins[body] = regions.centre_mm - meeting.translation_mm
-    if meeting.together and any(origin.any() for origin in origins.values()):
-        origins = dict.fromkeys(origins, regions.centre_mm)
     if any(origin.any() for origin in origins.values()):
         told.append("the files' origin lies far from the bodies: moved to the centre of what touches, see placement")
-    return {body: tuple((-mirror.points(turned @ origin)).round(3).tolist()) for body, origin in origins.items()}
+        if meeting.together:
+            origins = dict.fromkeys(origins, regions.centre_mm)
+    if joint.kind == "knee" and meeting.together:
+        up = int(np.abs(meeting.pressing).argmax())
+        origins["fixed"] = _middle(pair, meeting, regions) * (np.arange(3) != up) + origins["fixed"] * (
+            np.arange(3) == up
+        )
+        told.append(
+            "the fixed body's origin lies at the middle of contact, between the patches: centres of pressure refer to "
+            "it; poses in the files' frame differ by its placement"
+        )
+    return {body: tuple((0.0 - mirror.points(turned @ origin)).round(3).tolist()) for body, origin in origins.items()}
+
+
+def _middle(pair: Pair, meeting: Meeting, regions: Regions) -> Array:
+    """The mean over the patches of what is near at touch; along the axis they part on, the cut between them [mm]."""
+    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, REACH_MM)
+    patch = regions.patch_of(pair.points_mm)
+    middles = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
+    middle = np.mean(middles, axis=0)
+    if regions.axis is not None:
+        middle[regions.axis] = np.mean(regions.cuts_mm)
+    return np.asarray(middle)

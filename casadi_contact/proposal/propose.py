@@ -13,6 +13,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, TriangleMesh, load_mesh
 from casadi_contact.project import reference_motion_cycles
+from casadi_contact.proposal.doubts import edges_reached, refuse_thin_shell
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint, joint_of
@@ -86,6 +87,9 @@ def propose(
     tables["grids"] = convergence.grids
     (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
     poses, settled = _reference(tables)
+    final = ElasticFoundation(Scene.from_tables(tables))
+    refuse_thin_shell(final, poses)
+    untold += edges_reached(final, poses)
     return Proposal(Scene.from_tables(tables), joint, pose, poses, len(settled), told, untold)
 
 

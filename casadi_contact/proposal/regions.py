@@ -12,6 +12,7 @@ from casadi_contact.conventions import Array, rotation
 from casadi_contact.proposal.meeting import REACH_MM, Meeting
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 
+_SPOT_MM = 1.0  # as near as two bodies that touch side by side; farther, the middle of a groove would count
 _TURNS_DEG = (-15.0, 0.0, 15.0)  # about each axis
 _BIN_MM = 1.0
 _SMOOTH_MM = 2.0
@@ -46,7 +47,7 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
     for angles in itertools.product(np.radians(_TURNS_DEG), repeat=3):
         R = rotation(angles)
         t = pair.touching(R, pivot - R @ (pivot - meeting.translation_mm), meeting.pressing)
-        near = np.flatnonzero(pair.near(R, t, REACH_MM))
+        near = np.flatnonzero(pair.near(R, t, _SPOT_MM))
         touched.append((near, (pair.points_mm[near] - t) @ R, pair.distances(R, t)[1][near] @ R))
     weight = np.zeros(len(pair.points_mm))
     for near, _, _ in touched:

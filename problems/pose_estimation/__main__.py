@@ -28,7 +28,7 @@ def run(
     cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the scene's own if left out")] = None,
     surrogate: SurrogateOption = None,
     scene: SceneOption = None,
-    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, poses.sto, .png and summary.json")] = (
+    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .sto, .png and summary.json")] = (
         RESULTS / NAME
     ),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,

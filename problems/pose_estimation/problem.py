@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, pose_steps
 from problems.pose_estimation.wanted import WantedLoads
 
@@ -35,9 +35,13 @@ class Cycle(Protocol):
     """A measured cycle: `LoadCycle` of a knee, `JointCycle` of any scene."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What messages call it."""
+
     @property
-    def time_s(self) -> Array: ...
+    def time_s(self) -> Array:
+        """Times of its frames (n,) [s], rising."""
+
     def measured_pose(self) -> Mapping[str, Array]:
         """Measured pose parameters by name, each (n,) [mm, rad]."""
 
@@ -116,14 +120,14 @@ def build(
     if not smoothness >= 0.0:
         raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
     count, wanted = len(cycle.time_s), WantedLoads.of(model.scene, cycle.wanted())
-    contact = ContactFrames(
-        model, count, locked=cycle.measured_pose(), loads=model.check_loads(wanted.load_names), compiled=compiled
-    )
-    if len(wanted.values) < len(contact.free):
+    measured = cycle.measured_pose()
+    free = [name for name in POSE_NAMES if name not in measured]
+    if len(wanted.values) < len(free):
         raise ValueError(
             f"cycle {cycle.name}: {len(wanted.values)} loads ({', '.join(wanted.values)}) cannot tell "
-            f"{len(contact.free)} pose parameters ({', '.join(contact.free)}): measure more of either"
+            f"{len(free)} pose parameters ({', '.join(free)}): measure more of either"
         )
+    contact = ContactFrames(model, count, locked=measured, loads=wanted.load_names, compiled=compiled)
     residuals = contact.misfit(wanted.values)
     q, objective = contact.q, 0.5 * ca.sumsqr(residuals)
     if smoothness > 0.0 and count > 1:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -19,6 +19,7 @@ from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
+from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
 from problems.pose_estimation.problem import Cycle, PoseEstimation
 from problems.pose_estimation.solve import PoseResult
@@ -39,22 +40,25 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class Tracked:
     """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), on the fine EF grid,
-    and on the teacher grid, which has next to no error of its own."""
+    and on the teacher grid, which has next to no error of its own and tells the pressures."""
 
     names: tuple[str, ...]
     wanted: Array
     got: Array
     ef: Array
     teacher: Array
+    pressures: PressureSummary
 
     @classmethod
     def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
         """Re-evaluate the solution on the scene's fine and teacher EF grids."""
         wanted, scene = problem.wanted, problem.model.scene
         columns = [scene.load_names.index(name) for name in wanted.load_names]
-        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
+        fine, teacher = (ElasticFoundation(scene, scene.grids[grid]) for grid in ("fine", "teacher"))
+        found = (result.loads, fine(result.poses)[:, columns], teacher(result.poses)[:, columns])
         curves = np.column_stack(list(wanted.values.values()))
-        return cls(tuple(wanted.values), curves, *(wanted.got(loads) for loads in (result.loads, *grids)))
+        got, ef, converged = (wanted.got(loads) for loads in found)
+        return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses))
 
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:
         """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
@@ -73,8 +77,8 @@ def report(
     starts: RandomStarts | None = None,
     kind: str = "surrogate",
 ) -> None:
-    """Print the table and write pose_estimation.csv, poses.sto (OpenSim), summary.json and .png in the folder out;
-    kind: what to call the model there."""
+    """Print the table and write pose_estimation.csv, .png, summary.json, and poses.sto and pressures.sto (OpenSim) in
+    the folder out; kind: what to call the model there."""
     writable_folder(out)
     cycle, scene = problem.cycle, problem.model.scene
     tracked = Tracked.of(problem, result)
@@ -83,6 +87,8 @@ def report(
     _print(problem, result, verdict, errors, grids, starts, kind)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
+    pressed = pressures_table(cycle.time_s, tracked.pressures, scene.patch_names, f"{cycle.name} pressures")
+    write_table(pressed, out / "pressures.sto")
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "cycle": cycle.name,
@@ -147,6 +153,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
         names = [f"{name}_{what}_{quantity(name).kind.plain_unit}" for name in tracked.names]
         columns |= dict(zip(names, values.T, strict=True))
+    columns |= pressure_columns(tracked.pressures, problem.model.scene.patch_names)
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
     columns["on_rim"] = result.on_rim.astype(int)
     columns |= {"reason": result.reason, "verdict": verdict.words}

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array, pose_index
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default
+from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default, touching
 from casadi_contact.statics import settle
 from problems.pose_estimation.march import march
 from problems.pose_estimation.problem import PoseEstimation
@@ -78,7 +78,8 @@ def solve(
 def settled(problem: PoseEstimation, poses: Array) -> Array:
     """Poses (n, 6) brought into the learned range, the sensitive parameters settled under the wanted normal loads.
 
-    Settling needs the range: outside it s may have another root, from which IPOPT does not come back.
+    Settling needs the range: outside it s may have another root, from which IPOPT does not come back. Poses from which
+    it fails, such as a ball beyond the rim of its cup, settle from `PoseEstimation.start_poses` at the first touch.
     """
     model, columns = problem.model, problem.contact.columns
     low, high = pose_bounds(model)
@@ -88,7 +89,15 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
     pressing = problem.wanted.pressing
     if not pressing or not set(model.scene.sensitive_pose) <= set(problem.free):
         return poses
-    return settle(model, poses, model.scene.sensitive_pose, pressing, tolerance=0.1, max_iterations=30)[0]
+    sensitive = model.scene.sensitive_pose
+    poses, report = settle(model, poses, sensitive, pressing, tolerance=0.1, max_iterations=30)
+    left = np.flatnonzero(~report.converged)
+    if len(left):
+        forces = {name: curve[left] for name, curve in pressing.items()}
+        begin = touching(model, problem.start_poses()[left], problem.free, forces)
+        again, report = settle(model, begin, sensitive, forces, tolerance=0.1, max_iterations=30)
+        poses[left[report.converged]] = again[report.converged]
+    return poses
 
 
 def frame_solver(problem: PoseEstimation, print_level: int = 0) -> ca.Function:

@@ -77,10 +77,10 @@ def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Ar
 
 
 def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple[int, int]) -> tuple[float, int]:
-    """Solve from one random start about the reference poses (n, 6) (`moved`); one try. Returns the share of frames
-    reached, and iterations."""
+    """Solve from one random start about the reference poses (n, 6) (`moved`). Returns the share of frames reached, and
+    iterations."""
     problem = build(source.load(), cycle)
-    result = solve(problem, moved(problem, reference, np.random.default_rng(seed)), alone=False)
+    result = solve(problem, moved(problem, reference, np.random.default_rng(seed)))
     same = np.abs((result.poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM
     return float((result.converged & same).mean()), result.iterations
 

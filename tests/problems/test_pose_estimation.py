@@ -13,6 +13,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
+from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
 from problems.common.contact import ContactSource
@@ -144,6 +145,27 @@ def command(*arguments, cwd):
     )
 
 
+def check_pressures(rows, table):
+    """Mean pressure over the area is nearly the vertical force; the .sto has the CSV's numbers in OpenSim's units."""
+    for side in ("med", "lat"):
+        area, mean, peak, depth = (
+            np.array([float(row[f"{name}_{side}_{unit}"]) for row in rows])
+            for name, unit in (
+                ("contact_area", "mm2"),
+                ("mean_pressure", "MPa"),
+                ("peak_pressure", "MPa"),
+                ("penetration", "mm"),
+            )
+        )
+        force = np.array([-float(row[f"Fy_{side}_ef_N"]) for row in rows])
+        loaded = force > 50.0
+        assert loaded.sum() > 50
+        np.testing.assert_allclose((area * mean)[loaded], force[loaded], rtol=0.03)
+        assert ((peak > 1.5 * mean) & (peak < 2.5 * mean) & (depth > 0.0))[loaded].all()
+        np.testing.assert_allclose(table.column(f"peak_pressure_{side}"), 1e6 * peak, rtol=1e-6)
+        np.testing.assert_allclose(table.column(f"contact_area_{side}"), 1e-6 * area, rtol=1e-6)
+
+
 def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solved):
     done = command("--out", tmp_path / "results", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -152,6 +174,7 @@ def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solve
     rows = list(csv.DictReader((tmp_path / "results" / "pose_estimation.csv").open()))
     assert len(rows) == 101
     assert abs(float(rows[30]["Fy_med_got_N"]) - float(rows[30]["Fy_med_wanted_N"])) < 1.0
+    check_pressures(rows, read_opensim_table(tmp_path / "results" / "pressures.sto"))
     summary = json.loads((tmp_path / "results" / "summary.json").read_text())
     assert summary["converged"] == 101
     assert summary["machine"]["casadi"]
