@@ -22,9 +22,10 @@ from casadi_contact.progress import progress_bars
 from casadi_contact.proposal.command import scene as propose_scene
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
+from casadi_contact.sampling import MODELS, model_pair
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
-from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
 
@@ -43,6 +44,10 @@ Cycles = Annotated[
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[
     Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+]
+ModelName = Annotated[
+    str,
+    typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
 ]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
@@ -76,12 +81,13 @@ def build(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = _project(scene, preset, out)
     with folder_lock(project.folder):
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table)
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
         _train(project)
         _evaluate(project)
         _export(project)
@@ -94,10 +100,11 @@ def sample(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table)
+    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table, model)
 
 
 @app.command(epilog=examples("train"))
@@ -130,12 +137,20 @@ def export(
     preset: PresetName = "quick",
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
+    foundation: Annotated[
+        bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
+    ] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example.
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
     """
-    _export(_project(scene, preset, out), kernel_only=kernel)
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(_project(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
 
 
 @app.command(epilog=examples("chart"))
@@ -256,6 +271,8 @@ def show(
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
+    if len(shown) == 1:
+        console.print(pressures_text(model, shown[0]), highlight=False, soft_wrap=True)
     if fits := surface_fits(model):
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)
@@ -274,7 +291,7 @@ def _say_shipped(project: Project, doing: str) -> None:
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)
 
 
-def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> None:
+def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
     if table is not None:
         if cycle_files:
             raise ValueError("got cycle files and a table of samples, expected one of them")
@@ -282,7 +299,12 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
     with progress_bars(console) as update:
-        samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
+        samples, report = pipeline.sample(
+            project,
+            cycle_files,
+            lambda done, total: update("samples", done, total, ""),
+            models=model_pair(model),
+        )
     if report is not None:
         console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():
@@ -309,9 +331,10 @@ def _evaluate(project: Project) -> None:
     console.print(f"evaluation in {path}", highlight=False)
 
 
-def _export(project: Project, *, kernel_only: bool = False) -> None:
-    _say_shipped(project, "exporting")
-    for path in pipeline.export(project, kernel_only=kernel_only):
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+    if not contact_model:
+        _say_shipped(project, "exporting")
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
         console.print(f"exported {path}", highlight=False)
 
 

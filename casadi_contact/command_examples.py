@@ -18,6 +18,7 @@ _EXAMPLES = {
     ),
     "sample": (
         "sample knee --cycles walk1.csv walk2.csv",
+        "sample knee --preset paper --model foundation",
         "sample my_joint.toml --table samples.csv",
     ),
     "train": ("train knee --preset standard",),
@@ -26,6 +27,8 @@ _EXAMPLES = {
     "export": (
         "export knee",
         "export knee --kernel --out results/my_knee",
+        "export knee --foundation",
+        "export knee --fmu",
     ),
     "chart": (
         "chart knee --preset standard",

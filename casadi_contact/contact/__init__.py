@@ -5,7 +5,9 @@ from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.polar import PolarFoundation, Rays
-from casadi_contact.contact.ray_cast import PressureSummary, RayCastFoundation
+from casadi_contact.contact.pressure_summary import PressureSummary
+from casadi_contact.contact.ray_cast import RayCastFoundation
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 
 __all__ = [
     "CallableModel",
@@ -16,5 +18,7 @@ __all__ = [
     "PressureSummary",
     "RayCastFoundation",
     "Rays",
+    "SymbolicContact",
     "foundation",
+    "symbolic",
 ]

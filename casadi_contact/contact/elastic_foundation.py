@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from casadi_contact.contact.kernels import element_depths, gap_many, point_dista
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
@@ -116,12 +117,20 @@ class ElasticFoundation:
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
         (position,) = as_poses([pose])
-        R, t = rotation(position[3:]), position[:3].copy()
-        maps = []
-        for patch, (surface, elements) in zip(self.patch_names, self._patches, strict=True):
-            depths = element_depths(surface.family, surface.parameters, elements, R, t)
-            maps.append(PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths)))
-        return maps
+        return [
+            PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths))
+            for patch, (elements, depths) in zip(self.patch_names, self._depths(position), strict=True)
+        ]
+
+    def summary(self, poses: Array) -> PressureSummary:
+        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its elements."""
+        poses = as_poses(poses)
+        found = (
+            PressedElements(n, p, elements[0], elements[2], depths, pressures(*self._law, depths))
+            for n, pose in enumerate(poses)
+            for p, (elements, depths) in enumerate(self._depths(pose))
+        )
+        return PressureSummary.of_elements((len(poses), len(self.patch_names)), found)
 
     def distances(self, points_mm: Array, pose: Array, patch: str) -> Array:
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
@@ -129,6 +138,12 @@ class ElasticFoundation:
         surface = self._patches[self.patch_names.index(patch)].surface
         points = np.ascontiguousarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
+
+    def _depths(self, pose: Array) -> Iterator[tuple[tuple[Array, ...], Array]]:
+        """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
+        R, t = rotation(pose[3:]), pose[:3].copy()
+        for surface, elements in self._patches:
+            yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
 
     @cached_property
     def _parts(self) -> list[_Bed]:

@@ -153,28 +153,33 @@ INLINE void to_fixed(const Place *p, double m[3][3], double out[6][6]) {
   }
 }
 
-/* Distance to the cup within its rim: D - r with D^2 = R^2 + b^2 - 2 R s, s the most of e . b. */
-INLINE void cup_gap(const Place *p, PatchLoads *out) {
-  double flat[3], nearest[3], turn[3][3], size, distance = 0.0;
+/* e of the cup's point nearest to the ball; across the pole towards b: flat, of size `size` before it became a unit. */
+INLINE int nearest_direction(const Place *p, double e[3], double flat[3], double *size) {
   const double along = dot3(p->b, cup_pole);
   const int inside = p->cos_tilt >= RIM_COS;
   for (int i = 0; i < 3; i++) flat[i] = p->b[i] - along * cup_pole[i];
-  size = larger(sqrt(dot3(flat, flat)), LEAST_MM);
+  *size = larger(sqrt(dot3(flat, flat)), LEAST_MM);
   for (int i = 0; i < 3; i++) {
-    flat[i] = size > LEAST_MM ? flat[i] / size : cup_beside[i];
-    nearest[i] = CUP_RADIUS * (inside ? p->frame[0][i] : RIM_COS * cup_pole[i] + RIM_SIN * flat[i]);
-    distance += (nearest[i] - p->b[i]) * (nearest[i] - p->b[i]);
+    flat[i] = *size > LEAST_MM ? flat[i] / *size : cup_beside[i];
+    e[i] = inside ? p->frame[0][i] : RIM_COS * cup_pole[i] + RIM_SIN * flat[i];
   }
-  distance = sqrt(distance);
+  return inside;
+}
+
+/* Distance to the cup within its rim: D - r with D^2 = R^2 + b^2 - 2 R s, s the most of e . b. */
+INLINE void cup_gap(const Place *p, PatchLoads *out) {
+  double flat[3], e[3], way[3], size, distance;
+  const int inside = nearest_direction(p, e, flat, &size);
+  for (int i = 0; i < 3; i++) way[i] = p->b[i] - CUP_RADIUS * e[i];
+  distance = sqrt(dot3(way, way));
   out->gap = distance - BALL_RADIUS;
-  for (int i = 0; i < 3; i++) out->gap_slope[i] = (p->b[i] - nearest[i]) / distance;
-  for (int i = 0; i < 3; i++) { /* of s */
+  for (int i = 0; i < 3; i++) out->gap_slope[i] = way[i] / distance;
+  for (int i = 0; i < 3; i++) {
     for (int j = 0; j < 3; j++) {
       const double unit = i == j ? 1.0 : 0.0;
-      turn[i][j] = inside ? (unit - p->frame[0][i] * p->frame[0][j]) / p->length
-                          : RIM_SIN * (unit - cup_pole[i] * cup_pole[j] - flat[i] * flat[j]) / size;
-      out->gap_curvature[i][j] =
-          (unit - CUP_RADIUS * turn[i][j] - out->gap_slope[i] * out->gap_slope[j]) / distance;
+      const double turn = inside ? (unit - e[i] * e[j]) / p->length /* second derivatives of s */
+                                 : RIM_SIN * (unit - cup_pole[i] * cup_pole[j] - flat[i] * flat[j]) / size;
+      out->gap_curvature[i][j] = (unit - CUP_RADIUS * turn - out->gap_slope[i] * out->gap_slope[j]) / distance;
     }
   }
 }

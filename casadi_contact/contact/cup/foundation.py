@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.contact.cup.cup import cup_of
+from casadi_contact.contact.cup.pressures import cup_moments
 from casadi_contact.contact.cup.quadrature import cup_loads
 from casadi_contact.contact.cup.source import cup_source
+from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription.kernel.source import c_text
 
 POINTS = 12
 
 
-class CupFoundation(CompiledFoundation):
+class CupFoundation(CompiledPressures):
     """Elastic foundation of a ball in a cup with its rim, integrated over one angle: nothing of it is a grid.
 
     points: on whole circles about the deepest point and on those that the rim cuts, a multiple of 4. Raises ValueError
@@ -35,6 +38,13 @@ class CupFoundation(CompiledFoundation):
 
     def _patch_source(self) -> str:
         return cup_source(self.cup, self.points)
+
+    def _moments_source(self) -> str:
+        return c_text("cup_pressures.h", C_FOLDER)
+
+    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
+        value, by_centre = cup_moments(self.cup, self.law, self.points, t)
+        return value[:, None], np.concatenate([by_centre, np.zeros_like(by_centre)], -1)[:, None]
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = cup_loads(self.cup, self.law, self.points, t)

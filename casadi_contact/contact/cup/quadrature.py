@@ -43,38 +43,78 @@ class CupLoads:
     cut: np.ndarray
 
 
-def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> CupLoads:
-    """Evaluate a cup for balls with their centres (n, 3) in the fixed frame."""
+@dataclass(frozen=True)
+class Cap:
+    """The contact region of n balls: b (n, 3) from the cup's centre, its length and axes (n, 3, 3), the cosine and the
+    sine (n,) of its angle to the pole, x at the edge (n,); points x with weights and half arcs Φ (n, m), and s and w.
+    """
+
+    b: Array
+    length: Array
+    frame: Array
+    cos_tilt: Array
+    sin_tilt: Array
+    edge: Array
+    x: Array
+    weight: Array
+    arc: Array
+    s: Array
+    w: Array
+
+    def first(self) -> Array:
+        """E1 (n, m, 3) in the axes of b."""
+        return first_moment(self.x, self.arc)
+
+
+def first_moment(x: Array, arc: Array) -> Array:
+    """E1 (..., 3) over half arcs, in the axes of b."""
+    across = np.sqrt(np.maximum(1.0 - x * x, 0.0))
+    return np.stack([2.0 * x * arc, 2.0 * across * np.sin(arc), np.zeros_like(x)], -1)
+
+
+def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
+    """Contact of balls with their centres (n, 3) in the fixed frame."""
     b = centres - cup.centre
     length = np.maximum(np.linalg.norm(b, axis=1), LEAST_MM)
-    frame = frames(cup, b, length)
+    frame = _frames(cup, b, length)
     cos_tilt = np.clip(frame[:, 0] @ cup.pole, -1.0, 1.0)
     sin_tilt = frame[:, 1] @ cup.pole
-    edge = edge_cosine(cup, length)
+    edge = (cup.radius**2 + length**2 - cup.ball_radius**2) / (2.0 * cup.radius * length)
+    edge = np.clip(edge, -1.0, 1.0)  # from |R e - b| = r; 1 where there is no contact
     x, weight, arc = _points(cup, cos_tilt, sin_tilt, edge, points)
-    s, radius_2 = length[:, None] * x, cup.radius**2
+    s = length[:, None] * x
     w = np.sqrt(np.maximum(cup.ball_radius**2 - length[:, None] ** 2 + s * s, _LEAST_SINE))
-    p, dp = pressure_slopes(*law, s + w - cup.radius)
-    across = np.sqrt(np.maximum(1.0 - x * x, 0.0))
-    sine, zero = np.sin(arc), np.zeros_like(x)
-    first = np.stack([2.0 * x * arc, 2.0 * across * sine, zero], -1)
-    second = np.zeros((*x.shape, 3, 3))
-    second[..., 0, 0] = 2.0 * x * x * arc
-    second[..., 0, 1] = second[..., 1, 0] = 2.0 * x * across * sine
-    second[..., 1, 1] = across**2 * (arc + sine * np.cos(arc))
-    second[..., 2, 2] = across**2 * (arc - sine * np.cos(arc))
-    rate = (1.0 + s / w)[..., None, None] * second
-    rate[..., 0] -= (length[:, None] / w)[..., None] * first
-    force = radius_2 * np.einsum("nm,nmi->ni", weight * p, first)
-    stiffness = radius_2 * np.einsum("nm,nmij->nij", weight * dp, rate)
-    gap, gap_slope = _gap(cup, b, length, frame, cos_tilt)
+    return Cap(b, length, frame, cos_tilt, sin_tilt, edge, x, weight, arc, s, w)
+
+
+def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> CupLoads:
+    """Evaluate a cup for balls with their centres (n, 3) in the fixed frame."""
+    cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
+    p, dp = pressure_slopes(*law, cap.s + cap.w - cup.radius)
+    first = cap.first()
+    force = radius_2 * np.einsum("nm,nmi->ni", cap.weight * p, first)
+    stiffness = radius_2 * np.einsum("nm,nmij->nij", cap.weight * dp, rates(cap, first))
+    gap, gap_slope = _gap(cup, cap)
     return CupLoads(
-        np.einsum("nki,nk->ni", frame, force),
-        np.einsum("nki,nkl,nlj->nij", frame, stiffness, frame),
+        np.einsum("nki,nk->ni", cap.frame, force),
+        np.einsum("nki,nkl,nlj->nij", cap.frame, stiffness, cap.frame),
         gap,
         gap_slope,
-        (edge < 1.0) & (edge < _rims(cup, cos_tilt, sin_tilt)[0]),
+        (cap.edge < 1.0) & (cap.edge < _rims(cup, cap.cos_tilt, cap.sin_tilt)[0]),
     )
+
+
+def rates(cap: Cap, first: Array) -> Array:
+    """∫e⊗∂d/∂b dφ (n, m, 3, 3)."""
+    x, arc, square = cap.x, cap.arc, np.maximum(1.0 - cap.x**2, 0.0)
+    second = np.zeros((*x.shape, 3, 3))
+    second[..., 0, :] = x[..., None] * first
+    second[..., 1, 0] = second[..., 0, 1]
+    second[..., 1, 1] = square * (arc + np.sin(arc) * np.cos(arc))
+    second[..., 2, 2] = square * (arc - np.sin(arc) * np.cos(arc))
+    rate = (1.0 + cap.s / cap.w)[..., None, None] * second
+    rate[..., 0] -= (cap.length[:, None] / cap.w)[..., None] * first
+    return rate
 
 
 @dataclass(frozen=True)
@@ -100,7 +140,7 @@ def any_across(cup: Cup) -> Array:
     return np.asarray(across / np.linalg.norm(across))
 
 
-def frames(cup: Cup, b: Array, length: Array) -> Array:
+def _frames(cup: Cup, b: Array, length: Array) -> Array:
     """Right-handed axes in rows (n, 3, 3): along b, and towards the pole; where these are one, any."""
     along = np.where(length[:, None] > LEAST_MM, b / length[:, None], cup.pole)
     beside = any_across(cup)
@@ -111,16 +151,17 @@ def frames(cup: Cup, b: Array, length: Array) -> Array:
     return np.stack([along, towards, np.cross(along, towards)], 1)
 
 
-def edge_cosine(cup: Cup, length: Array) -> Array:
-    """x at the edge of contact, from |R e - b| = r; 1 where there is none, at least -1."""
-    x = (cup.radius**2 + length**2 - cup.ball_radius**2) / (2.0 * cup.radius * length)
-    return np.clip(x, -1.0, 1.0)
-
-
 def _rims(cup: Cup, cos_tilt: Array, sin_tilt: Array) -> tuple[Array, Array]:
     """x at which arcs begin to be part of a circle, and at which they end."""
     c, s = np.cos(cup.half_angle), np.sin(cup.half_angle)
     return c * cos_tilt + s * sin_tilt, c * cos_tilt - s * sin_tilt
+
+
+def arcs_at(cup: Cup, cos_tilt: Array, sin_tilt: Array, x: Array) -> Array:
+    """Half arcs Φ that the rim leaves of the circles at x: 0 to π."""
+    across = np.sqrt(np.maximum(1.0 - x * x, 0.0)) * sin_tilt
+    q = (np.cos(cup.half_angle) - x * cos_tilt) / np.maximum(across, _LEAST_SINE)
+    return np.asarray(np.arccos(np.clip(q, -1.0, 1.0)))
 
 
 def _points(cup: Cup, cos_tilt: Array, sin_tilt: Array, edge: Array, points: int) -> tuple[Array, Array, Array]:
@@ -134,23 +175,24 @@ def _points(cup: Cup, cos_tilt: Array, sin_tilt: Array, edge: Array, points: int
     lower = np.maximum(edge, end)[:, None]
     half = 0.5 * (upper - lower)
     cut = upper - half * (1.0 + node.arc)
-    q = np.cos(cup.half_angle) - cut * cos_tilt[:, None]
-    q /= np.maximum(np.sqrt(np.maximum(1.0 - cut * cut, 0.0)) * sin_tilt[:, None], _LEAST_SINE)
-    arc = np.arccos(np.clip(q, -1.0, 1.0))
+    arc = arcs_at(cup, cos_tilt[:, None], sin_tilt[:, None], cut)
     x = np.concatenate([whole, cut], 1)
     weights = np.concatenate([0.5 * (1.0 - low) * node.whole_weight, half * node.arc_weight], 1)
     return x, weights, np.concatenate([np.full_like(whole, np.pi), arc], 1)
 
 
-def _gap(cup: Cup, b: Array, length: Array, frame: Array, cos_tilt: Array) -> tuple[Array, Array]:
-    """Distance of the ball from the cup within its rim (n,), and its derivatives by b (n, 3).
-
-    The nearest point lies along b or, beyond the rim, on the rim towards b; of a ball in the cup's centre, at the pole.
-    """
-    flat = b - np.outer(b @ cup.pole, cup.pole)
+def nearest_direction(cup: Cup, cap: Cap) -> Array:
+    """Unit vectors (n, 3) from the cup's centre to its point nearest to the ball: along b or, beyond the rim, to the
+    rim on the side of b; of a ball in the cup's centre, the pole."""
+    flat = cap.b - np.outer(cap.b @ cup.pole, cup.pole)
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     flat = np.where(size > LEAST_MM, flat / np.maximum(size, LEAST_MM), any_across(cup))
     on_rim = np.cos(cup.half_angle) * cup.pole + np.sin(cup.half_angle) * flat
-    nearest = cup.radius * np.where((cos_tilt < np.cos(cup.half_angle))[:, None], on_rim, frame[:, 0])
-    distance = np.linalg.norm(nearest - b, axis=1)
-    return distance - cup.ball_radius, (b - nearest) / distance[:, None]
+    return np.where((cap.cos_tilt < np.cos(cup.half_angle))[:, None], on_rim, cap.frame[:, 0])
+
+
+def _gap(cup: Cup, cap: Cap) -> tuple[Array, Array]:
+    """Distance of the ball from the cup within its rim (n,), and its derivatives by b (n, 3)."""
+    way = cap.b - cup.radius * nearest_direction(cup, cap)
+    distance = np.linalg.norm(way, axis=1)
+    return distance - cup.ball_radius, way / distance[:, None]
