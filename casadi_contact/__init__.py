@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.2.0.dev0"
 
 __all__ = [
+    "Assembly",
     "CallableModel",
     "ContactFrames",
     "ContactInOpti",
@@ -21,6 +22,7 @@ __all__ = [
     "build",
     "choose",
     "foundation",
+    "load_assembly",
     "load_scene",
     "load_surrogate",
     "refine",
@@ -31,6 +33,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from casadi_contact.assembly import Assembly, load_assembly
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
     from casadi_contact.verification import refine, verify
 else:
     _ROOMS = {
+        "assembly": ("Assembly", "load_assembly"),
         "benchmark": ("choose",),
         "contact": (
             *("CallableModel", "CupFoundation", "ElasticFoundation", "PolarFoundation"),

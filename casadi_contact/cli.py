@@ -19,6 +19,7 @@ from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_o
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
+from casadi_contact.proposal.command import scene as propose_scene
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
 from casadi_contact.sampling import MODELS, model_pair
@@ -68,6 +69,9 @@ def options(
     ] = False,
 ) -> None:
     """Options that come before a command."""
+
+
+app.command("scene", epilog=examples("scene"))(propose_scene)
 
 
 @app.command(epilog=examples("build"))
@@ -133,12 +137,20 @@ def export(
     preset: PresetName = "quick",
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
+    foundation: Annotated[
+        bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
+    ] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example.
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
     """
-    _export(_project(scene, preset, out), kernel_only=kernel)
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(_project(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
 
 
 @app.command(epilog=examples("chart"))
@@ -319,9 +331,10 @@ def _evaluate(project: Project) -> None:
     console.print(f"evaluation in {path}", highlight=False)
 
 
-def _export(project: Project, *, kernel_only: bool = False) -> None:
-    _say_shipped(project, "exporting")
-    for path in pipeline.export(project, kernel_only=kernel_only):
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+    if not contact_model:
+        _say_shipped(project, "exporting")
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
         console.print(f"exported {path}", highlight=False)
 
 

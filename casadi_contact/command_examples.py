@@ -7,6 +7,10 @@ _EXAMPLES = {
         "export knee --kernel",
         "build knee --preset standard",
     ),
+    "scene": (
+        "scene femur.stl insert.stl --side right --out my_knee.toml",
+        "scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage",
+    ),
     "build": (
         "build knee",
         "build knee --preset standard --cycles walk1.csv walk2.csv",
@@ -23,6 +27,8 @@ _EXAMPLES = {
     "export": (
         "export knee",
         "export knee --kernel --out results/my_knee",
+        "export knee --foundation",
+        "export knee --fmu",
     ),
     "chart": (
         "chart knee --preset standard",

@@ -17,7 +17,8 @@ import numpy as np
 from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.contact import ContactModel
+from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
+from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
@@ -45,6 +46,7 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.scenes import Scene
+from casadi_contact.show import contact_pose
 from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.transcription import save_function
 
@@ -208,27 +210,38 @@ def evaluate(project: Project) -> Path:
 
 
 @alone
-def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
+def export(
+    project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
+) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
 
-    Where nothing has been built: the scene's shipped surrogates.
+    Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
+    contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
     """
+    folder, stem = project.folder / "export", file_stem(project.scene.name)
+    models: dict[str, Surrogate | CompiledFoundation]
+    if contact_model:
+        models = {"foundation": foundation(project.scene)}
+        pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
+    else:
+        models = {**surrogates_at_hand(project)}
+        motion = not project.begun or has_motion(project)
+        poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+        pose = list(poses[len(poses) // 4])
     written = []
-    surrogates = surrogates_at_hand(project)
-    motion = not project.begun or has_motion(project)
-    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
-    for structure, surrogate in surrogates.items():
-        folder = project.folder / "export" / structure
-        writable_folder(folder)
-        if not kernel_only:
-            path = folder / f"{file_stem(project.scene.name)}.casadi"
-            save_function(surrogate.function(), path)
+    for kind, model in models.items():
+        writable_folder(folder / kind)
+        if fmu:
+            written.append(model.export_fmu(folder / kind / f"{stem}.fmu", start=pose))
+            continue
+        if isinstance(model, Surrogate) and not kernel_only:
+            path = folder / kind / f"{stem}.casadi"
+            save_function(model.function(), path)
             written.append(path)
-        written += surrogate.export_c(folder, example_pose=list(poses[len(poses) // 4]))
+        written += model.export_c(folder / kind, example_pose=pose)
     return written
 
 
-@alone
 def chart(
     project: Project,
     *,

@@ -7,6 +7,7 @@ from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.polar import PolarFoundation, Rays
 from casadi_contact.contact.pressure_summary import PressureSummary
 from casadi_contact.contact.ray_cast import RayCastFoundation
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 
 __all__ = [
     "CallableModel",
@@ -17,5 +18,7 @@ __all__ = [
     "PressureSummary",
     "RayCastFoundation",
     "Rays",
+    "SymbolicContact",
     "foundation",
+    "symbolic",
 ]

@@ -12,18 +12,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.callback import check_loads, model_callback
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.kernel.tables import roots_source
 
 BOTH = "contact_loads_and_roots"
 
@@ -50,6 +53,10 @@ class CompiledFoundation(ABC):
     def _patch_source(self) -> str:
         """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
 
+    def _patch_data(self) -> bytes:
+        """Tables that `_patch_source` takes from the library's data (see `compiler.shared_library`)."""
+        return b""
+
     @abstractmethod
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
@@ -60,16 +67,16 @@ class CompiledFoundation(ABC):
         return self._wrenches(poses, slopes=False)[0]
 
     @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm]: ``load_names``, or the loads asked for."""
+        return np.einsum("lpk,npk->nl", self._rows(loads), self.wrenches(poses))
 
     @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
-        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
-        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+        selection = self._rows(loads)
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike) -> Array:
@@ -109,10 +116,11 @@ class CompiledFoundation(ABC):
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
-        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
-        if not names or any(name not in self.load_names for name in names):
-            raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(self.load_names)}")
-        return names
+        return check_loads(self.load_names, loads)
+
+    def _rows(self, loads: Iterable[str] | None) -> Array:
+        """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
+        return self._selection[[self.load_names.index(name) for name in self.check_loads(loads)]]
 
     def function(
         self,
@@ -146,6 +154,42 @@ class CompiledFoundation(ABC):
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
         return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
 
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads and root loads; raises ValueError for a pressure law without C."""
+        if self.scene.material.law not in C_LAWS:
+            raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
+        names, patches = self.check_loads(loads), len(self.patch_names)
+        kernel = FoundationKernel(self.scene, names, self._patch_source())
+        source = kernel.source(loads=len(names), roots=patches)
+        return ExportedModel(
+            "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
+            names,
+            self.patch_names,
+            patches,
+            False,
+            "overlap of no more than the layer's thickness",
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
+            vectors=True,
+        )
+
+    def export_c(
+        self,
+        folder: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        example_pose: Sequence[float] = (0.0,) * 6,
+    ) -> list[Path]:
+        """Write C source and header for loads, derivatives and root loads, an example and a Makefile; return paths."""
+        name = name or f"{self.scene.name}_foundation"
+        return export_c(self.exported(loads), folder, name=name, example_pose=example_pose)
+
+    def export_fmu(
+        self, path: str | Path, name: str | None = None, loads: Iterable[str] | None = None, *, start: Sequence[float]
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a pose (6); return its path."""
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_foundation", start=start)
+
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
@@ -154,15 +198,7 @@ class CompiledFoundation(ABC):
         path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
         if path is not None:
             return ca.external(name, str(path))
-        rows = [self.load_names.index(load) for load in loads]
-
-        def some_loads(poses: Array) -> tuple[Array, Array]:
-            values, slopes = self.jacobian(poses)
-            return values[:, rows], slopes[:, rows]
-
-        models = {"loads": (len(loads), some_loads), "roots": (len(self.patch_names), self.root_loads)}
-        function = contact_callback(name, [(key, *models[key]) for key in wanted])
-        return function if batch is None else function.map(batch)
+        return model_callback(self, name, loads, wanted, batch)
 
     def _kernel(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1, more: str = ""
@@ -185,7 +221,7 @@ class CompiledFoundation(ABC):
             more,
         ]
         try:
-            return shared_library("\n".join(texts))
+            return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None

@@ -9,7 +9,7 @@ from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_cur
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 from casadi_contact.geometry.surfaces import signed_distance
 
-_STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
+STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 
 
 @numba.njit(cache=True, inline="always")
@@ -60,7 +60,7 @@ def block_bound(family, tangent, extents, b):
         if curvature < np.inf:
             bound -= 0.5 * curvature * reach2
         if bound <= 0.0 or curvature == np.inf:
-            bound = g - _STEEPEST_FIELD * np.sqrt(reach2)
+            bound = g - STEEPEST_FIELD * np.sqrt(reach2)
     return bound
 
 

@@ -90,6 +90,12 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     return DistanceField(parameters, FieldFit(rms, largest, mesh.dropped, len(mesh.nonmanifold_edges)))
 
 
+def field_parts(parameters: Array) -> tuple[Array, float, Array, Array]:
+    """Origin (3,) and spacing [mm], coefficients and curvature bounds (nx, ny, nz) of a field's parameters."""
+    coefficients, bounds = parameters[_HEAD:].reshape(2, *parameters[4:_HEAD].astype(int))
+    return parameters[:3], float(parameters[3]), coefficients, bounds
+
+
 def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:
     """M (nx, ny, nz) [1/mm]: the largest -λ_min(∇²g), or 0, of the `near` nodes within reach of each node."""
     count = int(near.sum())
@@ -163,6 +169,45 @@ def field_distance(parameters, x, y, z):
         gy = oy / out if oy != 0.0 else gy
         gz = oz / out if oz != 0.0 else gz
     return g, gx, gy, gz
+
+
+@numba.njit(cache=True)
+def field_hessian(parameters, x, y, z):
+    """g, its gradient and its second derivatives xx, xy, xz, yy, yz, zz: none along what leaves the grid."""
+    found = np.empty(10)
+    found[0], found[1], found[2], found[3] = field_distance(parameters, x, y, z)
+    scale = 1.0 / parameters[3]
+    ny, nz = int(parameters[5]), int(parameters[6])
+    px, py, pz = (x - parameters[0]) * scale, (y - parameters[1]) * scale, (z - parameters[2]) * scale
+    u, i, tu = _inside(px, parameters[4])
+    v, j, tv = _inside(py, parameters[5])
+    w, k, tw = _inside(pz, parameters[6])
+    weights = np.empty((3, 3, 4))  # axis, order of the derivative, node
+    for axis, t in enumerate((tu, tv, tw)):
+        values, slopes = _weights(t)
+        for a in range(4):
+            weights[axis, 0, a], weights[axis, 1, a] = values[a], slopes[a]
+        weights[axis, 2] = (1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t)
+    found[4:] = 0.0
+    for a in range(4):
+        for b in range(4):
+            at = _HEAD + ((i + a) * ny + j + b) * nz + k
+            lines = weights[2] @ parameters[at : at + 4]
+            wx, wy = weights[0, :, a], weights[1, :, b]
+            found[4] += wx[2] * wy[0] * lines[0]
+            found[5] += wx[1] * wy[1] * lines[0]
+            found[6] += wx[1] * wy[0] * lines[1]
+            found[7] += wx[0] * wy[2] * lines[0]
+            found[8] += wx[0] * wy[1] * lines[1]
+            found[9] += wx[0] * wy[0] * lines[2]
+    found[4:] *= scale * scale
+    if px != u:
+        found[4] = found[5] = found[6] = 0.0
+    if py != v:
+        found[5] = found[7] = found[8] = 0.0
+    if pz != w:
+        found[6] = found[8] = found[9] = 0.0
+    return found
 
 
 @numba.njit(cache=True)

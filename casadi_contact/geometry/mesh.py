@@ -56,7 +56,7 @@ class TriangleMesh:
         edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)
         return edges[count > 2]
 
-    @property
+    @cached_property
     def boundary_edges(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
         edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)

@@ -52,14 +52,17 @@ class Mesh(Shape):
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
         from casadi_contact.geometry.mesh_elements import DOWN, grid_on_mesh
         from casadi_contact.shapes.mesh_bodies import body_field, patch_box
-        from casadi_contact.shapes.mesh_patches import check_patches, patch_mesh
+        from casadi_contact.shapes.mesh_patches import check_patches, check_side, patch_mesh
 
         check_patches(geometry)
         field, pressing = body_field(geometry, "fixed"), geometry.get("pressing", DOWN)
-        return [
+        found = [
             grid_on_mesh(patch_mesh(geometry, patch, reaching=True), field, grid, patch_box(geometry, patch), pressing)
             for patch in geometry["patches"]
         ]
+        for patch, cells in zip(geometry["patches"], found, strict=True):
+            check_side(geometry, patch, cells)
+        return found
 
     def elements(
         self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]

@@ -7,15 +7,18 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.mesh import TriangleMesh
-from casadi_contact.shapes.mesh_bodies import body_mesh, patch_box
+from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
 from casadi_contact.shapes.shape import Geometry
 
 _LEAST_AREA_MM2 = 4.0  # of a patch: a smaller spot is no joint's
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
+_NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
+_BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
 _NEAR_OPEN_EDGE = 1.5  # cells
 
 
@@ -53,6 +56,35 @@ def check_patches(geometry: Geometry) -> None:
                 f"scene: geometry.patches.{one} and {other} share {shared:.3g} mm² of the mesh {mesh.name}, which "
                 "would carry load twice: let one begin where the other ends"
             )
+
+
+def check_side(geometry: Geometry, patch: str, cells: Cells) -> None:
+    """Raise ValueError where a patch's grid lies on the far side of a shell (the back of a cup): in the start pose the
+    moving body is nearer to the shell's other side, and everything near it faces away."""
+    centres, normals = (values[cells[2] > 0.0] for values in cells[:2])
+    position = np.array(geometry.get("start_pose", np.zeros(6)))
+    R = rotation(position[3:])
+    distance, slope = body_field(geometry, "moving")((centres - position[:3]) @ R)
+    near = np.abs(distance) < _NEAR_MM
+    away = np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0
+    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or away[near].mean() < _MOSTLY:
+        return
+    mesh = body_mesh(geometry, "fixed")
+    through, _ = RayCaster(mesh).first_hits(centres[near] - _BELOW_MM * normals[near], -normals[near])
+    behind = centres[near] - np.minimum(through, _LARGEST_SHELL_MM)[:, None] * normals[near]
+    nearer = body_field(geometry, "moving")((behind - position[:3]) @ R)[0] < distance[near]
+    if (nearer & (through < _LARGEST_SHELL_MM)).mean() > _MOSTLY:
+        raise ValueError(
+            f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
+            f"body in its start pose: say where to it presses, as geometry.pressing = {_opposite(normals[near])}"
+        )
+
+
+def _opposite(normals: Array) -> list[float]:
+    """The signed axis nearest to these normals: seen from the other side, where to a body presses."""
+    mean = normals.mean(axis=0)
+    axis = int(np.abs(mean).argmax())
+    return [float(np.sign(mean[axis])) if k == axis else 0.0 for k in range(3)]
 
 
 def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:

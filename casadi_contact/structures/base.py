@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array, pose_or_poses
+from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
@@ -22,8 +23,9 @@ from casadi_contact.structures.info import SurrogateInfo, describe
 from casadi_contact.structures.trust import Trust
 from casadi_contact.structures.trust_source import OWN_ROOTS
 from casadi_contact.structures.trusted_kernel import TrustedKernel
-from casadi_contact.transcription import export_c
+from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.kernel import Kernel
 from casadi_contact.transcription.kernel.networks import Bundle
 
@@ -255,23 +257,54 @@ class Surrogate(SurrogateFunctions):
             return arrays.expected_error(poses)
         return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads, and of all that the surrogate knows of them."""
+        kernel = self.trusted_kernel(self.check_loads(loads))
+        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
+        return ExportedModel(
+            f"{kernel.source()}\n{condition}",
+            kernel.loads,
+            self.patch_names,
+            kernel.root_count,
+            kernel.trust is not None,
+            made_for,
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
+        )
+
     def export_c(
         self,
         folder: str | Path,
         name: str | None = None,
         loads: Iterable[str] | None = None,
-        example_pose: Sequence[float] = (0.0,) * 6,
+        example_pose: Sequence[float] | None = None,
     ) -> list[Path]:
-        """Write C source and header for loads, Jacobian and Hessian, an example and a Makefile; return their paths."""
-        names = self.check_loads(loads)
-        return export_c(
-            self._kernel(names, roots=False),
-            folder,
-            name=name or f"{self.scene.name}_contact",
-            load_names=names,
-            example_pose=example_pose,
-            description=f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
-        )
+        """Write C source and header for loads, derivatives, roots, validity and expected error, an example (at a pose
+        that was learned, if left out) and a Makefile; return their paths."""
+        pose = self.learned_pose() if example_pose is None else example_pose
+        return export_c(self.exported(loads), folder, name=name or f"{self.scene.name}_contact", example_pose=pose)
+
+    def export_fmu(
+        self,
+        path: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        start: Sequence[float] | None = None,
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a learned pose if none is given; return its path."""
+        pose = self.learned_pose() if start is None else start
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_contact", start=pose)
+
+    def learned_pose(self) -> list[float]:
+        """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or
+        zeros."""
+        if self.trust is None:
+            ranges = self.record.get("pose_range", {})
+            return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]
+        poses = np.vstack([self.trust.centres, self.trust.dense_centres]) * self.trust.scales
+        validity = self.validity(poses)
+        pressed = np.where(validity >= min(0.9, validity.max()), self.trust_roots(poses).min(axis=1), -np.inf)
+        return [float(value) for value in poses[np.argmax(pressed)]]
 
     def info(self) -> SurrogateInfo:
         """What this surrogate is, what it was trained on and how wrong it is; print it."""

@@ -10,6 +10,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import padded
 from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.kernel.tables import table
 
 # Root loads come from those of the kernel, and nothing else claims contact.
 OWN_ROOTS = """\
@@ -18,13 +19,6 @@ INLINE void trust_inputs(const double *pose, const double *parts, double *roots,
   patch_roots(first_part, parts, roots, 0);
 }
 """
-
-
-def roots_source(first_parts: Sequence[int], count: int) -> str:
-    """C function patch_roots, and the table first_part of the `count` root loads that a kernel gives."""
-    return f"#define PATCHES {len(first_parts)}\n{table('first_part', np.array([*first_parts, count]))}\n" + c_text(
-        "roots.h", __package__
-    )
 
 
 def trust_source(trust: Trust, inputs: str, load_names: Sequence[str], loads: Sequence[str]) -> str:
@@ -87,16 +81,3 @@ def _filled_up(rows: Array) -> Array:
 
 def _by_coordinate(centres: Array) -> Array:
     return _filled_up(np.asarray(centres).T)
-
-
-def table(name: str, numbers: np.ndarray) -> str:
-    """Numbers as a C array of their own shape: of int or double."""
-    kind = "int" if numbers.dtype.kind == "i" else "double"
-    sizes = "".join(f"[{size}]" for size in numbers.shape)
-    return f"static const {kind} {name}{sizes} = {_braces(numbers)};"
-
-
-def _braces(table: np.ndarray) -> str:
-    if table.ndim > 1:
-        return "{" + ",\n  ".join(map(_braces, table)) + "}"
-    return "{" + ", ".join("NAN" if value != value else repr(value) for value in table.tolist()) + "}"

@@ -67,10 +67,10 @@ def test_results_do_not_depend_on_how_many_poses_and_cores_there_are():
         loads, slopes = kernel.jacobian(given)
         return kernel(given), loads, slopes, kernel.validity(given), kernel.expected_error(given)
 
-    together, threads = all_of(poses), numba.get_num_threads()
-    numba.set_num_threads(1)
+    alone, threads = all_of(shorter), numba.get_num_threads()
+    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
     try:
-        alone = all_of(shorter)
+        together = all_of(poses)
     finally:
         numba.set_num_threads(threads)
     for a, b in zip(together, alone, strict=True):

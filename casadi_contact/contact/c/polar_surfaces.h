@@ -116,8 +116,6 @@ INLINE Lanes steepness(const Ray *ray) {
 }
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
-INLINE double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
  * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
 typedef struct {

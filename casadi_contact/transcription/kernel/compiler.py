@@ -18,6 +18,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -30,6 +31,7 @@ from casadi_contact.files import scratch_folder
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
 SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
+DATA_FILE = "kernel.bin"
 CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
 CFLAGS_VARIABLE = "CASADI_CONTACT_CFLAGS"
 
@@ -83,9 +85,9 @@ def _processor() -> str:
     return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
 
 
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+def _run(command: list[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=True)
+        return subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder)
     except subprocess.CalledProcessError as error:
         said = (error.stderr or error.stdout).strip().splitlines()
         raise CompilerError(f"{command[0]} failed: {said[0] if said else f'exit status {error.returncode}'}") from None
@@ -93,18 +95,18 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
 
-def shared_library(source: str, waited_for: str = "") -> Path:
+def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path:
     """Path of the compiled source, from the cache if it is there.
 
-    waited_for: what is announced, with a time, where it must be compiled; nothing if left out.
-
+    waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
+    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
     Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
     for a cache that is not the user's alone.
     """
     command, chosen = compiler_command(), machine_flags()
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
-    key = hashlib.sha256(made_from.encode()).hexdigest()[:32]
+    key = hashlib.sha256(made_from.encode() + (b"\0" + data if data else b"")).hexdigest()[:32]
     folder = Path(os.path.realpath(cache_folder()))
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -117,28 +119,39 @@ def shared_library(source: str, waited_for: str = "") -> Path:
     if found is None and waited_for:
         announce(waited_for, f"kept in {folder}")
     try:
-        return found or _compiled(source, command, chosen, folder, key)
+        return found or _compiled(source, data, command, chosen, folder, key)
     except CompilerError:
         raise
     except OSError as error:
         raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
 
 
-def _compiled(source: str, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
+def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
     with scratch_folder(folder, "kernel") as place:
         library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
         c_file.write_text(source, "utf-8")
+        (place / DATA_FILE).write_bytes(data)
         try:
-            _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"])
+            _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"], place)
         except CompilerError:
             if chosen != NATIVE:  # what a user asked for is not replaced
                 raise
             # Not every compiler knows -march=native.
-            _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"])
+            _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"], place)
         library.chmod(0o700)
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
+
+
+def portable_library(sources: Sequence[Path], target: Path) -> Path:
+    """Compile C files into a shared library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
+
+    Raises CompilerError without a compiler, or where it refuses.
+    """
+    chosen = _words_of(CFLAGS_VARIABLE)
+    _run([*compiler_command(), *FLAGS, *chosen, "-o", str(target), *map(str, sources), "-lm"])
+    return target
 
 
 def _check_private(folder: Path) -> None:

@@ -1,0 +1,140 @@
+/* An elastic foundation in cubic cells: the formulas of contact/cells/quadrature.py. */
+/* Step from 0 to 1 over FADE, its slope and its bend */
+INLINE double fade_of(double force, double *slope, double *bend) {
+  const double x = force < FADE ? force / FADE : 1.0;
+  *slope = 30.0 * x * x * (1.0 - x) * (1.0 - x) / FADE;
+  *bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (FADE * FADE);
+  return x * x * x * (10.0 + x * (6.0 * x - 15.0));
+}
+
+/* The node within the rim that lies nearest to the body, or deepest in it */
+INLINE int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+  static const double nowhere[3] = {0.0, 0.0, 0.0};
+  double least[MOST_BLOCKS + BLOCK], best = INFINITY;
+  int nearest = 0, first_block = 0;
+  for (int b = 0; b < p->block_count; b += BLOCK) {
+    const double *points[BLOCK];
+    double known[BLOCK][4], concavity[BLOCK];
+    for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[b + l < p->block_count ? b + l : b].middle;
+    distances(points, pose, frame, known, concavity);
+    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
+      least[b + l] = least_distance(known[l], concavity[l], nowhere, p->blocks[b + l].half);
+      if (known[l][0] < 0.0) least[b + l] = known[l][0] - steepest_reach(p->blocks[b + l].half);
+      if (least[b + l] < least[first_block]) first_block = b + l;
+    }
+  }
+  for (int k = -1; k < p->block_count; k++) {
+    const int b = k < 0 ? first_block : k;
+    if ((k >= 0 && b == first_block) || least[b] >= best) continue;
+    s->nodes = 0;
+    if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
+    for (int c = p->blocks[b].first; c < p->blocks[b].last; c++) want_corners(s, p->cells + c);
+    for (int i = s->nodes; i % BLOCK; i++) s->ids[i] = s->ids[s->nodes - 1];
+    for (int i = 0; i < s->nodes; i += BLOCK) {
+      const double *points[BLOCK];
+      double found[BLOCK][4], unused[BLOCK];
+      for (int l = 0; l < BLOCK; l++) points[l] = p->nodes[s->ids[i + l]].c;
+      distances(points, pose, frame, found, unused);
+      for (int l = 0; l < BLOCK; l++) {
+        if (found[l][0] < best && p->known[s->ids[i + l]]) best = found[l][0], nearest = s->ids[i + l];
+      }
+    }
+  }
+  return nearest;
+}
+
+INLINE void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
+  const int nearest = nearest_of(p, pose, frame, s);
+  double place[3], by_twist[6];
+  Lanes q[3], twist[6];
+  Distance at;
+  place_of(p->nodes[nearest].c, pose, frame, place);
+  for (int i = 0; i < 3; i++) q[i] = all(place[i]);
+  distance_at(q, order == SECOND ? 2 : 1, &at);
+  out->gap = at.g[0];
+  twist_of(at.slope, q, twist);
+  for (int a = 0; a < 6; a++) by_twist[a] = -twist[a][0];
+  to_fixed(frame, by_twist, out->gap_slope);
+  if (order == SECOND) {
+    const Lanes nothing[3] = {{0.0}}, one = {1.0};
+    Curvature sum;
+    memset(&sum, 0, sizeof sum);
+    for (int k = 0; k < 6; k++) at.bend[k] *= one;
+    for (int k = 0; k < 3; k++) at.slope[k] *= one;
+    add_curvature(q, at.bend, &at, nothing, at.slope, &sum);
+    finish_curvature(frame, &sum, out->gap_curvature);
+  }
+}
+
+/* Everything that carries load, with loads not yet faded; returns how many cells are full. */
+INLINE int contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
+  int full;
+  choose_cells(p, pose, frame, s);
+  fill_nodes(p, pose, frame, order, s);
+  full = sort_cells(p, s);
+  sum_cells(p, s, full, order, sums);
+  return full;
+}
+
+INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                       PatchLoads *out) {
+  const Patch *p = patches + patch;
+  Scratch *s = &scratch;
+  Sums sums;
+  double slope, bend, fade, by[7][6];
+  int full = 0;
+  memset(out, 0, sizeof *out);
+  if (order != GAPS) full = contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
+  if (order == GAPS || !(sums.loads[6] < 0.0)) {
+    gap_loads(p, pose, frame, order, s, out);
+    return;
+  }
+  out->cut = sums.cut;
+  fade = fade_of(-sums.loads[6], &slope, &bend);
+  for (int k = 0; k < 6; k++) out->wrench[k] = fade * sums.loads[k];
+  if (order == VALUE) return;
+  for (int k = 0; k < 7; k++) to_fixed(frame, (const double *)sums.by_twist[k], by[k]);
+  for (int k = 0; k < 6; k++) {
+    for (int a = 0; a < 6; a++) out->stiffness[k][a] = fade * by[k][a] - slope * sums.loads[k] * by[6][a];
+  }
+  if (order == SECOND) {
+    double whole_weights[7], pull = 0.0, by_pull[6] = {0.0};
+    for (int k = 0; k < 6; k++) {
+      whole_weights[k] = fade * weights[k];
+      pull += weights[k] * sums.loads[k];
+      for (int a = 0; a < 6; a++) by_pull[a] += weights[k] * by[k][a];
+    }
+    whole_weights[6] = -slope * pull;
+    contact_curvature(p, pose, frame, full, whole_weights, s, out->curvature);
+    for (int a = 0; a < 6; a++) {
+      for (int b = 0; b < 6; b++) {
+        out->curvature[a][b] += bend * pull * by[6][a] * by[6][b] - slope * (by[6][a] * by_pull[b] + by_pull[a] * by[6][b]);
+      }
+    }
+  }
+}
+
+/* One function for each order, not inlined: compiling is quick, and patches share them. */
+FUNCTION void cell_value(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  cell_loads(patch, pose, frame, VALUE, 0, out);
+}
+
+FUNCTION void cell_first(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  cell_loads(patch, pose, frame, FIRST, 0, out);
+}
+
+FUNCTION void cell_second(int patch, const double *pose, const Frame *frame, const double *weights, PatchLoads *out) {
+  cell_loads(patch, pose, frame, SECOND, weights, out);
+}
+
+FUNCTION void cell_gaps(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
+  cell_loads(patch, pose, frame, GAPS, 0, out);
+}
+
+INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                        PatchLoads *out) {
+  if (order == VALUE) cell_value(patch, pose, frame, out);
+  if (order == FIRST) cell_first(patch, pose, frame, out);
+  if (order == SECOND) cell_second(patch, pose, frame, weights, out);
+  if (order == GAPS) cell_gaps(patch, pose, frame, out);
+}

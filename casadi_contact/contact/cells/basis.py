@@ -1,0 +1,85 @@
+"""Cubic cells: the Hermite functions of a cell at its sub-points, and the smooth forms of max(x, 0)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Size of a patch's cells [mm] along the chart's coordinates u and v, and sub-points of each along both."""
+
+    u_mm: float
+    v_mm: float
+    along_u: int = 4
+    along_v: int = 3
+
+    def __str__(self) -> str:
+        return f"cells of {self.u_mm:.3g}×{self.v_mm:.3g} mm, {self.along_u}×{self.along_v} sub-points"
+
+
+def hermite_functions(cells: Cells) -> Array:
+    """B (12, sub-points): d, ∂d/∂ξ, ∂d/∂η at the corners 00, 01, 10, 11 -> d at the sub-points.
+
+    Products of the cubic Hermite functions of one variable, so that ∂²d/∂ξ∂η is zero at the corners; ξ and η run from
+    0 to 1 along u and v.
+    """
+    (value_u, slope_u), (value_v, slope_v) = (_hermite(middles(n)) for n in (cells.along_u, cells.along_v))
+    rows = []
+    for a in (0, 1):
+        for b in (0, 1):
+            rows += [
+                np.outer(value_u[a], value_v[b]),
+                np.outer(slope_u[a], value_v[b]),
+                np.outer(value_u[a], slope_v[b]),
+            ]
+    return np.stack(rows).reshape(12, -1)
+
+
+def corner_shares(cells: Cells) -> Array:
+    """(4, sub-points): bilinear share of each corner in a sub-point, over the number of sub-points."""
+    xi, eta = middles(cells.along_u), middles(cells.along_v)
+    shares = [np.outer(x, y) for x in (1.0 - xi, xi) for y in (1.0 - eta, eta)]
+    return np.stack(shares).reshape(4, -1) / (cells.along_u * cells.along_v)
+
+
+def middles(count: int) -> Array:
+    """Middles (count,) of equal parts of [0, 1]."""
+    return (np.arange(count) + 0.5) / count
+
+
+def _hermite(t: Array) -> tuple[Array, Array]:
+    """Cubics with the value, and the slope, 1 at 0 or at 1: (2, n) each."""
+    rise = t * t * (3.0 - 2.0 * t)
+    return np.stack([1.0 - rise, rise]), np.stack([t * (1.0 - t) ** 2, t * t * (t - 1.0)])
+
+
+def ramp(x: Array, width: float) -> tuple[Array, Array]:
+    """max(x, 0) smoothed to fourth order over ±width, and its slope: twice continuously differentiable.
+
+    u = x/width: width·[u/2 + 15/32·(3u²/2 - 5u⁴/6 + 7u⁶/30) + 5/64] within, 0 below and x above. It is the convolution
+    of max(x, 0) with 15/32·(1 - u²)(3 - 7u²), which has no second moment: an integral over a straight edge is right to
+    the fourth order of the width. It dips to -0.015·width below zero.
+    """
+    u = np.clip(x / width, -1.0, 1.0)
+    u2 = u * u
+    within = width * (0.5 * u + 15.0 / 32.0 * u2 * (1.5 - 5.0 / 6.0 * u2 + 7.0 / 30.0 * u2 * u2) + 5.0 / 64.0)
+    slope = 0.5 + 15.0 / 32.0 * u * (3.0 - 10.0 / 3.0 * u2 + 1.4 * u2 * u2)
+    return np.where(x > width, x, np.where(x < -width, 0.0, within)), slope
+
+
+def positive_ramp(x: Array, width: float) -> tuple[Array, Array]:
+    """max(x, 0) smoothed over ±width without a dip: width·(u + 1)³(3 - u)/16, and its slope (C²)."""
+    u = np.clip(x / width, -1.0, 1.0)
+    within = width * (u + 1.0) ** 3 * (3.0 - u) / 16.0
+    return np.where(x > width, x, within), 0.25 * (u + 1.0) ** 2 * (2.0 - u)
+
+
+def smooth_step(x: Array) -> tuple[Array, Array]:
+    """x³(10 - 15x + 6x²) from 0 at x <= 0 to 1 at x >= 1, and its slope (C²)."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * x * x * (1.0 - x) ** 2

@@ -1,0 +1,68 @@
+"""The elastic foundation of meshes, and of shapes with a known distance, in cubic cells, as a contact model."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.charts import patch_charts
+from casadi_contact.contact.cells.patches import lay_cells
+from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
+from casadi_contact.contact.cells.source import cell_source
+from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.pressure import law_number, layer_modulus
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
+from casadi_contact.scenes import Scene
+
+CELLS = Cells(1.2, 0.75)
+
+
+class CellFoundation(CompiledFoundation):
+    """Elastic foundation whose depth is interpolated by cubics over cells of the fixed surface.
+
+    Several spots of contact, of any form, in each patch. Raises ValueError for a scene of another shape than
+    `CELL_SHAPES`.
+    """
+
+    def __init__(self, scene: Scene, cells: Cells = CELLS, *, compiled: bool = True) -> None:
+        super().__init__(scene, compiled=compiled)
+        if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
+            raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")
+        self.cells = cells
+        law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+        fade_n = FADE_SHARE * scene.boundary_load
+        self.patches = [
+            Quadrature(lay_cells(chart, cells), cells, _in_single_precision(surface), law, fade_n)
+            for chart, surface in zip(patch_charts(scene), scene.surfaces(), strict=True)
+        ]
+
+    def __repr__(self) -> str:
+        return f"CellFoundation({self.scene.name}, {self.cells})"
+
+    def _patch_source(self) -> str:
+        return self._code[0]
+
+    def _patch_data(self) -> bytes:
+        return self._code[1]
+
+    @cached_property
+    def _code(self) -> tuple[str, bytes]:
+        return cell_source(self.patches)
+
+    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
+        found = [[patch.loads(*pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
+        keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
+        wrench, stiffness, gap, gap_slope, cut = (np.array([[getattr(p, k) for p in f] for f in found]) for k in keys)
+        return wrench, stiffness, gap, gap_slope, cut
+
+
+def _in_single_precision(surface: MovingSurface) -> MovingSurface:
+    """A field's coefficients as the kernel in C holds them: 1e-7 mm at most from what they were near the surface."""
+    if surface.family != MESH_FIELD:
+        return surface
+    parameters = surface.parameters.copy()
+    parameters[7:] = parameters[7:].astype(np.float32)
+    return MovingSurface(MESH_FIELD, parameters)

@@ -1,0 +1,57 @@
+"""Second derivatives of a distance field (`geometry.distance_field`), and those of the analytic bodies' distances."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.distance_field import field_hessian
+from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, MESH_FIELD, MovingSurface
+
+
+def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, Array, Array]:
+    """g (n,), ∇g (n, 3) and ∇²g (n, 3, 3) at points (n, 3) of the moving frame.
+
+    Outside its grid a field is what it is at the nearest point of the grid, plus the distance to that, taken as flat.
+    Swept arcs must be a ball: one arc whose tube's centre lies on its axis.
+    """
+    if surface.family == MESH_FIELD:
+        return field_derivatives(surface.parameters, points)
+    slopes, hessians = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+    if surface.family == HALF_SPACE:
+        slopes[:, 1] = -1.0
+        return -points[:, 1], slopes, hessians
+    across, centre, radius = round_body(surface)
+    offset = (points - centre) * across
+    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
+    slopes = offset / distance[:, None]
+    hessians = (np.diag(across) - slopes[:, :, None] * slopes[:, None, :]) / distance[:, None, None]
+    return distance - radius, slopes, hessians
+
+
+def round_body(surface: MovingSurface) -> tuple[Array, Array, float]:
+    """Axes (3,) that a ball's or a cylinder's distance depends on (1 or 0), its centre (3,) [mm] and radius [mm].
+
+    Raises ValueError for another body.
+    """
+    if surface.family == CYLINDER:
+        return np.array([1.0, 1.0, 0.0]), np.zeros(3), float(surface.parameters[0])
+    count, radius, centre_z, x, y, offset = surface.parameters[:6]
+    if count != 1.0 or offset != 0.0:
+        raise ValueError(f"the moving body is swept along {count:g} arcs with an offset, expected a ball or a cylinder")
+    return np.ones(3), np.array([x, y, centre_z]), float(radius)
+
+
+def field_derivatives(parameters: Array, points: Array) -> tuple[Array, Array, Array]:
+    """g (n,), ∇g (n, 3) and ∇²g (n, 3, 3) of a field's parameters at points (n, 3)."""
+    values = _field_derivatives(parameters, np.ascontiguousarray(points, dtype=float))
+    return values[:, 0], values[:, 1:4], values[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
+
+
+@numba.njit(cache=True)
+def _field_derivatives(parameters, points):
+    values = np.empty((len(points), 10))
+    for n in range(len(points)):
+        values[n] = field_hessian(parameters, points[n, 0], points[n, 1], points[n, 2])
+    return values
