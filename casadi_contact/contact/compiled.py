@@ -194,6 +194,7 @@ class CompiledFoundation(ABC):
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
+            data=self._patch_data(),
         )
 
     def export_c(

@@ -39,8 +39,9 @@ class Mesh(Shape):
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The moving mesh's field, which faces every patch."""
-        from casadi_contact.shapes.mesh_bodies import body_field
+        from casadi_contact.shapes.mesh_bodies import body_field, refuse_thin_shell
 
+        refuse_thin_shell(geometry)
         field = body_field(geometry, "moving")
         return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
 

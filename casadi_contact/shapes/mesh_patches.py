@@ -31,7 +31,7 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
     if "pressing" not in geometry or reaching:
         return mesh
     facing = mesh.area_vectors_mm2 @ geometry["pressing"] < 0.0
-    return TriangleMesh(mesh.name, mesh.vertices_mm, mesh.faces[facing], mesh.dropped)
+    return mesh.part(facing)
 
 
 def check_patches(geometry: Geometry) -> None:
