@@ -11,6 +11,7 @@ __version__ = "0.2.0.dev0"
 
 __all__ = [
     "CallableModel",
+    "CellFoundation",
     "ContactFrames",
     "ContactInOpti",
     "ElasticFoundation",
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
+        CellFoundation,
         ElasticFoundation,
         PolarFoundation,
         RayCastFoundation,
@@ -47,7 +49,14 @@ if TYPE_CHECKING:
 else:
     _ROOMS = {
         "benchmark": ("choose",),
-        "contact": ("CallableModel", "ElasticFoundation", "PolarFoundation", "RayCastFoundation", "foundation"),
+        "contact": (
+            "CallableModel",
+            "CellFoundation",
+            "ElasticFoundation",
+            "PolarFoundation",
+            "RayCastFoundation",
+            "foundation",
+        ),
         "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),
         "scenes": ("Scene", "load_scene"),

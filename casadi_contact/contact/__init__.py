@@ -1,12 +1,16 @@
 """Contact models: pose of the moving body in, loads on the fixed body out."""
 
+from casadi_contact.contact.cells import CellFoundation, Cells
+from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
-from casadi_contact.contact.polar import PolarFoundation, Rays, foundation
+from casadi_contact.contact.polar import PolarFoundation, Rays
 from casadi_contact.contact.ray_cast import PressureSummary, RayCastFoundation
 
 __all__ = [
     "CallableModel",
+    "CellFoundation",
+    "Cells",
     "ContactModel",
     "ElasticFoundation",
     "PolarFoundation",

@@ -8,7 +8,7 @@ INLINE double fade_of(double force, double *slope, double *bend) {
 }
 
 /* The node within the rim that lies nearest to the body, or deepest in it */
-INLINE int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   static const double nowhere[3] = {0.0, 0.0, 0.0};
   double least[MOST_BLOCKS + BLOCK], best = INFINITY;
   int nearest = 0, first_block = 0;
@@ -43,7 +43,7 @@ INLINE int nearest_of(const Patch *p, const double *pose, const Frame *frame, Sc
   return nearest;
 }
 
-INLINE void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
+FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
   const int nearest = nearest_of(p, pose, frame, s);
   double place[3], by_twist[6];
   Lanes q[3], twist[6];
@@ -66,13 +66,22 @@ INLINE void gap_loads(const Patch *p, const double *pose, const Frame *frame, in
   }
 }
 
-/* Everything that carries load, with loads not yet faded; returns how many cells are full. */
-INLINE int contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
+/* Loads not yet faded, with order 2 their derivatives; returns how many of the cells are full. */
+FUNCTION int contact_value(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
   int full;
   choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, order, s);
+  fill_nodes(p, pose, frame, 1, s);
   full = sort_cells(p, s);
-  sum_cells(p, s, full, order, sums);
+  sum_cells(p, s, full, 1, sums);
+  return full;
+}
+
+FUNCTION int contact_first(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
+  int full;
+  choose_cells(p, pose, frame, s);
+  fill_nodes(p, pose, frame, 2, s);
+  full = sort_cells(p, s);
+  sum_cells(p, s, full, 2, sums);
   return full;
 }
 
@@ -84,7 +93,8 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
   double slope, bend, fade, by[7][6];
   int full = 0;
   memset(out, 0, sizeof *out);
-  if (order != GAPS) full = contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
+  if (order == VALUE) full = contact_value(p, pose, frame, s, &sums);
+  else if (order != GAPS) full = contact_first(p, pose, frame, s, &sums);
   if (order == GAPS || !(sums.loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;

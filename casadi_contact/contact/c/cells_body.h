@@ -87,13 +87,24 @@ INLINE void field_at(const double place[3], int lane, int order, Distance *out) 
   if (beyond[0] != 0.0 || beyond[1] != 0.0 || beyond[2] != 0.0) leave_grid(beyond, lane, order, out);
 }
 
-INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
+INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   const double s = 1.0 / FIELD_SPACING;
   const Lanes place[3] = {(q[0] - field_origin[0]) * s, (q[1] - field_origin[1]) * s, (q[2] - field_origin[2]) * s};
-  for (int l = 0; l < BLOCK; l++) {
+  KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
     const double at[3] = {place[0][l], place[1][l], place[2][l]};
     field_at(at, l, order, out);
   }
+}
+
+/* One function for each order, not inlined: compiling is quick. */
+FUNCTION void field_first(const Lanes q[3], Distance *out) { fields_at(q, 1, out); }
+FUNCTION void field_second(const Lanes q[3], Distance *out) { fields_at(q, 2, out); }
+FUNCTION void field_third(const Lanes q[3], Distance *out) { fields_at(q, 3, out); }
+
+INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
+  if (order == 1) field_first(q, out);
+  if (order == 2) field_second(q, out);
+  if (order == 3) field_third(q, out);
 }
 
 /* Node nearest to a point, or -1 outside the grid */

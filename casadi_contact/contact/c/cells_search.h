@@ -40,7 +40,7 @@ INLINE void place_of(const double point[3], const double *pose, const Frame *fra
 }
 
 /* Distance and gradient (fixed frame) at up to four points: gradient[l] is (g, G). */
-INLINE void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK][4],
+FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK][4],
                       double concavity[BLOCK]) {
   Lanes q[3];
   Distance at;
@@ -99,7 +99,7 @@ INLINE void want_corners(Scratch *s, const Cell *cell) {
 }
 
 /* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
-INLINE void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   static const double nowhere[3] = {0.0, 0.0, 0.0};
   int blocks[MOST_BLOCKS + BLOCK];
   const int count = near_blocks(p, pose, frame, TOUCH, blocks);
@@ -145,7 +145,7 @@ INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, i
 
 /* Keep only cells whose interpolated depth can exceed -WIDTH: those all of whose sub-points exceed WIDTH come first.
  * Between its corners a cubic lies within a quarter of the slopes of the corners' values. Returns how many are full. */
-INLINE int sort_cells(const Patch *p, Scratch *s) {
+FUNCTION int sort_cells(const Patch *p, Scratch *s) {
   int kept = 0, full = 0;
   for (int k = 0; k < s->cells; k++) {
     const Cell *cell = p->cells + s->chosen[k];

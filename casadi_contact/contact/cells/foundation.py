@@ -32,12 +32,7 @@ class CellFoundation(CompiledFoundation):
         if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
             raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")
         self.cells = cells
-        law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
-        fade_n = FADE_SHARE * scene.boundary_load
-        self.patches = [
-            Quadrature(lay_cells(chart, cells), cells, _in_single_precision(surface), law, fade_n)
-            for chart, surface in zip(patch_charts(scene), scene.surfaces(), strict=True)
-        ]
+        self.patches = cell_patches(scene, cells)
 
     def __repr__(self) -> str:
         return f"CellFoundation({self.scene.name}, {self.cells})"
@@ -57,6 +52,14 @@ class CellFoundation(CompiledFoundation):
         keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
         wrench, stiffness, gap, gap_slope, cut = (np.array([[getattr(p, k) for p in f] for f in found]) for k in keys)
         return wrench, stiffness, gap, gap_slope, cut
+
+
+def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
+    """The scene's patches in cells of this size."""
+    law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+    body, charts = _in_single_precision(scene.surfaces()[0]), patch_charts(scene)  # it faces every patch
+    fade_n = FADE_SHARE * scene.boundary_load
+    return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts]
 
 
 def _in_single_precision(surface: MovingSurface) -> MovingSurface:

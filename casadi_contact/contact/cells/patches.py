@@ -53,14 +53,12 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     shares = np.moveaxis(present, 1, 2).reshape(nu, nv, -1).astype(float)
     whole = np.pad((shares == 1.0).all(axis=-1), 1)
     rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
-    held = shares.any(axis=-1)
+    held = np.asarray(shares.any(axis=-1))
     order, blocks = _in_blocks(held)
     i, j = order.T
     numbers = np.stack([(i + a) * (nv + 1) + j + b for a in (0, 1) for b in (0, 1)], 1)
     used, corners = np.unique(numbers, return_inverse=True)
-    surface = chart.surface(
-        chart.low[0] + step[0] * (used // (nv + 1)), chart.low[1] + step[1] * (used % (nv + 1))
-    )
+    surface = chart.surface(chart.low[0] + step[0] * (used // (nv + 1)), chart.low[1] + step[1] * (used % (nv + 1)))
     scaled = step[:, None]
     N = np.cross(surface.tangents[:, 1], surface.tangents[:, 0]) * step.prod()
     N *= np.sign(np.einsum("ij,ij->i", N, surface.n))[:, None]
@@ -84,7 +82,7 @@ def _in_blocks(held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     order, sizes = [], []
     for i in range(0, held.shape[0], BLOCK):
         for j in range(0, held.shape[1], BLOCK):
-            cells = np.argwhere(held[i : i + BLOCK, j : j + BLOCK]) + [i, j]
+            cells = np.argwhere(held[i : i + BLOCK, j : j + BLOCK]) + np.array([i, j])
             if len(cells):
                 order.append(cells)
                 sizes.append(len(cells))

@@ -1,4 +1,4 @@
-"""The cubic cells of a scene's patches as C (``contact/c/cells.h``), and the tables it takes from its library's data."""
+"""The cubic cells of a scene's patches as C (``contact/c/cells.h``), and the tables that it reads."""
 
 from __future__ import annotations
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from casadi_contact.contact.polar.foundation import PolarFoundation
@@ -11,7 +9,7 @@ from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.reach import pressed_poses
 from casadi_contact.conventions import Array, load_selection
-from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.scenes import Scene
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
 CONVERGED = Rays(96, 6)
@@ -20,15 +18,14 @@ WORST = 3.0  # times the tolerance that a single pose may be wrong by
 _POSES = 256
 
 
-def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> PolarFoundation:
-    """The cheapest elastic foundation of a scene (or its name, or file) that meets the scene's tolerances.
+def chosen_rays(scene: Scene, *, compiled: bool = True) -> PolarFoundation:
+    """The foundation on the fewest rays that meet the scene's tolerances.
 
-    The fewest rays whose error in every load, against `CONVERGED`, has an RMS within the tolerance and is nowhere
+    Their error in every load, against `CONVERGED`, has an RMS within the tolerance and is nowhere
     more than `WORST` times it, over poses that press each patch anywhere within its rim from the scene's boundary load
     to `LARGEST_LOAD` reference loads. ``record`` of the model holds the choice and its errors. Raises ValueError for a
     shape that is not smooth with one spot a patch, or where no candidate is good enough.
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
     range_n = (scene.boundary_load, LARGEST_LOAD * scene.reference_load)
     tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
     converged = PolarFoundation(scene, CONVERGED, compiled=False)

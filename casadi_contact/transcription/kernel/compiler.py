@@ -121,9 +121,7 @@ def shared_library(source: str, data: bytes = b"") -> Path:
         raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
 
 
-def _compiled(
-    source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str
-) -> Path:
+def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
     with scratch_folder(folder, "kernel") as place:
         library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
         c_file.write_text(source, "utf-8")
