@@ -14,11 +14,11 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
   int nearest = 0, first_block = 0;
   for (int b = 0; b < p->block_count; b += BLOCK) {
     const double *points[BLOCK];
-    double known[BLOCK][4], concavity[BLOCK];
+    double known[BLOCK][4], bow[BLOCK];
     for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[b + l < p->block_count ? b + l : b].middle;
-    distances(points, pose, frame, known, concavity);
+    distances(points, pose, frame, known, bow);
     for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
-      least[b + l] = least_distance(known[l], concavity[l], nowhere, p->blocks[b + l].half);
+      least[b + l] = least_distance(known[l], bow[l], nowhere, p->blocks[b + l].half);
       if (known[l][0] < 0.0) least[b + l] = known[l][0] - steepest_reach(p->blocks[b + l].half);
       if (least[b + l] < least[first_block]) first_block = b + l;
     }

@@ -119,10 +119,10 @@ INLINE long long nearest_node(const double q[3]) {
   return at;
 }
 
-/* M with eigenvalues of the second derivatives above -M around q, while outside; negative: unknown */
-INLINE double concavity_at(const double q[3]) {
+/* How much g may fall below its tangent at q on the way to the surface, M |way|^2 / 2; negative: unknown (see bows.py) */
+INLINE double bow_at(const double q[3]) {
   const long long node = nearest_node(q);
-  return node < 0 ? -1.0 : FIELD_CONCAVITY[node];
+  return node < 0 ? -1.0 : FIELD_BOWS[node];
 }
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
@@ -146,7 +146,7 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
     }
   }
 }
-INLINE double concavity_at(const double q[3]) { return 0.0 * q[0]; }
+INLINE double bow_at(const double q[3]) { return 0.0 * q[0]; }
 #else
 /* All that lies at y >= 0 of the moving frame */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -155,5 +155,5 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   out->slope[1] = all(-1.0);
   (void)order;
 }
-INLINE double concavity_at(const double q[3]) { return 0.0 * q[0]; }
+INLINE double bow_at(const double q[3]) { return 0.0 * q[0]; }
 #endif

@@ -41,13 +41,13 @@ INLINE void place_of(const double point[3], const double *pose, const Frame *fra
 
 /* Distance and gradient (fixed frame) at up to four points: gradient[l] is (g, G). */
 FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK][4],
-                      double concavity[BLOCK]) {
+                      double bow[BLOCK]) {
   Lanes q[3];
   Distance at;
   for (int l = 0; l < BLOCK; l++) {
     double place[3];
     place_of(points[l], pose, frame, place);
-    concavity[l] = concavity_at(place);
+    bow[l] = bow_at(place);
     for (int i = 0; i < 3; i++) q[i][l] = place[i];
   }
   distance_at(q, 1, &at);
@@ -59,9 +59,9 @@ FUNCTION void distances(const double *points[BLOCK], const double *pose, const F
   }
 }
 
-/* What g is at least over a box `half` about `offset` from a point where it is known: by its slope there and the bound
- * on its concavity (see geometry/distance_field.py), or by its steepest slope anywhere. */
-INLINE double least_distance(const double known[4], double concavity, const double offset[3], const double half[3]) {
+/* What g is at least over a box `half` about `offset` from a point where it is known: if that is near the surface: by
+ * its slope there and its bow, or by its steepest slope anywhere. */
+INLINE double least_distance(const double known[4], double bow, const double offset[3], const double half[3]) {
   double reach[3], tangent = known[0], away = 0.0, farthest;
   for (int i = 0; i < 3; i++) {
     reach[i] = fabs(offset[i]) + half[i];
@@ -69,8 +69,8 @@ INLINE double least_distance(const double known[4], double concavity, const doub
     away += reach[i] * reach[i];
   }
   farthest = known[0] - STEEPEST * sqrt(away);
-  tangent -= 0.5 * concavity * away;
-  return concavity < 0.0 || away > CURVATURE_REACH * CURVATURE_REACH || farthest > tangent ? farthest : tangent;
+  tangent -= 0.5 * bow * away;
+  return bow < 0.0 || away > BOW_REACH * BOW_REACH || farthest > tangent ? farthest : tangent;
 }
 
 /* Blocks whose cells may come within `margin` of the body, by one number of the field each where there is one. */
@@ -82,7 +82,7 @@ INLINE int near_blocks(const Patch *p, const double *pose, const Frame *frame, d
     long long node;
     place_of(p->blocks[b].middle, pose, frame, place);
     node = nearest_node(place);
-    if (node >= 0 && FIELD_COEFFICIENTS[node] - NODE_REACH - steepest_reach(p->blocks[b].half) > margin) continue;
+    if (node >= 0 && FIELD_COEFFICIENTS[node] > margin + NODE_REACH + steepest_reach(p->blocks[b].half)) continue;
 #endif
     found[count++] = b;
   }
@@ -108,17 +108,17 @@ FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *fram
   for (int k = count; k % BLOCK; k++) blocks[k] = blocks[count - 1];
   for (int first = 0; first < count; first += BLOCK) {
     const double *points[BLOCK];
-    double known[BLOCK][4], concavity[BLOCK];
+    double known[BLOCK][4], bow[BLOCK];
     for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[blocks[first + l]].middle;
-    distances(points, pose, frame, known, concavity);
+    distances(points, pose, frame, known, bow);
     for (int l = 0; l < BLOCK && first + l < count; l++) {
       const Block *block = p->blocks + blocks[first + l];
-      if (least_distance(known[l], concavity[l], nowhere, block->half) > TOUCH) continue;
+      if (least_distance(known[l], bow[l], nowhere, block->half) > TOUCH) continue;
       for (int c = block->first; c < block->last; c++) {
         const Cell *cell = p->cells + c;
         const double offset[3] = {cell->middle[0] - block->middle[0], cell->middle[1] - block->middle[1],
                                   cell->middle[2] - block->middle[2]};
-        if (least_distance(known[l], concavity[l], offset, cell->half) > TOUCH) continue;
+        if (least_distance(known[l], bow[l], offset, cell->half) > TOUCH) continue;
         want_corners(s, cell);
         s->chosen[s->cells++] = c;
       }

@@ -10,12 +10,11 @@ from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
-LARGEST = Cells(2.4, 2.4, 6, 6)
+SIZES_MM = (2.4, 1.7, 1.2, 0.85, 0.6)
 CONVERGED = Cells(0.6, 0.45)
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
 WORST = 3.0  # times the tolerance that a single pose may be wrong by, more where more than the reference load presses
 _POSES = 48
-_FINER = np.sqrt(0.5)
 _SUB_POINT_MM = 0.3
 
 
@@ -23,27 +22,23 @@ def chosen_cells(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     """The foundation in the largest cells that meet the scene's tolerances.
 
     Over poses that press each patch within its rim from the scene's boundary load to `LARGEST_LOAD` reference loads,
-    errors against `CONVERGED` have an RMS within the tolerance and are nowhere more than `WORST` times it, in proportion
-    to the force where that exceeds the reference load. From `LARGEST` on, the side whose refinement helps more is made smaller. Raises ValueError where nothing is good enough
-    and where no pose presses the patches.
+    errors against `CONVERGED` have an RMS within the tolerance and are nowhere more than `WORST` times it, in
+    proportion to the force where that exceeds the reference load. Along each side cells are as large as one of
+    `SIZES_MM`. Raises ValueError where nothing is good enough and where no pose presses the patches.
     """
     range_n = (scene.boundary_load, LARGEST_LOAD * scene.reference_load)
     tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
     truth = _Truth(scene, range_n)
-    cells = LARGEST
-    errors = truth.errors(cells)
-    while truth.misses(errors, tolerances) > 1.0:
-        finer = [_sized(cells.u_mm * _FINER, cells.v_mm), _sized(cells.u_mm, cells.v_mm * _FINER)]
-        finer = [c for c in finer if c.u_mm >= CONVERGED.u_mm and c.v_mm >= CONVERGED.v_mm]
-        if not finer:
-            worst = int(np.argmax(errors.max(axis=0) / tolerances))
-            raise ValueError(
-                f"scene {scene.name}: {cells} are wrong by up to {errors[:, worst].max():.3g} in "
-                f"{scene.load_names[worst]}, expected less: relax the scene's tolerances, or take cc.ElasticFoundation"
-            )
-        tried = [truth.errors(c) for c in finer]
-        best = int(np.argmin([truth.misses(e, tolerances) for e in tried]))
-        cells, errors = finer[best], tried[best]
+    for cells in CANDIDATES:
+        errors = truth.errors(cells)
+        if truth.misses(errors, tolerances) <= 1.0:
+            break
+    else:
+        worst = int(np.argmax(errors.max(axis=0) / tolerances))
+        raise ValueError(
+            f"scene {scene.name}: {cells} are wrong by up to {errors[:, worst].max():.3g} in "
+            f"{scene.load_names[worst]}, expected less: relax the scene's tolerances, or take cc.ElasticFoundation"
+        )
     model = CellFoundation(scene, cells, compiled=compiled)
     model.record = {
         "model": "cubic cells",
@@ -64,7 +59,7 @@ class _Truth:
     def __init__(self, scene: Scene, range_n: tuple[float, float]) -> None:
         self.scene = scene
         self.poses, self.wrenches = [], []
-        for patch, coarse in zip(cell_patches(scene, CONVERGED), cell_patches(scene, LARGEST), strict=True):
+        for patch, coarse in zip(cell_patches(scene, CONVERGED), cell_patches(scene, CANDIDATES[0]), strict=True):
             R, t = pressed_poses(coarse, scene.start_pose, range_n, _POSES)
             self.poses.append((R, t))
             self.wrenches.append(np.array([patch.wrench(*pose) for pose in zip(R, t, strict=True)]).reshape(-1, 6))
@@ -93,4 +88,7 @@ class _Truth:
 def _sized(u_mm: float, v_mm: float) -> Cells:
     """Cells with sub-points about `_SUB_POINT_MM` apart."""
     u, v = (max(3, round(size / _SUB_POINT_MM)) for size in (u_mm, v_mm))
-    return Cells(float(u_mm), float(v_mm), u, v)
+    return Cells(u_mm, v_mm, u, v)
+
+
+CANDIDATES = sorted((_sized(u, v) for u in SIZES_MM for v in SIZES_MM), key=lambda cells: -cells.u_mm * cells.v_mm)
