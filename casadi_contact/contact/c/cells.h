@@ -9,17 +9,14 @@ INLINE double fade_of(double force, double *slope, double *bend) {
 
 /* The node within the rim that lies nearest to the body, or deepest in it */
 FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  static const double nowhere[3] = {0.0, 0.0, 0.0};
-  double least[MOST_BLOCKS + BLOCK], best = INFINITY;
+  double least[MOST_BLOCKS], found[BLOCK], best = INFINITY;
+  const double *points[BLOCK];
   int nearest = 0, first_block = 0;
   for (int b = 0; b < p->block_count; b += BLOCK) {
-    const double *points[BLOCK];
-    double known[BLOCK][4], bow[BLOCK];
     for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[b + l < p->block_count ? b + l : b].middle;
-    distances(points, pose, frame, known, bow);
+    distances(points, pose, frame, found);
     for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
-      least[b + l] = least_distance(known[l], bow[l], nowhere, p->blocks[b + l].half);
-      if (known[l][0] < 0.0) least[b + l] = known[l][0] - steepest_reach(p->blocks[b + l].half);
+      least[b + l] = found[l] - steepest_reach(p->blocks[b + l].half);
       if (least[b + l] < least[first_block]) first_block = b + l;
     }
   }
@@ -31,12 +28,10 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
     for (int c = p->blocks[b].first; c < p->blocks[b].last; c++) want_corners(s, p->cells + c);
     for (int i = s->nodes; i % BLOCK; i++) s->ids[i] = s->ids[s->nodes - 1];
     for (int i = 0; i < s->nodes; i += BLOCK) {
-      const double *points[BLOCK];
-      double found[BLOCK][4], unused[BLOCK];
       for (int l = 0; l < BLOCK; l++) points[l] = p->nodes[s->ids[i + l]].c;
-      distances(points, pose, frame, found, unused);
+      distances(points, pose, frame, found);
       for (int l = 0; l < BLOCK; l++) {
-        if (found[l][0] < best && p->known[s->ids[i + l]]) best = found[l][0], nearest = s->ids[i + l];
+        if (found[l] < best && p->known[s->ids[i + l]]) best = found[l], nearest = s->ids[i + l];
       }
     }
   }

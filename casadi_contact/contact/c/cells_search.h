@@ -39,55 +39,17 @@ INLINE void place_of(const double point[3], const double *pose, const Frame *fra
   }
 }
 
-/* Distance and gradient (fixed frame) at up to four points: gradient[l] is (g, G). */
-FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK][4],
-                      double bow[BLOCK]) {
+/* Distance at four points of the fixed frame */
+FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK]) {
   Lanes q[3];
   Distance at;
   for (int l = 0; l < BLOCK; l++) {
     double place[3];
     place_of(points[l], pose, frame, place);
-    bow[l] = bow_at(place);
     for (int i = 0; i < 3; i++) q[i][l] = place[i];
   }
   distance_at(q, 1, &at);
-  for (int l = 0; l < BLOCK; l++) {
-    found[l][0] = at.g[l];
-    for (int i = 0; i < 3; i++) {
-      found[l][1 + i] = frame->r[i][0] * at.slope[0][l] + frame->r[i][1] * at.slope[1][l] + frame->r[i][2] * at.slope[2][l];
-    }
-  }
-}
-
-/* What g is at least over a box `half` about `offset` from a point where it is known: if that is near the surface: by
- * its slope there and its bow, or by its steepest slope anywhere. */
-INLINE double least_distance(const double known[4], double bow, const double offset[3], const double half[3]) {
-  double reach[3], tangent = known[0], away = 0.0, farthest;
-  for (int i = 0; i < 3; i++) {
-    reach[i] = fabs(offset[i]) + half[i];
-    tangent += known[1 + i] * offset[i] - fabs(known[1 + i]) * half[i];
-    away += reach[i] * reach[i];
-  }
-  farthest = known[0] - STEEPEST * sqrt(away);
-  tangent -= 0.5 * bow * away;
-  return bow < 0.0 || away > BOW_REACH * BOW_REACH || farthest > tangent ? farthest : tangent;
-}
-
-/* Blocks whose cells may come within `margin` of the body, by one number of the field each where there is one. */
-INLINE int near_blocks(const Patch *p, const double *pose, const Frame *frame, double margin, int *found) {
-  int count = 0;
-  for (int b = 0; b < p->block_count; b++) {
-#if BODY_FIELD
-    double place[3];
-    long long node;
-    place_of(p->blocks[b].middle, pose, frame, place);
-    node = nearest_node(place);
-    if (node >= 0 && FIELD_COEFFICIENTS[node] > margin + NODE_REACH + steepest_reach(p->blocks[b].half)) continue;
-#endif
-    found[count++] = b;
-  }
-  (void)pose, (void)frame, (void)margin;
-  return count;
+  for (int l = 0; l < BLOCK; l++) found[l] = at.g[l];
 }
 
 INLINE void want_corners(Scratch *s, const Cell *cell) {
@@ -100,28 +62,19 @@ INLINE void want_corners(Scratch *s, const Cell *cell) {
 
 /* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
 FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  static const double nowhere[3] = {0.0, 0.0, 0.0};
-  int blocks[MOST_BLOCKS + BLOCK];
-  const int count = near_blocks(p, pose, frame, TOUCH, blocks);
   s->nodes = s->cells = 0;
   if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
-  for (int k = count; k % BLOCK; k++) blocks[k] = blocks[count - 1];
-  for (int first = 0; first < count; first += BLOCK) {
-    const double *points[BLOCK];
-    double known[BLOCK][4], bow[BLOCK];
-    for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[blocks[first + l]].middle;
-    distances(points, pose, frame, known, bow);
-    for (int l = 0; l < BLOCK && first + l < count; l++) {
-      const Block *block = p->blocks + blocks[first + l];
-      if (least_distance(known[l], bow[l], nowhere, block->half) > TOUCH) continue;
-      for (int c = block->first; c < block->last; c++) {
-        const Cell *cell = p->cells + c;
-        const double offset[3] = {cell->middle[0] - block->middle[0], cell->middle[1] - block->middle[1],
-                                  cell->middle[2] - block->middle[2]};
-        if (least_distance(known[l], bow[l], offset, cell->half) > TOUCH) continue;
-        want_corners(s, cell);
-        s->chosen[s->cells++] = c;
-      }
+  for (int b = 0; b < p->block_count; b++) {
+    const Block *block = p->blocks + b;
+    double place[3];
+    place_of(block->middle, pose, frame, place);
+    if (!may_touch(place, block->half, frame)) continue;
+    for (int c = block->first; c < block->last; c++) {
+      const Cell *cell = p->cells + c;
+      place_of(cell->middle, pose, frame, place);
+      if (!may_touch(place, cell->half, frame)) continue;
+      want_corners(s, cell);
+      s->chosen[s->cells++] = c;
     }
   }
 }

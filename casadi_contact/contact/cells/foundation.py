@@ -14,7 +14,6 @@ from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
 
 CELLS = Cells(1.2, 0.75)
@@ -57,15 +56,7 @@ class CellFoundation(CompiledFoundation):
 def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
     """The scene's patches in cells of this size."""
     law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
-    body, charts = _in_single_precision(scene.surfaces()[0]), patch_charts(scene)  # it faces every patch
+    body, charts = scene.surfaces()[0], patch_charts(scene)  # one body faces every patch
     fade_n = FADE_SHARE * scene.boundary_load
     return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts]
 
-
-def _in_single_precision(surface: MovingSurface) -> MovingSurface:
-    """A field's coefficients as the kernel in C holds them: 1e-7 mm at most from what they were near the surface."""
-    if surface.family != MESH_FIELD:
-        return surface
-    parameters = surface.parameters.copy()
-    parameters[7:] = parameters[7:].astype(np.float32)
-    return MovingSurface(MESH_FIELD, parameters)

@@ -9,7 +9,7 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
-from casadi_contact.contact.cells.bows import BOW_REACH_MM, bows
+from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
@@ -103,12 +103,13 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"static const double round_centre[3] = {braces(centre)};"
         )
     origin, spacing, coefficients, _ = field_parts(surface.parameters)
+    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
-        "NODE_REACH": STEEPEST_FIELD * 0.75**0.5 * spacing,  # g's fall on the way from a node to where it is nearest
-        "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
-        "FIELD_BOWS": f"((const float *)(cells_data + {tables.place(bows(coefficients, spacing))}))",
+        "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
+        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
+        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
