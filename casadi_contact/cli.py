@@ -19,8 +19,15 @@ from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_o
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
+from casadi_contact.project import project_surrogates
 from casadi_contact.proposal.command import scene as propose_scene
-from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
+from casadi_contact.report import (
+    evaluation_tables,
+    kernel_speed_tables,
+    read_evaluation,
+    read_kernel_speed,
+    write_report,
+)
 from casadi_contact.report.choice_table import choice_table
 from casadi_contact.sampling import MODELS, model_pair
 from casadi_contact.sampling.drops import dropped_shares
@@ -28,6 +35,7 @@ from casadi_contact.scenes import load_scene, ready_scenes
 from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
+from casadi_contact.verification.fitness import fitness
 
 app = typer.Typer(
     help="Surrogate models of deformable joint contact as CasADi functions.",
@@ -91,6 +99,7 @@ def build(
         _train(project)
         _evaluate(project)
         _export(project)
+        _report(project)
 
 
 @app.command(epilog=examples("sample"))
@@ -219,6 +228,18 @@ def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee)
     console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
 
 
+@app.command(epilog=examples("report"))
+def report(
+    surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")],
+    out: Annotated[Path | None, typer.Option(help="page to write; report.html beside the file if left out")] = None,
+) -> None:
+    """Write one page (HTML) that says what a surrogate is fit for, where it was sampled and how wrong it is."""
+    folder = Path(surrogate).parent
+    loaded = load_surrogate(surrogate)
+    path = write_report({loaded.title: loaded}, folder, folder / "report.html" if out is None else out)
+    console.print(str(fitness(loaded)), f"report in {path}", sep="\n", highlight=False, markup=False, soft_wrap=True)
+
+
 @app.command(epilog=examples("cycle"))
 def cycle(
     file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
@@ -329,6 +350,13 @@ def _evaluate(project: Project) -> None:
     for table in evaluation_tables(read_evaluation(path)):
         console.print(table)
     console.print(f"evaluation in {path}", highlight=False)
+
+
+def _report(project: Project) -> None:
+    path = pipeline.report(project)
+    for structure, surrogate in project_surrogates(project).items():
+        console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"report in {path}", highlight=False)
 
 
 def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:

@@ -46,6 +46,10 @@ _EXAMPLES = {
         "info knee",
         "info results/knee-quick/patch.h5",
     ),
+    "report": (
+        "report knee --out knee.html",
+        "report results/knee-quick/patch.h5",
+    ),
     "cycle": (
         "cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N "
         "--map cop_x=cop_ap:m --map cop_z=cop_ml:m",

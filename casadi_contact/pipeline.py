@@ -1,6 +1,6 @@
 """The stages from a scene to a surrogate, each restarting alone from the files of the one before it.
 
-cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/
+cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/, report.html
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from casadi_contact.project import (
     reference_motion_cycles,
     surrogates_at_hand,
 )
-from casadi_contact.report import draw_charts
+from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,
@@ -59,6 +59,7 @@ __all__ = [
     "evaluate",
     "export",
     "read_motion",
+    "report",
     "sample",
     "structures_for_scene",
     "take_table",
@@ -103,6 +104,7 @@ def build(
         train(project, progress, executor)
         evaluate(project)
         export(project)
+        report(project)
     return project_surrogates(project)
 
 
@@ -240,6 +242,11 @@ def export(
             written.append(path)
         written += model.export_c(folder / kind, example_pose=pose)
     return written
+
+
+def report(project: Project) -> Path:
+    """Write ``report.html``: what the project's surrogates are fit for, and how wrong they are; return its path."""
+    return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
 
 
 def chart(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from casadi_contact.contact.compiled_elements import CompiledElements
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
@@ -22,19 +23,31 @@ from casadi_contact.conventions import (
     rotation,
 )
 from casadi_contact.geometry import ElementGrid, MovingSurface
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
 
 
 class _Bed(NamedTuple):
-    """Elements, as the kernels read an `ElementGrid`, and the moving surface that faces them."""
+    """Elements, as numba's kernels read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
+    compiled: CompiledElements | None
 
     @classmethod
-    def of(cls, surface: MovingSurface, e: ElementGrid) -> _Bed:
-        return cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
+    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None) -> _Bed:
+        in_c = None if compiled is None else CompiledElements.of(surface, e, compiled)
+        elements = (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
+        return cls(surface, elements, in_c)
+
+    def wrenches(
+        self, law: tuple[int, float, float], rotations: Array, translations: Array, *, derivatives: bool
+    ) -> tuple[Array, Array]:
+        """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
+        if self.compiled is not None:
+            return self.compiled.wrenches(rotations, translations, derivatives=derivatives)
+        s = self.surface
+        return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
 
 
 class ElasticFoundation:
@@ -44,10 +57,11 @@ class ElasticFoundation:
     along the element's normal. Poses run in parallel over numba's threads. Each method takes poses (n, 6), or one pose
     (6,): its arrays then come without their first axis.
 
-    grid: elements per patch (nx, nz), the scene's fine grid if left out.
+    grid: elements per patch (nx, nz), the scene's fine grid if left out. compiled: False for numba's loops in any
+    case; they are slower, and their loads the same to rounding.
     """
 
-    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
+    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
         material = scene.material
         grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         self.scene = scene
@@ -57,7 +71,8 @@ class ElasticFoundation:
         self._selection = load_selection(self.load_names, self.patch_names)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._patches = [_Bed.of(s, e) for s, e in zip(scene.surfaces(), grids, strict=True)]
+        self._material = material if compiled else None
+        self._patches = [_Bed.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
         self._law = (law_number(material.law), layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -101,7 +116,7 @@ class ElasticFoundation:
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         touched = [
             touches_many(s.family, s.parameters, edge, rotations, translations)
-            for (s, _), edge in zip(self._patches, self._edges, strict=True)
+            for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
         ]
         return np.stack(touched, axis=1)
 
@@ -142,7 +157,7 @@ class ElasticFoundation:
     def _depths(self, pose: Array) -> Iterator[tuple[tuple[Array, ...], Array]]:
         """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
         R, t = rotation(pose[3:]), pose[:3].copy()
-        for surface, elements in self._patches:
+        for surface, elements, _ in self._patches:
             yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
 
     @cached_property
@@ -152,14 +167,14 @@ class ElasticFoundation:
         if len(parts) == len(self.patch_names):
             return self._patches
         grids = self.scene.part_elements(self.grid)
-        return [_Bed.of(self._patches[part.patch].surface, e) for part, e in zip(parts, grids, strict=True)]
+        return [
+            _Bed.of(self._patches[part.patch].surface, e, self._material) for part, e in zip(parts, grids, strict=True)
+        ]
 
     def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [
-            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives) for s, e in beds
-        ]
+        results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
@@ -168,7 +183,7 @@ class ElasticFoundation:
     def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e in beds]
+        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
         slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
         return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
 

@@ -71,13 +71,17 @@ class TriangleMesh:
         """The triangles whose centre lies inside the box [mm], or all that reach into it; ValueError if none does."""
         corners = self.corners_mm
         lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
-        faces = self.faces[np.all((highest >= low) & (lowest < high), axis=1)]
-        if not len(faces):
+        inside = np.all((highest >= low) & (lowest < high), axis=1)
+        if not inside.any():
             raise ValueError(
                 f"mesh {self.name}: no triangle between {_point(low)} and {_point(high)} mm, "
                 f"expected a part of {self.extent}: check the box, units and axes"
             )
-        used, renumbered = np.unique(faces, return_inverse=True)
+        return self.part(inside)
+
+    def part(self, chosen: np.ndarray) -> TriangleMesh:
+        """The chosen triangles (f,) with the vertices that they use."""
+        used, renumbered = np.unique(self.faces[chosen], return_inverse=True)
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
 
 

@@ -15,6 +15,7 @@ CANDIDATES = (
     *((80, 160), (160, 80), (160, 160), (160, 240), (240, 160)),
 )
 CONVERGED = (320, 320)
+_MOST_TO_SETTLE = 80 * 80  # elements: thousands of poses are to be found
 _SHARES = {"fine": 1.0, "settle": 2.0, "coarse": 8.0}  # of the tolerances that each may be wrong by
 
 
@@ -45,7 +46,8 @@ def converged_grids(scene: Scene, poses: Array) -> Convergence:
             break
     found = {}
     for purpose, share in _SHARES.items():
-        good = [grid for grid in errors if errors[grid] <= share] or [min(errors, key=lambda grid: errors[grid])]
+        tried = [grid for grid in errors if purpose == "fine" or grid[0] * grid[1] <= _MOST_TO_SETTLE]
+        good = [grid for grid in tried if errors[grid] <= share] or [min(tried, key=lambda grid: errors[grid])]
         nx, nz = min(good, key=lambda grid: (grid[0] * grid[1], errors[grid]))
         found[purpose] = [nx, nz]
     found["teacher"] = [min(2 * n, 320) for n in found["fine"]]

@@ -13,7 +13,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, TriangleMesh, load_mesh
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.proposal.doubts import edges_reached, refuse_thin_shell
+from casadi_contact.proposal.doubts import edges_reached
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint, joint_of
@@ -24,9 +24,11 @@ from casadi_contact.proposal.rest import gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import reference_poses
 from casadi_contact.scenes import Scene
+from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
 _TOLERANCE = 0.01  # of the largest load
 _LARGEST_N = 1500.0  # of a patch, in a made-up motion
+_SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
 
@@ -72,6 +74,16 @@ def propose(
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
     untold = [*frame.untold, f"the material's stiffness and thickness: taken as {made_of}{because} (--material)"]
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
+    shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
+    if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
+        tables["material"]["thickness"] = round(sum(layers), 1)
+        told.append(
+            f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
+        )
+    if (thinnest := min(shells.values())) < THIN_MM:
+        tables["geometry"] |= {"spacing": round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)}
+    if shells["moving"] < THIN_MM:
+        tables["geometry"]["shell"] = "whole"
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
     pose, reason = rest_pose(model, joint)
@@ -82,13 +94,16 @@ def propose(
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction_of(joint, frame, meeting))
     tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_N)
     poses, _ = _reference(tables, cycles=_TEST_CYCLES)
+    if (overlap := float(-model.gaps(poses).min())) > 0.5 * shells["moving"]:
+        tables["geometry"]["shell"] = "outer"
+        told.append(f"overlaps reach {overlap:.2g} mm, more than half the moving shell: its outer side alone counts")
+        model = ElasticFoundation(Scene.from_tables(tables))
     tables["tolerances"] = _tolerances(model, poses)
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
     tables["grids"] = convergence.grids
     (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
     poses, settled = _reference(tables)
     final = ElasticFoundation(Scene.from_tables(tables))
-    refuse_thin_shell(final, poses)
     untold += edges_reached(final, poses)
     return Proposal(Scene.from_tables(tables), joint, pose, poses, len(settled), told, untold)
 

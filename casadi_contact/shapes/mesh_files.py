@@ -7,6 +7,8 @@
     axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
     pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
     start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
+    shell = "outer"                       # of a moving mesh that is a thin closed shell: only its side away from the
+                                          # anchors counts; or "whole": overlaps stay below half of its thickness
     open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
     spacing = 0.75                        # of the distance field's nodes [mm]
@@ -40,11 +42,12 @@ from casadi_contact.shapes.checks import fail, identifier, number, table_of
 BODIES = ("moving", "fixed")
 ELEMENTS = ("grid", "triangles")
 OPEN_EDGES = ("cut", "rim")
+SHELLS = ("outer", "whole")
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
 _LISTS = {"pressing": 3, "start_pose": 6}
 _KNOWN = (
-    *(*_NEEDED, "axes", "elements", "spacing", "open_edges", "placement"),
+    *(*_NEEDED, "axes", "elements", "spacing", "open_edges", "shell", "placement"),
     *(*_LISTS, *_DIGESTS.values()),
 )
 _DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75, "open_edges": "cut"}
@@ -62,6 +65,8 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
     for key, allowed in (("units", MM_PER_UNIT), ("elements", ELEMENTS), ("open_edges", OPEN_EDGES)):
         if values[key] not in tuple(allowed):
             raise fail(f"geometry.{key}", values[key], " or ".join(allowed))
+    if values.get("shell", "whole") not in SHELLS:
+        raise fail("geometry.shell", values["shell"], " or ".join(SHELLS))
     axes_rotation(values["axes"])
     for key, length in _LISTS.items():
         if key in values:

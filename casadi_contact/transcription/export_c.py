@@ -11,11 +11,12 @@ from string import Template
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS
-from casadi_contact.files import write_text
+from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
 
 
@@ -25,7 +26,8 @@ class ExportedModel:
 
     source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
     are roots; trust_at where it is trusted; outside(pose, parts), which is 1 where the pose is not one that the model
-    is made for. made_for says in words when it is. vectors: source needs the vectors of GCC and clang.
+    is made for. made_for says in words when it is. vectors: source needs the vectors of GCC and clang. data: what
+    the source includes as the file DATA_FILE of the folder in which it is compiled.
     """
 
     source: str
@@ -37,6 +39,7 @@ class ExportedModel:
     reference_load: float
     description: str
     vectors: bool = False
+    data: bytes = b""
 
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
@@ -109,4 +112,6 @@ def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pos
     folder.mkdir(parents=True, exist_ok=True)
     for file_name, text in texts.items():
         write_text(folder / file_name, text)
-    return sorted(folder / file_name for file_name in texts)
+    if model.data:
+        write_bytes(folder / DATA_FILE, model.data)
+    return sorted(folder / file_name for file_name in (*texts, *([DATA_FILE] if model.data else [])))

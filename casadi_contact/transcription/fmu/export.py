@@ -13,7 +13,7 @@ from string import Template
 from casadi_contact.files import replacing, scratch_folder
 from casadi_contact.transcription.export_c import ExportedModel
 from casadi_contact.transcription.fmu.description import model_description
-from casadi_contact.transcription.kernel.compiler import SUFFIX, portable_library
+from casadi_contact.transcription.kernel.compiler import DATA_FILE, SUFFIX, portable_library
 from casadi_contact.transcription.kernel.source import c_text
 
 _C = f"{__package__}.c"
@@ -51,9 +51,13 @@ def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequ
     with scratch_folder(path.parent, path.name) as place:
         for file, text in sources.items():
             (place / file).write_text(text, "utf-8")
-        library = portable_library([place / "fmi3.c", place / f"{name}.c"], place / f"{name}{SUFFIX}").read_bytes()
+        if model.data:
+            (place / DATA_FILE).write_bytes(model.data)
+        library = portable_library(place, ["fmi3.c", f"{name}.c"], f"{name}{SUFFIX}").read_bytes()
     entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(model, name, token, start)}
     entries |= {f"sources/{file}": text for file, text in sources.items()}
+    if model.data:
+        entries[f"sources/{DATA_FILE}"] = model.data
     entries["sources/buildDescription.xml"] = _BUILD.format(name=name)
     entries[f"binaries/{_platform()}/{name}{SUFFIX}"] = library
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:

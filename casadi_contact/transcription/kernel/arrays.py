@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -23,19 +24,23 @@ def loaded(path: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(path))
 
 
-def call_in_shares(library: Path, function: str, poses: Array, *arrays: np.ndarray | None) -> None:
-    """Call function(n, poses, *arrays) of a library on shares of the rows, on as many threads as numba has.
+def call_in_shares(
+    library: Path, function: str, poses: Array, *arrays: np.ndarray | None, constants: Sequence[np.ndarray] = ()
+) -> None:
+    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows, on as many threads as numba has.
 
-    Every array has a row for each pose; None is passed on as 0.
+    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole.
     """
     entry = getattr(loaded(library), function)
     threads = max(1, min(numba.get_num_threads(), len(poses) // _LEAST))
     size = len(poses) if threads == 1 else -(-len(poses) // (_SHARES * threads * _MULTIPLE)) * _MULTIPLE
 
+    whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
+
     def one(start: int) -> None:
         part = slice(start, start + size)
         pointers = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *arrays)]
-        entry(ctypes.c_longlong(len(poses[part])), *pointers)
+        entry(ctypes.c_longlong(len(poses[part])), *pointers, *whole)
 
     starts = range(0, len(poses), max(size, 1))
     if threads == 1:

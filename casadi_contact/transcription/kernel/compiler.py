@@ -144,14 +144,13 @@ def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, .
     return path
 
 
-def portable_library(sources: Sequence[Path], target: Path) -> Path:
-    """Compile C files into a shared library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
+def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
+    """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
 
     Raises CompilerError without a compiler, or where it refuses.
     """
-    chosen = _words_of(CFLAGS_VARIABLE)
-    _run([*compiler_command(), *FLAGS, *chosen, "-o", str(target), *map(str, sources), "-lm"])
-    return target
+    _run([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
+    return folder / library
 
 
 def _check_private(folder: Path) -> None:
