@@ -76,7 +76,8 @@ def _boxes(members: Array, present: np.ndarray) -> Array:
     along = members[..., :3] @ frames
     low = np.where(present[..., None], along, np.inf).min(axis=1)
     high = np.where(present[..., None], along, -np.inf).max(axis=1)
-    low, high = (np.where(present.any(axis=1)[:, None], end, 0.0) for end in (low, high))
+    filled = np.any(present, axis=1, keepdims=True)
+    low, high = np.where(filled, low, 0.0), np.where(filled, high, 0.0)
     middle = np.einsum("gik,gk->gi", frames, 0.5 * (low + high))
     axes = (0.5 * (high - low))[:, :, None] * np.swapaxes(frames, 1, 2)
     return np.concatenate([middle, axes.reshape(-1, 9)], 1)
