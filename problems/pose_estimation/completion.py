@@ -25,10 +25,14 @@ from problems.pose_estimation.wanted import COP_TOLERANCE_MM
 
 
 def solve_and_complete(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> PoseResult:
-    """`solve` and `complete`; where model is the reason why there is none (`own_model`), `solve` is all there is."""
-    if isinstance(model, str):
+    """`solve` and `complete`, on a foundation first with itself; where model is the reason why there is none
+    (`own_model`), that is all there is."""
+    if problem.learned and isinstance(model, str):
         return solve(problem, start)
-    return complete(problem, solve(problem, start, alone=False), model)
+    result = solve(problem, start, alone=False)
+    if not problem.learned:
+        result = complete(problem, result, problem.model)
+    return result if isinstance(model, str) else complete(problem, result, model)
 
 
 def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
