@@ -9,10 +9,10 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
-from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
+from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
