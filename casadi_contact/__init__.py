@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 __version__ = "0.2.0.dev0"
 
 __all__ = [
+    "Assembly",
     "CallableModel",
     "CellFoundation",
     "ContactFrames",
     "ContactInOpti",
+    "CupFoundation",
     "ElasticFoundation",
     "PolarFoundation",
     "RayCastFoundation",
@@ -21,6 +23,7 @@ __all__ = [
     "build",
     "choose",
     "foundation",
+    "load_assembly",
     "load_scene",
     "load_surrogate",
     "refine",
@@ -31,10 +34,12 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from casadi_contact.assembly import Assembly, load_assembly
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
         CellFoundation,
+        CupFoundation,
         ElasticFoundation,
         PolarFoundation,
         RayCastFoundation,
@@ -48,14 +53,11 @@ if TYPE_CHECKING:
     from casadi_contact.verification import refine, verify
 else:
     _ROOMS = {
+        "assembly": ("Assembly", "load_assembly"),
         "benchmark": ("choose",),
         "contact": (
-            "CallableModel",
-            "CellFoundation",
-            "ElasticFoundation",
-            "PolarFoundation",
-            "RayCastFoundation",
-            "foundation",
+            *("CallableModel", "CellFoundation", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
+            *("RayCastFoundation", "foundation"),
         ),
         "optimisation": ("ContactFrames", "ContactInOpti"),
         "pipeline": ("build",),

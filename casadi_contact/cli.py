@@ -13,19 +13,29 @@ from casadi_contact import __version__, benchmark, pipeline
 from casadi_contact.command_examples import examples
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.files import file_stem, short
+from casadi_contact.files import file_stem, folder_lock, short
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, read_poses, write_poses
 from casadi_contact.pipeline import PRESETS, Project
 from casadi_contact.progress import progress_bars
-from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
+from casadi_contact.project import project_surrogates
+from casadi_contact.proposal.command import scene as propose_scene
+from casadi_contact.report import (
+    evaluation_tables,
+    kernel_speed_tables,
+    read_evaluation,
+    read_kernel_speed,
+    write_report,
+)
 from casadi_contact.report.choice_table import choice_table
+from casadi_contact.sampling import MODELS, model_pair
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import load_scene, ready_scenes
-from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, surface_fits
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, printable
+from casadi_contact.verification.fitness import fitness
 
 app = typer.Typer(
     help="Surrogate models of deformable joint contact as CasADi functions.",
@@ -42,6 +52,10 @@ Cycles = Annotated[
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[
     Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+]
+ModelName = Annotated[
+    str,
+    typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
 ]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
@@ -65,6 +79,9 @@ def options(
     """Options that come before a command."""
 
 
+app.command("scene", epilog=examples("scene"))(propose_scene)
+
+
 @app.command(epilog=examples("build"))
 def build(
     scene: SceneName,
@@ -72,14 +89,17 @@ def build(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = _project(scene, preset, out)
-    _sample(project, [*(cycles or []), *(more_cycles or [])], table)
-    _train(project)
-    _evaluate(project)
-    _export(project)
+    with folder_lock(project.folder):
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
+        _train(project)
+        _evaluate(project)
+        _export(project)
+        _report(project)
 
 
 @app.command(epilog=examples("sample"))
@@ -89,10 +109,11 @@ def sample(
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
+    model: ModelName = "elements",
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table)
+    _sample(_project(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table, model)
 
 
 @app.command(epilog=examples("train"))
@@ -125,12 +146,20 @@ def export(
     preset: PresetName = "quick",
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
+    foundation: Annotated[
+        bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
+    ] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example.
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
     """
-    _export(_project(scene, preset, out), kernel_only=kernel)
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(_project(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
 
 
 @app.command(epilog=examples("chart"))
@@ -199,6 +228,18 @@ def info(surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee)
     console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
 
 
+@app.command(epilog=examples("report"))
+def report(
+    surrogate: Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")],
+    out: Annotated[Path | None, typer.Option(help="page to write; report.html beside the file if left out")] = None,
+) -> None:
+    """Write one page (HTML) that says what a surrogate is fit for, where it was sampled and how wrong it is."""
+    folder = Path(surrogate).parent
+    loaded = load_surrogate(surrogate)
+    path = write_report({loaded.title: loaded}, folder, folder / "report.html" if out is None else out)
+    console.print(str(fitness(loaded)), f"report in {path}", sep="\n", highlight=False, markup=False, soft_wrap=True)
+
+
 @app.command(epilog=examples("cycle"))
 def cycle(
     file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
@@ -251,6 +292,8 @@ def show(
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
+    if len(shown) == 1:
+        console.print(pressures_text(model, shown[0]), highlight=False, soft_wrap=True)
     if fits := surface_fits(model):
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)
@@ -269,7 +312,7 @@ def _say_shipped(project: Project, doing: str) -> None:
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)
 
 
-def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> None:
+def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
     if table is not None:
         if cycle_files:
             raise ValueError("got cycle files and a table of samples, expected one of them")
@@ -277,7 +320,12 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None) -> No
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
     with progress_bars(console) as update:
-        samples, report = pipeline.sample(project, cycle_files, lambda done, total: update("samples", done, total, ""))
+        samples, report = pipeline.sample(
+            project,
+            cycle_files,
+            lambda done, total: update("samples", done, total, ""),
+            models=model_pair(model),
+        )
     if report is not None:
         console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():
@@ -304,9 +352,17 @@ def _evaluate(project: Project) -> None:
     console.print(f"evaluation in {path}", highlight=False)
 
 
-def _export(project: Project, *, kernel_only: bool = False) -> None:
-    _say_shipped(project, "exporting")
-    for path in pipeline.export(project, kernel_only=kernel_only):
+def _report(project: Project) -> None:
+    path = pipeline.report(project)
+    for structure, surrogate in project_surrogates(project).items():
+        console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"report in {path}", highlight=False)
+
+
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+    if not contact_model:
+        _say_shipped(project, "exporting")
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
         console.print(f"exported {path}", highlight=False)
 
 

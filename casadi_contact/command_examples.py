@@ -7,6 +7,10 @@ _EXAMPLES = {
         "export knee --kernel",
         "build knee --preset standard",
     ),
+    "scene": (
+        "scene femur.stl insert.stl --side right --out my_knee.toml",
+        "scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage",
+    ),
     "build": (
         "build knee",
         "build knee --preset standard --cycles walk1.csv walk2.csv",
@@ -14,6 +18,7 @@ _EXAMPLES = {
     ),
     "sample": (
         "sample knee --cycles walk1.csv walk2.csv",
+        "sample knee --preset paper --model foundation",
         "sample my_joint.toml --table samples.csv",
     ),
     "train": ("train knee --preset standard",),
@@ -22,6 +27,8 @@ _EXAMPLES = {
     "export": (
         "export knee",
         "export knee --kernel --out results/my_knee",
+        "export knee --foundation",
+        "export knee --fmu",
     ),
     "chart": (
         "chart knee --preset standard",
@@ -38,6 +45,10 @@ _EXAMPLES = {
     "info": (
         "info knee",
         "info results/knee-quick/patch.h5",
+    ),
+    "report": (
+        "report knee --out knee.html",
+        "report results/knee-quick/patch.h5",
     ),
     "cycle": (
         "cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N "

@@ -15,6 +15,12 @@ from numba.core import event
 _PACKAGE = __name__.partition(".")[0]
 
 
+def announce(what: str, kept: str) -> None:
+    """Say on stderr what is being compiled and where it will lie; worker processes stay silent."""
+    if multiprocessing.parent_process() is None:
+        print(f"{_PACKAGE}: compiling {what}, once ({kept})", file=sys.stderr, flush=True)
+
+
 class _Notice(event.Listener):
     """Says once per process, on stderr, that a loop of this package is being compiled and where it will lie."""
 
@@ -29,7 +35,7 @@ class _Notice(event.Listener):
         self.said = True
         folder = dispatcher.stats.cache_path
         kept = f"kept in {Path(folder)}" if folder else "not kept: this function has no cache"
-        print(f"{_PACKAGE}: compiling the contact model, about 15 s, once ({kept})", file=sys.stderr, flush=True)
+        announce("the contact model, about 15 s", kept)
 
     def on_end(self, event: event.Event) -> None:
         """Nothing to say."""

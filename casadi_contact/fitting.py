@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
-from casadi_contact.project import Project, Update, has_motion, read_motion
-from casadi_contact.sampling import SamplingSettings, elastic_foundations
+from casadi_contact.project import Project, Update, alone, has_motion, read_motion
+from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line, samples_record
@@ -42,6 +41,7 @@ def structures_for_scene(project: Project) -> list[str]:
     return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
 
 
+@alone
 def train(
     project: Project,
     update: Update | None = None,
@@ -75,13 +75,12 @@ def train(
 
 
 def moved_samples(samples: Samples) -> Samples | None:
-    """`samples_around` on the elastic foundation's teacher grid, what a surrogate's trust is calibrated on besides the
-    samples; None for samples of another contact model, or from a table."""
-    foundations = f"{elastic_foundations.__module__}.{elastic_foundations.__qualname__}"
-    if samples.provenance.get("models") != foundations:
-        return None
-    settings = SamplingSettings.from_table(samples.provenance["settings"])
-    return samples_around(samples, ElasticFoundation(samples.scene, settings.teacher_grid))
+    """`samples_around` on the model that the samples were evaluated on: a surrogate's trust is calibrated on them too.
+
+    None for samples of a user's own contact model, or from a table.
+    """
+    teacher = teacher_of(samples)
+    return None if teacher is None else samples_around(samples, teacher)
 
 
 def fit_surrogate(

@@ -1,6 +1,6 @@
 """The stages from a scene to a surrogate, each restarting alone from the files of the one before it.
 
-cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/
+cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/, report.html
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ import numpy as np
 from casadi_contact.benchmark import evaluate as evaluate_models
 from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.contact import ContactModel
+from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
+from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
-from casadi_contact.files import file_stem, replacing, writable_folder, write_npz, write_text
+from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
     Project,
     Update,
+    alone,
     has_motion,
     motion_at_hand,
     project_surrogates,
@@ -32,7 +34,7 @@ from casadi_contact.project import (
     reference_motion_cycles,
     surrogates_at_hand,
 )
-from casadi_contact.report import draw_charts
+from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,
@@ -44,6 +46,7 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.scenes import Scene
+from casadi_contact.show import contact_pose
 from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.transcription import save_function
 
@@ -56,6 +59,7 @@ __all__ = [
     "evaluate",
     "export",
     "read_motion",
+    "report",
     "sample",
     "structures_for_scene",
     "take_table",
@@ -86,18 +90,21 @@ def build(
     results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
     interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written.
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written or that another
+    process works in.
     """
     if table is not None and (cycles or model is not None):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
     project = Project.open(scene, preset, None if folder is None else Path(folder))
-    if table is not None:
-        take_table(project, Path(table))
-    else:
-        _draw(project, [Path(path) for path in cycles], model, progress, executor)
-    train(project, progress, executor)
-    evaluate(project)
-    export(project)
+    with folder_lock(project.folder):
+        if table is not None:
+            take_table(project, Path(table))
+        else:
+            _draw(project, [Path(path) for path in cycles], model, progress, executor)
+        train(project, progress, executor)
+        evaluate(project)
+        export(project)
+        report(project)
     return project_surrogates(project)
 
 
@@ -128,6 +135,7 @@ def _draw(
         sample(project, cycles, tell, here, models=given)
 
 
+@alone
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
@@ -160,6 +168,7 @@ def sample(
     return samples, report
 
 
+@alone
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
@@ -174,6 +183,7 @@ def take_table(project: Project, table: Path) -> Samples:
     return samples
 
 
+@alone
 def calibrate(project: Project) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
     samples = project.samples()
@@ -183,6 +193,7 @@ def calibrate(project: Project) -> list[Path]:
     return [project.surrogate_path(structure) for structure in project_surrogates(project)]
 
 
+@alone
 def evaluate(project: Project) -> Path:
     """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
     motion = read_motion(project)[0] if has_motion(project) else None
@@ -200,24 +211,42 @@ def evaluate(project: Project) -> Path:
     return path
 
 
-def export(project: Project, *, kernel_only: bool = False) -> list[Path]:
+@alone
+def export(
+    project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
+) -> list[Path]:
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
 
-    Where nothing has been built: the scene's shipped surrogates.
+    Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
+    contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
     """
+    folder, stem = project.folder / "export", file_stem(project.scene.name)
+    models: dict[str, Surrogate | CompiledFoundation]
+    if contact_model:
+        models = {"foundation": foundation(project.scene)}
+        pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
+    else:
+        models = {**surrogates_at_hand(project)}
+        motion = not project.begun or has_motion(project)
+        poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+        pose = list(poses[len(poses) // 4])
     written = []
-    surrogates = surrogates_at_hand(project)
-    motion = not project.begun or has_motion(project)
-    poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
-    for structure, surrogate in surrogates.items():
-        folder = project.folder / "export" / structure
-        writable_folder(folder)
-        if not kernel_only:
-            path = folder / f"{file_stem(project.scene.name)}.casadi"
-            save_function(surrogate.function(), path)
+    for kind, model in models.items():
+        writable_folder(folder / kind)
+        if fmu:
+            written.append(model.export_fmu(folder / kind / f"{stem}.fmu", start=pose))
+            continue
+        if isinstance(model, Surrogate) and not kernel_only:
+            path = folder / kind / f"{stem}.casadi"
+            save_function(model.function(), path)
             written.append(path)
-        written += surrogate.export_c(folder, example_pose=list(poses[len(poses) // 4]))
+        written += model.export_c(folder / kind, example_pose=pose)
     return written
+
+
+def report(project: Project) -> Path:
+    """Write ``report.html``: what the project's surrogates are fit for, and how wrong they are; return its path."""
+    return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
 
 
 def chart(

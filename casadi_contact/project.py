@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples, read_samples
-from casadi_contact.files import file_stem, read_npz, writable_folder, write_text
+from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
@@ -85,6 +87,21 @@ class Project:
                 "choose another --out, or remove that folder"
             )
         return samples
+
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+def alone(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Concatenate[Project, Given], Result]:
+    """A stage that holds its project's folder while it runs: a second one there fails at once (`files.folder_lock`)."""
+
+    @wraps(stage)
+    def held(project: Project, /, *given: Given.args, **named: Given.kwargs) -> Result:
+        with folder_lock(project.folder):
+            return stage(project, *given, **named)
+
+    return held
 
 
 def _completed(scene: Scene, path: Path) -> Scene:

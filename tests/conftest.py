@@ -1,6 +1,6 @@
-"""Kernels that tests compile go to a folder of their own, not to the user's cache; linear algebra has one thread.
+"""Kernels that tests compile go to a folder of their own, not to the user's cache; each process has one thread.
 
-Matrices of the tests are small: on a busy machine threads that wait for each other make them a hundred times slower.
+What tests compute is small: where processes share cores, threads that wait for each other make it many times slower.
 """
 
 import os
@@ -8,12 +8,23 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # read when NumPy and torch are first imported
 
+import numba  # noqa: E402
 import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
+
+# The same examples every time, however long the machine takes for one.
+settings.register_profile("reproducible", derandomize=True, deadline=None)
+settings.load_profile("reproducible")
 
 
 def pytest_addoption(parser):
     """How many mutated files tests/fuzz reads."""
     parser.addoption("--mutations", type=int, default=520, help="mutated files over all readers (tests/fuzz)")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread():
+    numba.set_num_threads(1)
 
 
 @pytest.fixture(scope="session", autouse=True)

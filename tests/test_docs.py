@@ -16,7 +16,11 @@ from tests.support.stored_results import RESULTS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(path.relative_to(ROOT) for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")))
-NEEDS = {Path("docs/how-to/meshes.md"): ("trimesh", "igl")}
+NEEDS = {
+    Path("docs/how-to/meshes.md"): ("trimesh", "igl"),
+    Path("docs/how-to/fmu.md"): ("fmpy",),
+    Path("docs/how-to/pytorch-jax.md"): ("torch", "jax"),
+}
 _BLOCK = re.compile(r"(?:<!-- not run: (?P<reason>[^\n]+) -->\n)?```python\n(?P<code>.*?)```", re.S)
 
 
@@ -47,7 +51,7 @@ def command_of(program):
 @pytest.mark.parametrize("page", [page for page in PAGES if _BLOCK.search(text_of(page))], ids=str)
 def test_python_blocks_of_a_page_run_one_after_the_other(page, tmp_path, monkeypatch):
     for package in NEEDS.get(page, ()):
-        pytest.importorskip(package, reason=f"{page} needs casadi_contact[mesh]")
+        pytest.importorskip(package, reason=f"{page} needs {package}")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "example"}
     for block in _BLOCK.finditer(text_of(page)):

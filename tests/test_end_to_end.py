@@ -1,5 +1,6 @@
 """The whole chain at small scale: sample, train, transcribe, evaluate, export, solve; mistakes on the command line."""
 
+import html
 import json
 import logging
 import os
@@ -18,6 +19,7 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.verification.fitness import fitness
 from problems import pose_estimation
 
 SMALL = Preset(
@@ -52,9 +54,17 @@ def project(tmp_path_factory, warned):
         log.removeHandler(handler)
         pipeline.evaluate(made)
         pipeline.export(made)
+        pipeline.report(made)
         yield made
     finally:
         del PRESETS["small"]
+
+
+def test_the_report_gives_every_surrogate_s_verdict_on_one_page(project):
+    text = (project.folder / "report.html").read_text("utf-8")
+    for structure, surrogate in project_surrogates(project).items():
+        assert html.escape(f"{structure}: {fitness(surrogate)}") in text
+    assert "data:image/png" in text
 
 
 def test_the_surrogate_learned_its_elastic_foundation(project):

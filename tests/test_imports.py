@@ -1,4 +1,4 @@
-"""Imports flow one way, from the foundations up; only `training` needs torch, and `benchmark.peers` to compare."""
+"""Imports flow one way, from the foundations up; torch is for `training`, a bridge and `benchmark.peers`."""
 
 import ast
 import importlib
@@ -17,8 +17,8 @@ ROOMS = [
     *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
     *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "training", "structures"),
-    *("presets", "project", "fitting", "verification", "optimisation"),
-    *("benchmark", "report", "show", "pipeline", "command_examples", "progress", "cli", "__main__"),
+    *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
+    *("benchmark", "show", "report", "proposal", "pipeline", "command_examples", "progress", "cli", "__main__"),
 ]
 
 
@@ -101,14 +101,15 @@ def test_only_a_problem_s_command_imports_its_report():
         assert not reports or module.endswith("__main__"), f"{module} imports {reports}"
 
 
-def test_only_training_imports_torch_and_peers_inside_functions():
+def test_only_training_and_its_bridge_import_torch_and_peers_inside_functions():
     for path in PACKAGE.rglob("*.py"):
         text = path.read_text("utf-8")
         if "peers" in path.parts:
             top = [ast.unparse(node).split() for node in ast.parse(text).body]
             assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
-        elif room_of(path) != "training":
+        elif room_of(path) not in ("training", "bridges"):
             assert "import torch" not in text, path
+            assert "import jax" not in text, path
 
 
 def test_importing_the_package_imports_nothing_but_itself():
@@ -140,7 +141,7 @@ def test_every_public_name_comes_from_its_room_and_type_checkers_see_it():
 def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():
     code = (
         "import sys, casadi_contact, casadi_contact.benchmark.peers, problems.pose_estimation\n"
-        "print([m for m in ('torch', 'matplotlib', 'sklearn') if m in sys.modules])"
+        "print([m for m in ('torch', 'jax', 'matplotlib', 'sklearn') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
     assert out.stdout.strip() == "[]"

@@ -81,6 +81,7 @@ def check_surrogate(project):
     content = read_evaluation(project.folder / "evaluation.json")
     assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
     assert len(evaluation_tables(content)) == 2
+    assert "no picture: " in (project.folder / "report.html").read_text("utf-8"), "there is no geometry to draw"
 
 
 def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp_path):

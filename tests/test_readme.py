@@ -30,6 +30,6 @@ def test_its_example_is_in_contact_and_gives_the_shapes_it_names(capsys):
 def test_its_first_two_shell_blocks_set_up_the_main_job_and_the_tests():
     blocks = re.findall(r"```sh\n(.*?)```", README, re.S)
     assert blocks[0].splitlines()[-1].endswith("-m problems.pose_estimation")
-    assert blocks[1].splitlines()[-1].endswith("-m pytest")
+    assert blocks[1].splitlines()[-1].endswith("-m pytest -n 2")
     for block in blocks[:2]:
         assert block.splitlines()[0] == "python3 -m venv .venv"

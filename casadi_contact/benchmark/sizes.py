@@ -14,7 +14,7 @@ from casadi_contact.dataset import COLUMNS, TEST, Samples
 from casadi_contact.files import writable_folder
 from casadi_contact.fitting import fit_surrogate, size_text
 from casadi_contact.presets import ChartEffort, Effort
-from casadi_contact.project import Project, Update
+from casadi_contact.project import Project, Update, alone
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
 from casadi_contact.workers import worker_pool
 
@@ -91,6 +91,7 @@ def subset_of(samples: Samples, count: int | None, seed: int = 0) -> Samples:
     return Samples(samples.scene, **columns, provenance=samples.provenance)
 
 
+@alone
 def train_sizes(
     project: Project,
     wanted: Sequence[Sized] | None = None,

@@ -2,20 +2,26 @@
 
 from casadi_contact.contact.cells import CellFoundation, Cells
 from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.polar import PolarFoundation, Rays
-from casadi_contact.contact.ray_cast import PressureSummary, RayCastFoundation
+from casadi_contact.contact.pressure_summary import PressureSummary
+from casadi_contact.contact.ray_cast import RayCastFoundation
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 
 __all__ = [
     "CallableModel",
     "CellFoundation",
     "Cells",
     "ContactModel",
+    "CupFoundation",
     "ElasticFoundation",
     "PolarFoundation",
     "PressureSummary",
     "RayCastFoundation",
     "Rays",
+    "SymbolicContact",
     "foundation",
+    "symbolic",
 ]

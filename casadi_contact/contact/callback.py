@@ -1,13 +1,14 @@
-"""A contact model without a kernel as a CasADi function with its own Jacobian; CasADi differences that for Hessians."""
+"""Contact models without a kernel as CasADi functions with their own Jacobian; CasADi differences it for Hessians."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.transcription.functions import check_name
 
@@ -20,6 +21,29 @@ def contact_callback(name: str, outputs: Sequence[Output]) -> ca.Function:
     callback = _Values(check_name(name), outputs)
     _KEPT.append(callback)
     return callback
+
+
+def check_loads(load_names: Sequence[str], loads: Iterable[str] | None) -> tuple[str, ...]:
+    """The loads asked for (None: all of load_names); ValueError where one is not the scene's."""
+    names = tuple(load_names) if loads is None else tuple([loads] if isinstance(loads, str) else loads)
+    if not names or any(name not in load_names for name in names):
+        raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(load_names)}")
+    return names
+
+
+def model_callback(
+    model: ContactModel, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int | None = None
+) -> ca.Function:
+    """casadi.Function pose (6) -> the wanted ones of "loads", "roots" of a contact model; batch: of so many poses."""
+    rows = [model.load_names.index(load) for load in loads]
+
+    def some_loads(poses: Array) -> tuple[Array, Array]:
+        values, slopes = model.jacobian(poses)
+        return values[:, rows], slopes[:, rows]
+
+    outputs = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
+    function = contact_callback(name, [(key, *outputs[key]) for key in wanted])
+    return function if batch is None else function.map(batch)
 
 
 class _Values(ca.Callback):

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numba
 import numpy as np
+from numpy.typing import ArrayLike
 
-from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.callback import check_loads, contact_callback, model_callback
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
+from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription import ExportedModel, export_c
+from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
+from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.kernel.tables import roots_source
 
-_BOTH = "contact_loads_and_roots"
-_SHARE = 256  # poses that make another thread worth its start
+BOTH = "contact_loads_and_roots"
 
 
 class CompiledFoundation(ABC):
@@ -65,16 +68,33 @@ class CompiledFoundation(ABC):
         return self._wrenches(poses, slopes=False)[0]
 
     @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm]: ``load_names``, or the loads asked for."""
+        return np.einsum("lpk,npk->nl", self._rows(loads), self.wrenches(poses))
 
     @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         wrenches, slopes, _ = self._wrenches(poses, slopes=True)
-        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
-        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+        selection = self._rows(loads)
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
+
+    @pose_or_poses
+    def hessian(self, poses: Array, weights: ArrayLike) -> Array:
+        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
+
+        Raises ValueError for weights of another shape.
+        """
+        wanted = as_weights(weights, len(poses), self.load_names)
+        if self._library is None:
+            return weighted_hessians(self._differences, poses, wanted)
+        hessians = np.empty((len(poses), 6, 6))
+        call_in_shares(self._library, "array_hessians", poses, wanted, hessians)
+        return hessians
+
+    @cached_property
+    def _differences(self) -> ca.Function:
+        return hessian_function(self.function(compiled=False))
 
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:
@@ -97,10 +117,11 @@ class CompiledFoundation(ABC):
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
-        names = self.load_names if loads is None else tuple([loads] if isinstance(loads, str) else loads)
-        if not names or any(name not in self.load_names for name in names):
-            raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(self.load_names)}")
-        return names
+        return check_loads(self.load_names, loads)
+
+    def _rows(self, loads: Iterable[str] | None) -> Array:
+        """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
+        return self._selection[[self.load_names.index(name) for name in self.check_loads(loads)]]
 
     def function(
         self,
@@ -109,13 +130,35 @@ class CompiledFoundation(ABC):
         *,
         compiled: bool = True,
         batch: int | None = None,
+        parameters: Iterable[str] = (),
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with first and second derivatives; batch: (6 x batch) -> (L x batch).
 
-        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences. Raises
-        ValueError for a load that is not the scene's.
+        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences.
+        parameters: some of `parameters.PARAMETERS`, a second input (m) in their order: the layer's material, and where
+        the fixed body lies in the scene's frame, which pose and loads then refer to. Raises ValueError for a load that
+        is not the scene's, and like `check_parameters`.
         """
-        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+        wanted = check_parameters(parameters, self.scene.material)
+        if not wanted:
+            return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+        function = parametric_function(
+            check_name(name), wanted, self.scene.material, self._rows(loads), self._wrench_function(compiled)
+        )
+        return function if batch is None else function.map(batch)
+
+    def _wrench_function(self, compiled: bool) -> ca.Function:
+        """casadi.Function pose (6) -> wrenches of all patches (6·P)."""
+        name, names = "patch_wrenches", wrench_names(self.patch_names)
+        path = self._kernel(name, names, ("loads",)) if compiled else None
+        if path is not None:
+            return ca.external(name, str(path))
+
+        def wrenches(poses: Array) -> tuple[Array, Array]:
+            values, slopes, _ = self._wrenches(poses, slopes=True)
+            return values.reshape(len(poses), -1), slopes.reshape(len(poses), -1, 6)
+
+        return contact_callback(name, [("loads", len(names), wrenches)])
 
     def root_function(
         self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
@@ -126,13 +169,50 @@ class CompiledFoundation(ABC):
     def load_and_root_function(
         self,
         loads: Iterable[str] | None = None,
-        name: str = _BOTH,
+        name: str = BOTH,
         *,
         compiled: bool = True,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
         return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
+
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads and root loads; raises ValueError for a pressure law without C."""
+        if self.scene.material.law not in C_LAWS:
+            raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
+        names, patches = self.check_loads(loads), len(self.patch_names)
+        kernel = FoundationKernel(self.scene, names, self._patch_source())
+        source = kernel.source(loads=len(names), roots=patches)
+        return ExportedModel(
+            "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
+            names,
+            self.patch_names,
+            patches,
+            False,
+            "overlap of no more than the layer's thickness",
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
+            vectors=True,
+            data=self._patch_data(),
+        )
+
+    def export_c(
+        self,
+        folder: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        example_pose: Sequence[float] = (0.0,) * 6,
+    ) -> list[Path]:
+        """Write C source and header for loads, derivatives and root loads, an example and a Makefile; return paths."""
+        name = name or f"{self.scene.name}_foundation"
+        return export_c(self.exported(loads), folder, name=name, example_pose=example_pose)
+
+    def export_fmu(
+        self, path: str | Path, name: str | None = None, loads: Iterable[str] | None = None, *, start: Sequence[float]
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a pose (6); return its path."""
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_foundation", start=start)
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
@@ -142,77 +222,62 @@ class CompiledFoundation(ABC):
         path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
         if path is not None:
             return ca.external(name, str(path))
-        rows = [self.load_names.index(load) for load in loads]
+        return model_callback(self, name, loads, wanted, batch)
 
-        def some_loads(poses: Array) -> tuple[Array, Array]:
-            values, slopes = self.jacobian(poses)
-            return values[:, rows], slopes[:, rows]
+    def _kernel(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1, more: str = ""
+    ) -> Path | None:
+        """The compiled kernel, for CasADi and for arrays, and more C with it.
 
-        models = {"loads": (len(loads), some_loads), "roots": (len(self.patch_names), self.root_loads)}
-        function = contact_callback(name, [(key, *models[key]) for key in wanted])
-        return function if batch is None else function.map(batch)
-
-    def _kernel(self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1) -> Path | None:
-        """The compiled kernel, for CasADi and for arrays; None, with one warning, where there is no compiler."""
+        None, with one warning, where there is no compiler.
+        """
         if not self._compiled:
             return None
         sizes = {"loads": len(loads), "roots": len(self.patch_names)}
         outputs = {key: sizes[key] for key in wanted}
         kernel = FoundationKernel(self.scene, loads, self._patch_source())
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-        texts = [source, casadi_interface(check_name(name), outputs, batch), c_text("batch.h", C_FOLDER)]
+        texts = [
+            source,
+            casadi_interface(check_name(name), outputs, batch),
+            c_text("arrays.h"),
+            c_text("batch.h", C_FOLDER),
+            more,
+        ]
         try:
-            return shared_library("\n".join(texts), self._patch_data())
+            return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:
             warn_once(f"{error}; the contact model runs in NumPy, which is slower")
             return None
 
     @cached_property
-    def _library(self) -> ctypes.CDLL | None:
+    def _library(self) -> Path | None:
         """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
-        path = self._kernel(_BOTH, self.load_names, ("loads", "roots"))
-        return None if path is None else ctypes.CDLL(str(path))
+        return self._kernel(BOTH, self.load_names, ("loads", "roots"))
 
     def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
         if self._library is None:
             wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return wrenches, _by_pose(by_twist, poses), cut
+            return wrenches, by_pose(by_twist, poses), cut
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
         derivatives = np.empty((*shape, 6, 6)) if slopes else None
-        self._shared_out(self._library.foundation_wrenches, poses, wrenches, derivatives, cut)
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut)
         return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
 
     def _gaps(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
             _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return gaps, _by_pose(by_twist, poses)
+            return gaps, by_pose(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
         gaps, slopes = np.empty(shape), np.empty((*shape, 6))
-        self._shared_out(self._library.foundation_gaps, poses, gaps, slopes)
+        call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
         return gaps, slopes
 
-    @staticmethod
-    def _shared_out(function: Any, poses: Array, *outputs: np.ndarray | None) -> None:
-        """Call a C function on shares of the poses, on as many threads as numba has."""
-        shares = max(1, min(numba.get_num_threads(), len(poses) // _SHARE))
-        bounds = np.linspace(0, len(poses), shares + 1).astype(int)
 
-        def one(k: int) -> None:
-            part = slice(bounds[k], bounds[k + 1])
-            arrays = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *outputs)]
-            function(ctypes.c_longlong(bounds[k + 1] - bounds[k]), *arrays)
-
-        if shares == 1:
-            one(0)
-            return
-        with ThreadPoolExecutor(shares) as pool:
-            list(pool.map(one, range(shares)))
-
-
-def _by_pose(by_twist: Array, poses: Array) -> Array:
+def by_pose(by_twist: Array, poses: Array) -> Array:
     """Derivatives (n, ..., 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
-    by_pose = by_twist.copy()
-    by_pose[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
-    return by_pose
+    slopes = by_twist.copy()
+    slopes[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
+    return slopes

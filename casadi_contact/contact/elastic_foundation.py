@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from casadi_contact.contact.compiled_elements import CompiledElements
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
 from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
@@ -21,19 +23,31 @@ from casadi_contact.conventions import (
     rotation,
 )
 from casadi_contact.geometry import ElementGrid, MovingSurface
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
 
 
 class _Bed(NamedTuple):
-    """Elements, as the kernels read an `ElementGrid`, and the moving surface that faces them."""
+    """Elements, as numba's kernels read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
+    compiled: CompiledElements | None
 
     @classmethod
-    def of(cls, surface: MovingSurface, e: ElementGrid) -> _Bed:
-        return cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
+    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None) -> _Bed:
+        in_c = None if compiled is None else CompiledElements.of(surface, e, compiled)
+        elements = (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
+        return cls(surface, elements, in_c)
+
+    def wrenches(
+        self, law: tuple[int, float, float], rotations: Array, translations: Array, *, derivatives: bool
+    ) -> tuple[Array, Array]:
+        """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
+        if self.compiled is not None:
+            return self.compiled.wrenches(rotations, translations, derivatives=derivatives)
+        s = self.surface
+        return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
 
 
 class ElasticFoundation:
@@ -43,10 +57,11 @@ class ElasticFoundation:
     along the element's normal. Poses run in parallel over numba's threads. Each method takes poses (n, 6), or one pose
     (6,): its arrays then come without their first axis.
 
-    grid: elements per patch (nx, nz), the scene's fine grid if left out.
+    grid: elements per patch (nx, nz), the scene's fine grid if left out. compiled: False for numba's loops in any
+    case; they are slower, and their loads the same to rounding.
     """
 
-    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
+    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
         material = scene.material
         grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         self.scene = scene
@@ -56,7 +71,8 @@ class ElasticFoundation:
         self._selection = load_selection(self.load_names, self.patch_names)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._patches = [_Bed.of(s, e) for s, e in zip(scene.surfaces(), grids, strict=True)]
+        self._material = material if compiled else None
+        self._patches = [_Bed.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
         self._law = (law_number(material.law), layer_modulus(material), material.thickness)
 
     def __repr__(self) -> str:
@@ -100,7 +116,7 @@ class ElasticFoundation:
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         touched = [
             touches_many(s.family, s.parameters, edge, rotations, translations)
-            for (s, _), edge in zip(self._patches, self._edges, strict=True)
+            for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
         ]
         return np.stack(touched, axis=1)
 
@@ -116,12 +132,20 @@ class ElasticFoundation:
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
         (position,) = as_poses([pose])
-        R, t = rotation(position[3:]), position[:3].copy()
-        maps = []
-        for patch, (surface, elements) in zip(self.patch_names, self._patches, strict=True):
-            depths = element_depths(surface.family, surface.parameters, elements, R, t)
-            maps.append(PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths)))
-        return maps
+        return [
+            PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths))
+            for patch, (elements, depths) in zip(self.patch_names, self._depths(position), strict=True)
+        ]
+
+    def summary(self, poses: Array) -> PressureSummary:
+        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its elements."""
+        poses = as_poses(poses)
+        found = (
+            PressedElements(n, p, elements[0], elements[2], depths, pressures(*self._law, depths))
+            for n, pose in enumerate(poses)
+            for p, (elements, depths) in enumerate(self._depths(pose))
+        )
+        return PressureSummary.of_elements((len(poses), len(self.patch_names)), found)
 
     def distances(self, points_mm: Array, pose: Array, patch: str) -> Array:
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
@@ -130,6 +154,12 @@ class ElasticFoundation:
         points = np.ascontiguousarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
+    def _depths(self, pose: Array) -> Iterator[tuple[tuple[Array, ...], Array]]:
+        """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
+        R, t = rotation(pose[3:]), pose[:3].copy()
+        for surface, elements, _ in self._patches:
+            yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
+
     @cached_property
     def _parts(self) -> list[_Bed]:
         """The patches' beds cut into those of their parts: for samples alone, since more beds take longer."""
@@ -137,14 +167,14 @@ class ElasticFoundation:
         if len(parts) == len(self.patch_names):
             return self._patches
         grids = self.scene.part_elements(self.grid)
-        return [_Bed.of(self._patches[part.patch].surface, e) for part, e in zip(parts, grids, strict=True)]
+        return [
+            _Bed.of(self._patches[part.patch].surface, e, self._material) for part, e in zip(parts, grids, strict=True)
+        ]
 
     def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [
-            wrench_many(s.family, s.parameters, e, *self._law, rotations, translations, derivatives) for s, e in beds
-        ]
+        results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
@@ -153,7 +183,7 @@ class ElasticFoundation:
     def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e in beds]
+        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
         slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
         return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
 

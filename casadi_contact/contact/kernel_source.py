@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import load_selection
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes import Material, Scene
 from casadi_contact.transcription.kernel.source import c_text
 
 C_LAWS = ("linear", "log")
@@ -29,15 +29,14 @@ class FoundationKernel:
         selection = load_selection(self.loads, scene.patch_names)
         sizes = {
             **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names)},
-            **{"WIDEST": 8, "WIDTH": 8, "LANES": 1, "LOGARITHMIC": int(material.law == "log")},
-            **{"MODULUS": layer_modulus(material), "THICKNESS": float(material.thickness)},
+            **_law_sizes(material),
             **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
         }
         picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
         components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
         return "\n".join(
             [
-                *(f"#define {name} {value!r}" for name, value in sizes.items()),
+                *_defined(sizes),
                 c_text("core.h"),
                 c_text("pose.h"),
                 f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
@@ -51,3 +50,20 @@ class FoundationKernel:
                 c_text("guards.h"),
             ]
         )
+
+
+def law_source(material: Material) -> str:
+    """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of BLOCK depths."""
+    texts = [c_text("core.h"), "#define BLOCK 4", c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
+    return "\n".join([*_defined(_law_sizes(material)), *texts])
+
+
+def _law_sizes(material: Material) -> dict[str, float]:
+    return {
+        **{"WIDEST": 8, "WIDTH": 8, "LANES": 1, "LOGARITHMIC": int(material.law == "log")},
+        **{"MODULUS": layer_modulus(material), "THICKNESS": float(material.thickness)},
+    }
+
+
+def _defined(sizes: Mapping[str, float]) -> list[str]:
+    return [f"#define {name} {value!r}" for name, value in sizes.items()]

@@ -8,32 +8,19 @@ overlaps of implants its facets are wrong by tens of per cent (`geometry.smooth_
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from casadi_contact.contact.model import CallableModel
 from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
+from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.scenes import Scene
-from casadi_contact.shapes.mesh_bodies import body_mesh, patch_mesh
+from casadi_contact.shapes.mesh_bodies import body_mesh
+from casadi_contact.shapes.mesh_patches import patch_mesh
 
 LARGEST_DEPTH_MM = 20.0
-
-
-@dataclass(frozen=True)
-class PressureSummary:
-    """Contact of each patch in each pose, all (n, patches, ...), zero where there is none (centre: NaN).
-
-    area_mm2 of the triangles in contact; mean_mpa over these triangles, each counted once; largest_mpa;
-    centre_mm (..., 3): Σ p·A·c / Σ p·A over the triangles' centres c.
-    """
-
-    area_mm2: Array
-    mean_mpa: Array
-    largest_mpa: Array
-    centre_mm: Array
 
 
 class RayCastFoundation(CallableModel):
@@ -59,32 +46,30 @@ class RayCastFoundation(CallableModel):
         return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"
 
     def summary(self, poses: Array) -> PressureSummary:
-        """Areas, pressures and centres of pressure of each patch at poses (n, 6)."""
+        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6).
+
+        The mean counts each triangle in contact once, whatever its area, as JAM's does.
+        """
         poses = as_poses(poses)
-        area, mean, largest = (np.zeros((len(poses), len(self._patches))) for _ in range(3))
-        centre = np.full((*area.shape, 3), np.nan)
-        for n, p, pressed in self._pressures(poses):
-            centres, _, areas = self._patches[p]
-            loaded = pressed > 0.0
-            if loaded.any():
-                force = pressed * areas
-                area[n, p], mean[n, p], largest[n, p] = areas[loaded].sum(), pressed[loaded].mean(), pressed.max()
-                centre[n, p] = force @ centres / force.sum()
-        return PressureSummary(area, mean, largest, centre)
+        pressed = (
+            PressedElements(n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._law, depths))
+            for n, p, depths in self._depths(poses)
+        )
+        return PressureSummary.of_elements((len(poses), len(self._patches)), pressed, counted_alike=True)
 
     def _all_wrenches(self, poses: Array) -> Array:
         wrenches = np.zeros((len(poses), len(self._patches), 6))
-        for n, p, pressed in self._pressures(poses):
+        for n, p, depths in self._depths(poses):
             centres, normals, areas = self._patches[p]
-            forces = -(pressed * areas)[:, None] * normals
+            forces = -(pressures(*self._law, depths) * areas)[:, None] * normals
             wrenches[n, p] = [*forces.sum(axis=0), *np.cross(centres, forces).sum(axis=0)]
         return wrenches
 
-    def _pressures(self, poses: Array) -> Iterator[tuple[int, int, Array]]:
-        """(pose, patch, pressure of each triangle [MPa]) one after another."""
+    def _depths(self, poses: Array) -> Iterator[tuple[int, int, Array]]:
+        """(pose, patch, depth of each triangle [mm]) one after another."""
         for n, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
             for p, (centres, normals, _) in enumerate(self._patches):
                 directions = -normals @ R
                 depth, face = self._caster.first_hits((centres - t) @ R, directions)
                 touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < self.largest_depth_mm)
-                yield n, p, pressures(*self._law, np.where(touching, depth, 0.0))
+                yield n, p, np.where(touching, depth, 0.0)

@@ -41,10 +41,16 @@ def cell_middles(count: int) -> Array:
     return (2.0 * np.arange(count) + 1.0) / count - 1.0
 
 
-def grid_elements(centres: Array, normals: Array, areas: Array, z_mm: tuple[float, float] = EVERYWHERE) -> ElementGrid:
+def grid_elements(
+    centres: Array,
+    normals: Array,
+    areas: Array,
+    z_mm: tuple[float, float] = EVERYWHERE,
+    outermost: np.ndarray | None = None,
+) -> ElementGrid:
     """Elements of a patch's cells (nx, nz) whose centres lie between z_mm, those of no area left out.
 
-    Outermost are those at the edge of the patch or beside a cell of no area.
+    Outermost are those at the edge of the patch or beside a cell of no area, or of these the ones named (nx, nz).
     """
     nx, nz = areas.shape
     present = areas > 0.0
@@ -57,7 +63,7 @@ def grid_elements(centres: Array, normals: Array, areas: Array, z_mm: tuple[floa
         for k in range(0, nz, BLOCK_SIDE):
             cells = (slice(i, i + BLOCK_SIDE), slice(k, k + BLOCK_SIDE))
             blocks.append(index[cells][present[cells]])
-    edge = centres[present & ~inner]
+    edge = centres[present & ~inner & (True if outermost is None else outermost)]
     return _in_blocks(centres.reshape(-1, 3), normals.reshape(-1, 3), areas.ravel(), edge, blocks)
 
 

@@ -17,11 +17,13 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.files import MOST_MESH, checked_size, one_line
+from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.vtp import read_vtp
 
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
+AS_IN_FILE = Placement()
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
 _MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices two edges away
@@ -54,23 +56,32 @@ class TriangleMesh:
         edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)
         return edges[count > 2]
 
-    @property
+    @cached_property
     def boundary_edges(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
         edges, count = np.unique(_undirected_edges(self.faces), axis=0, return_counts=True)
         return edges[count == 1]
 
+    @property
+    def extent(self) -> str:
+        """Lowest and highest coordinates [mm] in words."""
+        return f"{_point(self.vertices_mm.min(axis=0))} to {_point(self.vertices_mm.max(axis=0))}"
+
     def inside_box(self, low: Array, high: Array, *, reaching: bool = False) -> TriangleMesh:
         """The triangles whose centre lies inside the box [mm], or all that reach into it; ValueError if none does."""
         corners = self.corners_mm
         lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
-        faces = self.faces[np.all((highest >= low) & (lowest < high), axis=1)]
-        if not len(faces):
+        inside = np.all((highest >= low) & (lowest < high), axis=1)
+        if not inside.any():
             raise ValueError(
                 f"mesh {self.name}: no triangle between {_point(low)} and {_point(high)} mm, "
-                f"expected a part of {_extent(self.vertices_mm)}: check the box, units and axes"
+                f"expected a part of {self.extent}: check the box, units and axes"
             )
-        used, renumbered = np.unique(faces, return_inverse=True)
+        return self.part(inside)
+
+    def part(self, chosen: np.ndarray) -> TriangleMesh:
+        """The chosen triangles (f,) with the vertices that they use."""
+        used, renumbered = np.unique(self.faces[chosen], return_inverse=True)
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
 
 
@@ -92,13 +103,18 @@ def axes_rotation(axes: Sequence[str]) -> Array:
 
 
 def load_mesh(
-    path: str | Path, units: str, axes: Sequence[str] = FILE_AXES, contact: Sequence[Box] | None = None
+    path: str | Path,
+    units: str,
+    axes: Sequence[str] = FILE_AXES,
+    contact: Sequence[Box] | None = None,
+    placement: Placement = AS_IN_FILE,
 ) -> TriangleMesh:
     """Read and check a mesh file (STL, OBJ, PLY or VTP).
 
     units: of the file, "m" or "mm". axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y", "-z")
-    for a right knee of OpenSim (x anterior, z lateral). contact: boxes in these axes within 3 mm of which the mesh must
-    be manifold; everywhere if left out. Raises FileNotFoundError, or ValueError for what cannot work.
+    for a right knee of OpenSim (x anterior, z lateral). placement: where the mesh lies in these axes. contact: boxes in
+    the body's frame within 3 mm of which the mesh must be manifold; everywhere if left out. Raises FileNotFoundError,
+    or ValueError for what cannot work.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
@@ -106,7 +122,7 @@ def load_mesh(
     if not path.is_file():
         raise FileNotFoundError(f"mesh file {path} does not exist")
     vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else _read_by_trimesh(path)
-    return checked_mesh(path.name, vertices, faces, units, axes, contact)
+    return checked_mesh(path.name, vertices, faces, units, axes, contact, placement)
 
 
 def checked_mesh(
@@ -116,6 +132,7 @@ def checked_mesh(
     units: str = "mm",
     axes: Sequence[str] = FILE_AXES,
     contact: Sequence[Box] | None = None,
+    placement: Placement = AS_IN_FILE,
 ) -> TriangleMesh:
     """Merge equal vertices, drop degenerate triangles and refuse a mesh that cannot work (see `load_mesh`)."""
     if units not in MM_PER_UNIT:
@@ -128,7 +145,8 @@ def checked_mesh(
         raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(f"mesh {name}: a triangle names vertex {faces.max()} of {len(vertices)}: the file is damaged")
-    vertices = MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T
+    vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
+    faces = placement.faces(faces)
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if not _SMALLEST_MM < across < _LARGEST_MM:
         other = "mm" if units == "m" else "m"
@@ -236,7 +254,3 @@ def _volume(mesh: TriangleMesh) -> float:
 
 def _point(point: Array) -> str:
     return "(" + ", ".join(f"{v:.4g}" for v in point) + ")"
-
-
-def _extent(vertices: Array) -> str:
-    return f"{_point(vertices.min(axis=0))} to {_point(vertices.max(axis=0))}"

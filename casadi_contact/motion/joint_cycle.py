@@ -14,7 +14,7 @@ harmonic (of its constant, for a curve without harmonics).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,18 +26,21 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number
 
 MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
+_CENTRES = ("cop_x", "cop_y", "cop_z")
 _FRAMES = 101
 _SEED = 2015
 
 
 @dataclass(frozen=True)
 class JointCycle:
-    """Measured pose parameters [mm, rad] and loads [N, N·mm] by name over time_s [s], each (n,)."""
+    """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
+    (n,)."""
 
     name: str
     time_s: Array
     pose: Mapping[str, Array]
     loads: Mapping[str, Array]
+    centres: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.time_s) < 2 or np.any(np.diff(self.time_s) <= 0.0):
@@ -53,6 +56,10 @@ class JointCycle:
         """The measured loads."""
         return self.loads
 
+    def wanted(self) -> Mapping[str, Array]:
+        """What pose estimation asks for: the measured loads and centres of pressure."""
+        return {**self.loads, **self.centres}
+
 
 def column_names(load_names: Sequence[str]) -> dict[str, str]:
     """Name of a pose parameter or load -> its column in a CSV file, with the unit: tx_mm, rz_rad, Fy_med_N, Tx_Nmm."""
@@ -60,18 +67,20 @@ def column_names(load_names: Sequence[str]) -> dict[str, str]:
 
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
-    """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured.
+    """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured, and the centre
+    of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
 
     Raises FileNotFoundError, and ValueError naming file, line and column.
     """
     path = Path(path)
-    columns = column_names(scene.load_names)
+    columns = {**column_names(scene.load_names), **{name: quantity(name).column for name in _CENTRES}}
     curves = read_columns(path, required=("time_s",), optional=tuple(columns.values()), what="cycle file")
     named = {name: curves[column] for name, column in columns.items() if column in curves}
     pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
-    loads = {name: curve for name, curve in named.items() if name not in POSE_NAMES}
+    centres = {name: curve for name, curve in named.items() if name in _CENTRES}
+    loads = {name: curve for name, curve in named.items() if name not in {*POSE_NAMES, *_CENTRES}}
     try:
-        return JointCycle(path.stem, curves["time_s"], pose, loads)
+        return JointCycle(path.stem, curves["time_s"], pose, loads, centres)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

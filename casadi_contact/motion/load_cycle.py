@@ -86,6 +86,10 @@ class LoadCycle:
             "Tz": self.cop_ap_mm * fy,
         }
 
+    def wanted(self) -> dict[str, Array]:
+        """What pose estimation asks for: the forces, and the centre of pressure itself."""
+        return {"Fy_med": self.fy_med, "Fy_lat": self.fy_lat, "cop_ap": self.cop_ap_mm, "cop_ml": self.cop_ml_mm}
+
     def measured_pose(self) -> dict[str, Array]:
         """Pose parameters that fluoroscopy gives well enough to lock them [EF15 §3.3]."""
         return {"ry": self.ry, "rz": self.rz}

@@ -7,7 +7,13 @@ from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, generalised_forces
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import KNEE_STEPS, pose_steps
-from casadi_contact.optimisation.starts import press_together, settle_in_range, shear_free_poses, start_or_default
+from casadi_contact.optimisation.starts import (
+    press_together,
+    settle_in_range,
+    shear_free_poses,
+    start_or_default,
+    touching,
+)
 from casadi_contact.optimisation.total_wrench import total_selection
 
 __all__ = [
@@ -27,5 +33,6 @@ __all__ = [
     "shear_free_poses",
     "start_or_default",
     "total_selection",
+    "touching",
     "wrench_function",
 ]

@@ -1,4 +1,4 @@
-"""The total contact wrench as a CasADi function: a surrogate's own, or a model called back with its Jacobian."""
+"""The total contact wrench as a CasADi function: a model's own, or the model called back with its Jacobian."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation.total_wrench import total_selection
-from casadi_contact.structures import Surrogate
 
 
 class ContactCallback(ca.Callback):
@@ -102,13 +101,13 @@ class _JacobianCallback(ca.Callback):
         return 0
 
 
-def wrench_function(model: ContactModel | Surrogate, name: str = "contact_wrench") -> ca.Function:
+def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
     """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
 
-    A surrogate gives its own compiled function with exact derivatives; any other contact model is called back, with
-    its analytic Jacobian. Raises ValueError where the model lacks a component of the wrench.
+    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
+    back, with its analytic Jacobian. Raises ValueError where the model lacks a component of the wrench.
     """
-    if not isinstance(model, Surrogate):
+    if not isinstance(model, SymbolicContact):
         return ContactCallback(model, name)
     pose = ca.MX.sym("pose", 6)
     loads = model.function(name=f"{name}_loads", compiled=True)(pose)

@@ -9,17 +9,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
-from casadi_contact.optimisation.starts import settle_in_range
+from casadi_contact.optimisation.starts import settle_in_range, touching
 from casadi_contact.quantities import newton_scales
+from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad
-from casadi_contact.structures import Surrogate
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
-# Of each centre of pressure: the torque it is made of, and the sign with which the vertical force multiplies it.
-_COP = {"cop_ap_mm": ("Tz", -1.0), "cop_ml_mm": ("Tx", 1.0)}
 _LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 
 
@@ -27,21 +26,21 @@ class ContactFrames:
     """n frames of a contact for any NLP: scaled free pose parameters q (f, n) as variables, and what follows from them.
 
     pose (6, n) [mm, rad], loads (L, n) [N, N·mm] of ``load_names`` and signed root loads (P, n) are CasADi expressions;
-    lower and upper (f·n,) bound ``vec(q)`` to the range of poses that the surrogate has learned.
+    lower and upper (f·n,) bound ``vec(q)`` to the range of poses that a surrogate has learned; a foundation has none.
 
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
-    free. loads: the named loads that are needed, all if left out. compiled: as for `Surrogate.function`. variable:
-    makes q from its shape, ``MX.sym`` if left out.
+    free. loads: the named loads that are needed, all if left out. compiled: as for the model's `function`, whose own
+    choice holds if left out. variable: makes q from its shape, ``MX.sym`` if left out.
     """
 
     def __init__(
         self,
-        surrogate: Surrogate,
+        model: SymbolicContact,
         frames: int = 1,
         *,
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
-        compiled: bool = False,
+        compiled: bool | None = None,
         variable: Callable[[int, int], ca.MX] | None = None,
     ) -> None:
         if frames < 1:
@@ -50,17 +49,18 @@ class ContactFrames:
         self.columns = [i for i in range(6) if i not in {pose_index(name) for name in locked}]
         if not self.columns:
             raise ValueError("all six pose parameters are locked, expected at least one that is free")
-        self.surrogate, self.frames = surrogate, frames
-        self.load_names = surrogate.check_loads(loads)
+        self.model, self.frames = model, frames
+        self.load_names = model.check_loads(loads)
         self.free = tuple(POSE_NAMES[i] for i in self.columns)
-        self._scene, self._locked = surrogate.scene, locked
+        self._scene, self._locked = model.scene, locked
         self._scales = pose_steps(self._scene.sensitive_pose)[self.columns]
         self.q = variable(len(self.free), frames) if variable else ca.MX.sym("q", len(self.free), frames)
         moving = dict(zip(self.free, ca.vertsplit(ca.mtimes(ca.diag(ca.DM(self._scales)), self.q)), strict=True))
         self.pose = ca.vertcat(*(moving[n] if n in moving else self._row(n, locked[n]) for n in POSE_NAMES))
-        function = surrogate.load_and_root_function(self.load_names, compiled=compiled, batch=frames)
+        chosen: dict[str, Any] = {} if compiled is None else {"compiled": compiled}
+        function = model.load_and_root_function(self.load_names, batch=frames, **chosen)
         self.loads, self.roots = function(self.pose)
-        low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(surrogate))
+        low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high
 
     def load(self, name: str) -> ca.MX:
@@ -73,25 +73,25 @@ class ContactFrames:
         """How far the frames are from wanted loads, (m, n) [N], a row for each of them: 0 where they are carried.
 
         wanted: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
-        pressure cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy. A normal load is compared as a root load,
-        2·√(N0·N*)·(s - s*) with s* = √(N*/N0): near the solution that is the error in N, and out of contact it keeps
-        its slope, which a load does not. Where a patch's normal load is the magnitude of three wanted forces, its
-        three rows are this and the two forces across the wanted one. Centres of pressure are (T - c·Fy)/10 mm, other
-        torques over 25 mm.
+        pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
+        a root load, 2·√(N0·N*)·(s - s*) with s* = √(N*/N0): near the solution that is the error in N, and out of
+        contact it keeps its slope, which a load does not. Where a patch's normal load is the magnitude of three wanted
+        forces, its three rows are this and the two forces across the wanted one. Centres of pressure are (T ∓ c·F)/10
+        mm, other torques over 25 mm.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
         if not wanted:
             raise ValueError("no loads are wanted, expected some by name, for example {'Fy_med': -600.0}")
         rows: dict[str, ca.MX] = {}
-        normals = list(enumerate(self._scene.normal_loads))
-        for patch, normal in normals:
+        normals = self._scene.normal_loads
+        for patch, normal in enumerate(normals):
             if set(normal.loads) <= set(wanted):
                 rows |= self._normal_rows(patch, normal, [self._row(name, wanted[name]) for name in normal.loads])
         for name, value in wanted.items():
-            if name in _COP:
-                torque, sign = _COP[name]
-                rows[name] = (self.load(torque) + sign * self._row(name, value) * self._vertical()) / COP_LEVER_MM
+            if (centre := centre_of_pressure(name, normals)) is not None:
+                moment = self._row(name, value) * self._total(centre.force)
+                rows[name] = (self._total(centre.torque) - centre.sign * moment) / COP_LEVER_MM
             elif name not in rows:
                 rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
         return ca.vertcat(*(rows[name] for name in wanted))
@@ -102,11 +102,13 @@ class ContactFrames:
 
         Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions.
         """
-        rest = np.tile(middle_pose(self.surrogate), (self.frames, 1))
+        rest = np.tile(middle_pose(self.model), (self.frames, 1))
         for name, value in self._locked.items():
             if isinstance(value, ca.MX):
                 raise ValueError(f"{name} is locked to an expression, expected numbers to find a start with")
             rest[:, pose_index(name)] = value
+        if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
+            rest = touching(self.model, rest, self.free, {})
         begin = as_poses(rest if poses is None else np.broadcast_to(poses, (self.frames, 6)))
         wanted = wanted or {}
         pressing: dict[str, Array] = {}
@@ -114,7 +116,7 @@ class ContactFrames:
             if set(normal.loads) <= set(wanted):
                 forces = np.stack([np.broadcast_to(wanted[name], self.frames) for name in normal.loads], axis=1)
                 pressing |= dict(zip(normal.loads, normal.at_least(forces, _LEAST_START_N).T, strict=True))
-        return settle_in_range(self.surrogate, begin, rest, self.free, pressing)
+        return settle_in_range(self.model, begin, rest, self.free, pressing)
 
     def variables(self, poses: Array) -> Array:
         """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
@@ -131,11 +133,11 @@ class ContactFrames:
             raise ValueError(f"{name} is {value}, expected a finite number, or one for each of {self.frames} frames")
         return ca.DM(np.broadcast_to(numbers, self.frames)[None])
 
-    def _vertical(self) -> ca.MX:
-        """Total vertical force (1, n), from the patches' where the scene does not name it."""
-        parts = [self.load(name) for name in self.load_names if name.partition("_")[0] == "Fy"]
+    def _total(self, component: str) -> ca.MX:
+        """A component of the total wrench (1, n), from the patches' where the scene does not name it."""
+        parts = [self.load(name) for name in self.load_names if name.partition("_")[0] == component]
         if not parts:
-            raise ValueError(f"a centre of pressure needs Fy, the loads are {', '.join(self.load_names)}")
+            raise ValueError(f"a centre of pressure needs {component}, the loads are {', '.join(self.load_names)}")
         return sum(parts[1:], parts[0])
 
     def _normal_rows(self, patch: int, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:

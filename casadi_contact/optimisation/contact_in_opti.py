@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, as_poses, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.pose_range import pose_bounds
-from casadi_contact.structures import Surrogate
 
 _CONSTRAINT_N = 100.0  # misfits over this are of the size of the scaled variables
 
@@ -21,7 +21,7 @@ _CONSTRAINT_N = 100.0  # misfits over this are of the size of the scaled variabl
 class ContactInOpti(ContactFrames):
     """`ContactFrames` whose variables, bounds and start stand in an Opti.
 
-        contact = ContactInOpti(opti, surrogate, locked={"ry": 0.0, "rz": -0.5})
+        contact = ContactInOpti(opti, model, locked={"ry": 0.0, "rz": -0.5})
         contact.carry({"Fy_med": -600.0, "Fy_lat": -400.0})
         opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))  # forces alone leave tx and tz open
         opti.solver("ipopt", contact.options())
@@ -34,15 +34,15 @@ class ContactInOpti(ContactFrames):
     def __init__(
         self,
         opti: ca.Opti,
-        surrogate: Surrogate,
+        model: SymbolicContact,
         frames: int = 1,
         *,
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
-        compiled: bool = False,
+        compiled: bool | None = None,
     ) -> None:
-        _check_locked(surrogate, locked or {})
-        super().__init__(surrogate, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
+        _check_locked(model, locked or {})
+        super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
         self._opti = opti
         bounded = np.flatnonzero(np.isfinite(self.lower) & np.isfinite(self.upper)).tolist()
         if bounded:
@@ -81,8 +81,8 @@ class ContactInOpti(ContactFrames):
         return {**ipopt_options(**ipopt), "detect_simple_bounds": True}
 
 
-def _check_locked(surrogate: Surrogate, locked: Mapping[str, Any]) -> None:
-    low, high = pose_bounds(surrogate)
+def _check_locked(model: SymbolicContact, locked: Mapping[str, Any]) -> None:
+    low, high = pose_bounds(model)
     for name, value in locked.items():
         column = pose_index(name)
         if isinstance(value, ca.MX):

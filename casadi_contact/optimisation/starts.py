@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
-from casadi_contact.statics import settle
-from casadi_contact.structures import Surrogate
+from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
 _LEAST_FORCE_N = 20.0  # of each side, so that a start is always in contact
@@ -27,27 +27,28 @@ def start_or_default(start: ArrayLike | None, default: Array) -> Array:
 
 
 def settle_in_range(
-    surrogate: Surrogate, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
+    model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
 ) -> Array:
     """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6), the sensitive ones settled
     under wanted normal loads (n,) by name, as far as they are free.
 
     Settling compares root loads, which keep their slope out of contact; where it leads out of the learned range, it
-    begins again at rest, and where that fails too, the pose is only brought into the range.
+    begins again at rest, then at the first touch of a model that knows its gaps, and where that fails too, the pose is
+    only brought into the range.
     """
     columns = [pose_index(name) for name in free]
     locked = [i for i in range(6) if i not in columns]
-    low, high = pose_bounds(surrogate)
+    low, high = pose_bounds(model)
     poses = poses.copy()
     poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
     poses[:, locked] = rest[:, locked]
-    moved = surrogate.scene.sensitive_pose
+    moved = model.scene.sensitive_pose
     if not pressing or not set(moved) <= set(free):
         return poses
     left = np.arange(len(poses))
-    for begin in (poses.copy(), rest):
+    for begin in _begins(model, poses, rest, free, pressing):
         forces = {name: wanted[left] for name, wanted in pressing.items()}
-        tried, report = settle(surrogate, begin[left], moved, forces, tolerance=1.0, max_iterations=30)
+        tried, report = settle(model, begin[left], moved, forces, tolerance=1.0, max_iterations=30)
         good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
         poses[left[good]] = tried[good]
         left = left[~good]
@@ -56,30 +57,49 @@ def settle_in_range(
     return poses
 
 
-def press_together(surrogate: Surrogate, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
+def _begins(
+    model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
+) -> Iterator[Array]:
+    """Where settling begins, in turn, each (n, 6)."""
+    yield poses.copy()
+    yield rest
+    yield touching(model, rest, free, pressing)
+
+
+def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:
+    """Poses (n, 6) moved to the first touch (`first_touch`); as they are where the model knows no gaps, what moves is
+    not free, or a scene is pressed in no direction and the wanted force (n,) is not given by its names."""
+    normal = model.scene.normal_loads[0]
+    directed = normal.component is not None
+    moved = (f"t{normal.component[1]}",) if normal.component is not None else POSE_NAMES[:3]
+    known = hasattr(model, "gaps") and set(moved) <= set(free) and (directed or set(normal.loads) <= set(pressing))
+    return first_touch(model, poses, pressing) if known else poses
+
+
+def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
     """`settle_in_range` of a joint with two sides, under each side's share of the total loads (n, 6).
 
     The shares are two vertical forces at the condyles' centres with the wanted Fy and Tx.
     """
-    sides, anchors_z = surrogate.scene.sensitive_loads, surrogate.scene.anchors_mm[:, 2]
+    sides, anchors_z = model.scene.sensitive_loads, model.scene.anchors_mm[:, 2]
     if len(sides) != 2:
-        return settle_in_range(surrogate, poses, rest, free, {})
+        return settle_in_range(model, poses, rest, free, {})
     down = -loads[:, WRENCH_NAMES.index("Fy")]
     first = (loads[:, WRENCH_NAMES.index("Tx")] - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
     least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))
     first = np.clip(first, least, np.maximum(down - least, least))
     shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
-    return settle_in_range(surrogate, poses, rest, free, shares)
+    return settle_in_range(model, poses, rest, free, shares)
 
 
-def shear_free_poses(surrogate: Surrogate, ry: Array, rz: Array) -> Array:
+def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
     shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does.
 
     Raises ValueError where rotations lie outside what the surrogate learned, or there is no such pose.
     """
-    low, high = pose_bounds(surrogate)
-    poses = np.tile(middle_pose(surrogate), (len(rz), 1))
+    low, high = pose_bounds(model)
+    poses = np.tile(middle_pose(model), (len(rz), 1))
     for name, wanted in (("ry", ry), ("rz", rz)):
         column = POSE_NAMES.index(name)
         poses[:, column] = wanted
@@ -88,10 +108,10 @@ def shear_free_poses(surrogate: Surrogate, ry: Array, rz: Array) -> Array:
                 f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
-    sides = dict.fromkeys(surrogate.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
-    poses, _ = settle(surrogate, poses, ("ty", "rx"), sides, tolerance=1.0)
+    sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
+    poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
     targets = {**sides, "Fx": 0.0, "Fz": 0.0}
-    poses, report = settle(surrogate, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
+    poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
     if not report.converged.all():
         frame = int(np.argmin(report.converged))
         raise ValueError(f"frame {frame} has no pose without shear: {report.reason[frame]}")

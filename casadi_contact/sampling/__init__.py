@@ -2,7 +2,7 @@
 
 from casadi_contact.sampling.chunk import plan_chunks
 from casadi_contact.sampling.domains import Block, plan_domains
-from casadi_contact.sampling.draw import draw_samples, elastic_foundations
+from casadi_contact.sampling.draw import MODELS, draw_samples, elastic_foundations, foundations, model_pair, teacher_of
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.hammersley import hammersley
 from casadi_contact.sampling.reference import ReferenceMotion, ReferenceReport, reference_motion, reference_poses
@@ -11,6 +11,7 @@ from casadi_contact.sampling.sensitive_pose import found_sensitive_pose
 from casadi_contact.sampling.settings import PAPER_COUNTS, SamplingSettings
 
 __all__ = [
+    "MODELS",
     "PAPER_COUNTS",
     "Block",
     "Envelopes",
@@ -21,9 +22,12 @@ __all__ = [
     "draw_samples",
     "elastic_foundations",
     "found_sensitive_pose",
+    "foundations",
     "hammersley",
+    "model_pair",
     "plan_chunks",
     "plan_domains",
     "reference_motion",
     "reference_poses",
+    "teacher_of",
 ]

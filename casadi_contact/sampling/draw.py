@@ -20,7 +20,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
+from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
 from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
@@ -38,6 +38,34 @@ Progress = Callable[[int, int], None]
 def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
     """Elastic foundations on the settings' settle grid and teacher grid."""
     return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
+
+
+def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """The scene's `contact.foundation`, which needs no grids, both to settle on and to evaluate samples on."""
+    model = foundation(scene)
+    return model, model
+
+
+MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
+
+
+def model_pair(name: str) -> ModelPair:
+    """What makes the contact models of a name in `MODELS`; raises ValueError for another."""
+    if name not in MODELS:
+        raise ValueError(f"model is {name!r}, expected one of {', '.join(MODELS)}")
+    return MODELS[name]
+
+
+def teacher_of(samples: Samples) -> WrenchModel | None:
+    """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
+    for models in MODELS.values():
+        if samples.provenance.get("models") == _full_name(models):
+            return models(samples.scene, SamplingSettings.from_table(samples.provenance["settings"]))[1]
+    return None
+
+
+def _full_name(models: ModelPair) -> str:
+    return f"{models.__module__}.{models.__qualname__}"
 
 
 def draw_samples(
@@ -68,7 +96,7 @@ def draw_samples(
     identity = {
         "scene": scene.to_toml(),
         "settings": settings.to_table(),
-        "models": f"{models.__module__}.{models.__qualname__}",
+        "models": _full_name(models),
         "package": _version("casadi_contact"),
         "plan_digest": plan_digest(chunks),
     }

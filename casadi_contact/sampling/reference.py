@@ -14,11 +14,7 @@ from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
-from casadi_contact.statics import SettleReport, settle
-
-_ABOVE_MM = 1000.0
-_TOUCH_MM = 1e-3
-_TOUCH_STEPS = 200
+from casadi_contact.statics import SettleReport, first_touch, settle
 
 
 class Cycle(Protocol):
@@ -149,7 +145,7 @@ def reference_poses(
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     if start is None:
-        poses = _first_touch(model, poses, wanted)
+        poses = first_touch(model, poses, wanted)
     sensitive = {name: wanted[name] for name in scene.sensitive_loads if name in wanted}
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
@@ -177,35 +173,6 @@ def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
     percent = (time - time[0]) / (time[-1] - time[0])
     curves = {**cycle.measured_pose(), **cycle.targets()}
     return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
-
-
-def _first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
-    """Move the body towards the patches until the first touch: from far away along the direction in which they are
-    pressed, or, where a normal load has none, from the start pose along the wanted force.
-
-    Steps of the smallest gap can never pass the surface (sphere tracing).
-    """
-    gaps = getattr(model, "gaps", None)
-    if gaps is None:
-        raise ValueError("this contact model has no gaps(poses): give reference_poses a start pose")
-    poses = poses.copy()
-    normal = model.scene.normal_loads[0]
-    if normal.direction is not None:
-        along: Array = np.tile(normal.direction, (len(poses), 1))
-        axis = int(np.abs(normal.direction).argmax())
-        poses[:, axis] = -_ABOVE_MM * normal.direction[axis]
-    else:
-        missing = [name for name in normal.loads if name not in wanted]
-        if missing:
-            raise ValueError(f"the cycles hold no load {', '.join(missing)}, expected the force that presses the patch")
-        along = np.stack([wanted[name] for name in normal.loads], axis=1)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    for _ in range(_TOUCH_STEPS):
-        gap = gaps(poses).min(axis=1)
-        if gap.max() < _TOUCH_MM:
-            break
-        poses[:, :3] += np.maximum(gap, 0.0)[:, None] * along
-    return poses
 
 
 def _interpolate(poses: Array, report: ReferenceReport) -> Array:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.elements import Cells, ElementGrid, scattered_elements
+from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.shapes.mesh_files import BODIES, check_mesh_geometry, with_files, without_places
 from casadi_contact.shapes.own_model import patch_anchors
@@ -37,32 +39,49 @@ class Mesh(Shape):
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The moving mesh's field, which faces every patch."""
-        from casadi_contact.shapes.mesh_bodies import body_field
+        from casadi_contact.shapes.mesh_bodies import body_field, check_shells
 
+        check_shells(geometry)
         field = body_field(geometry, "moving")
         return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """Grids laid over each patch of the fixed mesh from above."""
-        from casadi_contact.geometry.mesh_elements import grid_on_mesh
-        from casadi_contact.shapes.mesh_bodies import body_field, patch_box, patch_mesh
+    def start_pose(self, geometry: Geometry) -> Array:
+        """As given, or zero."""
+        return np.array(geometry.get("start_pose", np.zeros(6)))
 
-        field = body_field(geometry, "fixed")
-        return [
-            grid_on_mesh(patch_mesh(geometry, patch, reaching=True), field, grid, patch_box(geometry, patch))
-            for patch in geometry["patches"]
-        ]
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
+        from casadi_contact.geometry.mesh_elements import DOWN, grid_on_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field, patch_box
+        from casadi_contact.shapes.mesh_patches import check_patches, check_side, patch_mesh
+
+        check_patches(geometry)
+        field, pressing = body_field(geometry, "fixed"), geometry.get("pressing", DOWN)
+        found = []
+        for patch in geometry["patches"]:
+            mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
+            found.append(grid_on_mesh(mesh, field, grid, box, pressing))
+        for patch, cells in zip(geometry["patches"], found, strict=True):
+            check_side(geometry, patch, cells)
+        return found
 
     def elements(
         self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
     ) -> list[ElementGrid]:
-        """As of any shape, or each patch's triangles, whatever the grid."""
-        if geometry["elements"] == "grid":
-            return super().elements(geometry, grid, z_ranges_mm)
+        """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
         from casadi_contact.geometry.mesh_elements import open_triangles, triangles_on_mesh
-        from casadi_contact.shapes.mesh_bodies import body_field, patch_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field
+        from casadi_contact.shapes.mesh_patches import check_patches, cut_cells, patch_mesh
 
         field, found = body_field(geometry, "fixed"), []
+        if geometry["elements"] == "grid":
+            of_patch = dict(zip(geometry["patches"], self.cells(geometry, grid), strict=True))
+            for (patch, cells), ranges in zip(of_patch.items(), z_ranges_mm, strict=True):
+                centres, normals, areas = cells
+                cut = cut_cells(geometry, patch, cells, field)
+                found += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
+            return found
+        check_patches(geometry)
         for patch, ranges in zip(geometry["patches"], z_ranges_mm, strict=True):
             mesh = patch_mesh(geometry, patch)
             triangles, outermost = triangles_on_mesh(mesh, field), open_triangles(mesh)

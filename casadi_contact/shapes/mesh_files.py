@@ -5,10 +5,19 @@
     fixed = "tibial_insert.stl"           # carries the elements
     units = "m"                           # of both files, "m" or "mm"
     axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
-    elements = "grid"                     # rays down -y onto the fixed mesh; or "triangles": each one an element
+    pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
+    start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
+    shell = "outer"                       # of a moving mesh that is a thin closed shell: only its side away from the
+                                          # anchors counts; or "whole": overlaps stay below half of its thickness
+    open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
+    elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
     spacing = 0.75                        # of the distance field's nodes [mm]
-    [geometry.patches.med]                # in the order of the patches; bounds in mm in the library's axes
-    x = [-20.0, 20.0]                     # where the patch's elements lie; no bound if left out
+    [geometry.placement.moving]           # where each mesh lies in its body's frame; as in the file if left out
+    mirror = "z"                          # first mirrored, then turned as a pose turns, then moved [mm]
+    rotation_deg = [0.0, 0.0, 5.0]
+    offset = [0.0, -10.0, 0.0]
+    [geometry.patches.med]                # in the order of the patches; bounds in mm in the fixed body's frame
+    x = [-20.0, 20.0]                     # where the patch's elements lie, likewise y; no bound if left out
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
     split_z = [17.0]                      # where it touches in several places: cut into parts, learned apart
@@ -21,19 +30,27 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation
+from casadi_contact.geometry.placement import MIRRORS
 from casadi_contact.shapes.checks import fail, identifier, number, table_of
 
 BODIES = ("moving", "fixed")
 ELEMENTS = ("grid", "triangles")
+OPEN_EDGES = ("cut", "rim")
+SHELLS = ("outer", "whole")
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
-_KNOWN = (*_NEEDED, "axes", "elements", "spacing", *_DIGESTS.values())
-_DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75}
+_LISTS = {"pressing": 3, "start_pose": 6}
+_KNOWN = (
+    *(*_NEEDED, "axes", "elements", "spacing", "open_edges", "shell", "placement"),
+    *(*_LISTS, *_DIGESTS.values()),
+)
+_DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75, "open_edges": "cut"}
 
 
 def check_mesh_geometry(table: object) -> dict[str, Any]:
@@ -45,10 +62,21 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
     for key in (*BODIES, *(key for key in _DIGESTS.values() if key in values)):
         if not isinstance(values[key], str) or not values[key]:
             raise fail(f"geometry.{key}", values[key], "text")
-    for key, allowed in (("units", MM_PER_UNIT), ("elements", ELEMENTS)):
+    for key, allowed in (("units", MM_PER_UNIT), ("elements", ELEMENTS), ("open_edges", OPEN_EDGES)):
         if values[key] not in tuple(allowed):
             raise fail(f"geometry.{key}", values[key], " or ".join(allowed))
+    if values.get("shell", "whole") not in SHELLS:
+        raise fail("geometry.shell", values["shell"], " or ".join(SHELLS))
     axes_rotation(values["axes"])
+    for key, length in _LISTS.items():
+        if key in values:
+            values[key] = _numbers(f"geometry.{key}", values[key], length)
+    if "pressing" in values and not math.hypot(*values["pressing"]) > 0.0:
+        raise fail("geometry.pressing", values["pressing"], "a direction, for example [0.0, -1.0, 0.0]")
+    values["placement"] = {
+        body: _placement(f"geometry.placement.{body}", table)
+        for body, table in table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False).items()
+    }
     values["spacing"] = number("geometry.spacing", values["spacing"], low=0.0)
     patches = values["patches"]
     if not isinstance(patches, Mapping) or not patches:
@@ -60,17 +88,30 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 
 def _patch(key: str, table: object) -> dict[str, list[float]]:
-    values = table_of(key, table, ("x", "z", "anchor", "split_z"), complete=False)
-    for name, length in (("x", 2), ("z", 2), ("anchor", 3)):
-        listed = values.get(name, [0.0, 1.0, 2.0][:length])
-        if not isinstance(listed, list | tuple) or len(listed) != length:
-            raise fail(f"{key}.{name}", listed, f"{length} numbers [mm]")
-        for value in listed:
-            number(f"{key}.{name}", value)
+    values = table_of(key, table, ("x", "y", "z", "anchor", "split_z"), complete=False)
+    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3)):
+        listed = _numbers(f"{key}.{name}", values.get(name, [0.0, 1.0, 2.0][:length]), length)
         if length == 2 and listed[0] >= listed[1]:
             raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
     if "split_z" in values:
         _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
+    return values
+
+
+def _numbers(key: str, value: object, length: int) -> list[float]:
+    if not isinstance(value, list | tuple) or len(value) != length:
+        unit = "tx, ty, tz [mm], rx, ry, rz [rad]" if length == 6 else "[mm]"
+        raise fail(key, value, f"{length} numbers {unit}")
+    return [number(key, each) for each in value]
+
+
+def _placement(key: str, table: object) -> dict[str, Any]:
+    values = table_of(key, table, ("mirror", "rotation_deg", "offset"), complete=False)
+    for name in ("rotation_deg", "offset"):
+        if name in values:
+            values[name] = _numbers(f"{key}.{name}", values[name], 3)
+    if values.get("mirror", "x") not in MIRRORS:
+        raise fail(f"{key}.mirror", values["mirror"], " or ".join(MIRRORS))
     return values
 
 

@@ -44,7 +44,8 @@ def _one(model: ElasticFoundation, pose: Array) -> Any:
     for axis in axes[panels:]:
         axis.set_axis_off()
     at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
-    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{loads_text(model, pose, model.load_names)}", fontsize=9)
+    said = f"{loads_text(model, pose, model.load_names)}\n{pressures_text(model, pose)}"
+    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)
     return figure
 
 
@@ -67,6 +68,19 @@ def loads_text(model: ElasticFoundation, pose: Array, names: Sequence[str], *, b
     loads = model.wrenches(pose[None])[0]
     values = np.einsum("lpk,pk->l", load_selection(names, model.patch_names), loads)
     return between.join(f"{n} {round(v) + 0:d} {quantity(n).unit}" for n, v in zip(names, values, strict=True))
+
+
+def pressures_text(model: ElasticFoundation, pose: Array) -> str:
+    """Area in contact, mean and peak pressure, penetration of each patch in a pose (6,), in words."""
+    found = model.summary(pose[None])
+    said = [
+        f"{area:.0f} mm², mean {mean:.3g} MPa, peak {peak:.3g} MPa, {depth:.2g} mm deep" if area else "no contact"
+        for area, mean, peak, depth in zip(
+            found.area_mm2[0], found.mean_mpa[0], found.largest_mpa[0], found.penetration_mm[0], strict=True
+        )
+    ]
+    names = [f"{name}: " if len(said) > 1 else "" for name in model.patch_names]
+    return "; ".join(name + words for name, words in zip(names, said, strict=True))
 
 
 def _largest(frames: Sequence[Sequence[PressureMap]]) -> float:

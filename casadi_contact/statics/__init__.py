@@ -4,5 +4,14 @@ from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.relax import relax
 from casadi_contact.statics.sensitive import SensitiveDirections, sensitive_directions
 from casadi_contact.statics.settle import SettleReport, settle
+from casadi_contact.statics.touch import first_touch
 
-__all__ = ["Equilibrium", "SensitiveDirections", "SettleReport", "relax", "sensitive_directions", "settle"]
+__all__ = [
+    "Equilibrium",
+    "SensitiveDirections",
+    "SettleReport",
+    "first_touch",
+    "relax",
+    "sensitive_directions",
+    "settle",
+]

@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array, pose_or_poses
+from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
 from casadi_contact.structures.file import Content, write_file
+from casadi_contact.structures.functions import SurrogateFunctions
 from casadi_contact.structures.info import SurrogateInfo, describe
 from casadi_contact.structures.trust import Trust
-from casadi_contact.transcription import export_c, function_with_derivatives
-from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
-from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
+from casadi_contact.structures.trust_source import OWN_ROOTS
+from casadi_contact.structures.trusted_kernel import TrustedKernel
+from casadi_contact.transcription import ExportedModel, export_c
+from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.fmu import export_fmu
+from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.kernel.networks import Bundle
 
 
-class Surrogate(ABC):
+class Surrogate(SurrogateFunctions):
     """Networks and the scene they were trained for.
 
     networks: by name; record: what trained them (see `casadi_contact.structures.info`), plain JSON values; trust: what
     `validity` and `expected_error` are made of (see `casadi_contact.structures.calibration`).
-    ``load_names`` are the scene's loads that the given networks are enough for.
+    ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
+    or more go through a C kernel (see `casadi_contact.structures.arrays`), as `load_surrogate` wants it.
     """
 
     structure: ClassVar[str]
@@ -41,8 +51,12 @@ class Surrogate(ABC):
         networks: Mapping[str, Network],
         record: Mapping[str, Any] | None = None,
         trust: Trust | None = None,
+        *,
+        compiled: bool = False,
     ) -> None:
         self.scene = scene
+        self._compiled = compiled
+        self._hessians: dict[tuple[str, ...], ca.Function] = {}
         self.networks = dict(networks)
         self.record = dict(record or {})
         self.trust = trust
@@ -90,12 +104,31 @@ class Surrogate(ABC):
     @pose_or_poses
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
-        return self._loads(poses, self.check_loads(loads))
+        names = self.check_loads(loads)
+        arrays = self._arrays(poses, names)
+        return self._loads(poses, names) if arrays is None else arrays.loads(poses, names)
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
-        return self._loads_and_jacobian(poses, self.check_loads(loads))
+        names = self.check_loads(loads)
+        arrays = self._arrays(poses, names)
+        return self._loads_and_jacobian(poses, names) if arrays is None else arrays.jacobian(poses, names)
+
+    @pose_or_poses
+    def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
+        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
+
+        Raises ValueError for weights of another shape.
+        """
+        names = self.check_loads(loads)
+        wanted = as_weights(weights, len(poses), names)
+        arrays = self._arrays(poses, names)
+        if arrays is not None:
+            return arrays.hessian(poses, wanted, names)
+        if names not in self._hessians:
+            self._hessians[names] = hessian_function(self.function(names))
+        return weighted_hessians(self._hessians[names], poses, wanted)
 
     @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
@@ -103,7 +136,7 @@ class Surrogate(ABC):
 
         (P,) and (P, 6) for a pose (6,).
         """
-        self._check_roots()
+        self.check_roots()
         return self._roots_and_jacobian(poses)
 
     @abstractmethod
@@ -119,24 +152,42 @@ class Surrogate(ABC):
         """Root loads (n, P) and their derivatives (n, P, 6)."""
 
     @abstractmethod
-    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        """The same in CasADi, with derivatives up to order 0, 1 or 2."""
-
-    @abstractmethod
-    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        """The same in C."""
-
-    @abstractmethod
     def _root_networks(self) -> list[str]:
         """Names of the networks that root loads need."""
 
-    def _root_count(self) -> int:
-        """Number of root loads that `_expressions` and `_kernel` give."""
-        return len(self.patch_names)
+    def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
+        """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
+        if not self._compiled or len(poses) < BATCH_FROM or not set(loads) <= set(self.load_names):
+            return None
+        return self._compiled_arrays
 
-    def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
-        return roots
+    @cached_property
+    def _compiled_arrays(self) -> SurrogateArrays | None:
+        kernel = self.trusted_kernel(self.load_names)
+        return compiled_arrays(kernel, f"the kernel of the surrogate {self.scene.name}, some seconds")
+
+    def trusted_kernel(self, loads: Sequence[str]) -> TrustedKernel:
+        """C of the loads, with all else that the networks and the trust are enough for."""
+        roots = all(name in self.networks for name in self._root_networks())
+        kernel, trust = self._kernel(loads, roots=roots), self.trust if roots else None
+        bundles, inputs = self._trust_inputs() if trust is not None else ([], "")
+        return TrustedKernel(
+            Kernel([*kernel.bundles, *bundles], kernel.code),
+            tuple(loads),
+            self.load_names,
+            self._first_roots() if roots else (),
+            self._root_count() if roots else 0,
+            trust,
+            inputs,
+        )
+
+    def _first_roots(self) -> Sequence[int]:
+        """Where the root loads of each patch begin among those that `_kernel` gives."""
+        return range(len(self.patch_names))
+
+    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
+        """Networks beside the kernel's, and C function trust_inputs (see `trust_source`)."""
+        return [], OWN_ROOTS
 
     @classmethod
     def assemble(
@@ -166,7 +217,8 @@ class Surrogate(ABC):
                 )
         return names
 
-    def _check_roots(self) -> None:
+    def check_roots(self) -> None:
+        """Raise ValueError where a network of the root loads is missing."""
         missing = [name for name in self._root_networks() if name not in self.networks]
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
@@ -178,7 +230,7 @@ class Surrogate(ABC):
                 "this surrogate has no validity and expected error (it was never calibrated, or written by an older "
                 "version): build it again, or run casadi-contact calibrate on its samples"
             )
-        self._check_roots()
+        self.check_roots()
         return self.trust
 
     def trust_roots(self, poses: Array) -> Array:
@@ -189,135 +241,70 @@ class Surrogate(ABC):
         """Normal loads (n, P) [N] that `trust_roots` must confirm; None where the loads come from these roots."""
         return None
 
-    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.require_trust().expressions(pose, self.root_function()(pose))
-
     @pose_or_poses
     def validity(self, poses: Array) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
-        trust = self.require_trust()
+        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return arrays.validity(poses)
         return trust.validity(poses, self.trust_roots(poses), self.trust_claims(poses))
 
     @pose_or_poses
     def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
-        trust = self.require_trust()
+        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return arrays.expected_error(poses)
         return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
-    def validity_function(self, name: str = "contact_validity") -> ca.Function:
-        """casadi.Function pose (6) -> validity (1), twice continuously differentiable: a constraint for IPOPT."""
-        pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"])
-
-    def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
-        """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
-        pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"])
-
-    def function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), with exact, explicit first and second derivatives.
-
-        Only the networks that the loads need are in it. Works in ``map`` and in nlpsol. compiled: a C kernel instead
-        of a CasADi graph, compiled once and kept in the user's cache folder; where that fails, one warning and the
-        graph. It has no third derivatives, and is not for `save_function` (the library lies in the cache). batch:
-        pose (6 x batch) -> loads (L x batch), in one call.
-        """
-        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
-
-    def root_function(
-        self, name: str = "contact_roots", *, compiled: bool = False, batch: int | None = None
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
-        self._check_roots()
-        return self._function(name, (), ("roots",), compiled, batch)
-
-    def load_and_root_function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads_and_roots",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
-        names = self.check_loads(loads)
-        self._check_roots()
-        return self._function(name, names, ("loads", "roots"), compiled, batch)
-
-    def _function(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
-    ) -> ca.Function:
-        if batch is not None and batch < 1:
-            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
-        if "roots" not in wanted or self._root_count() == len(self.patch_names):
-            return self._transcription(name, loads, wanted, compiled, batch)
-        of_parts = self._transcription(f"{name}_of_parts", loads, wanted, compiled, batch)
-        pose = ca.MX.sym("pose", 6, batch or 1)
-        outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
-        roots = self._patch_roots(outputs["roots"])
-        outputs["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
-        return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
-
-    def _transcription(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
-    ) -> ca.Function:
-        if compiled:
-            sizes = {"loads": len(loads), "roots": self._root_count()}
-            kernel = self._kernel(loads, roots="roots" in wanted)
-            try:
-                return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
-            except CompilerError as error:
-                warn_once(f"{error}; using the CasADi graph, which is slower")
-        pose = ca.MX.sym("pose", 6)
-        function = function_with_derivatives(name, pose, self._outputs(pose, loads, wanted))
-        return function if batch is None else function.map(batch)
-
-    def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
-        pose = ca.MX.sym("pose", 6)
-        both = self._graph(pose, self.check_loads(loads), 1).loads
-        inputs: list[Any] = [pose]
-        return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
-
-    def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        return nan_if_not_finite(pose, self._expressions(pose, loads, order))
-
-    def _outputs(
-        self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
-    ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
-        """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
-        graphs = [self._graph(pose, loads, order) for order in range(3)]
-        outputs = {}
-        for key in wanted:
-            value, jacobian, second = (getattr(graph, key) for graph in graphs)
-            outputs[key] = (value.value, jacobian.jacobian, second.second)
-        return outputs
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads, and of all that the surrogate knows of them."""
+        kernel = self.trusted_kernel(self.check_loads(loads))
+        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
+        return ExportedModel(
+            f"{kernel.source()}\n{condition}",
+            kernel.loads,
+            self.patch_names,
+            kernel.root_count,
+            kernel.trust is not None,
+            made_for,
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
+        )
 
     def export_c(
         self,
         folder: str | Path,
         name: str | None = None,
         loads: Iterable[str] | None = None,
-        example_pose: Sequence[float] = (0.0,) * 6,
+        example_pose: Sequence[float] | None = None,
     ) -> list[Path]:
-        """Write C source and header for loads, Jacobian and Hessian, an example and a Makefile; return their paths."""
-        names = self.check_loads(loads)
-        return export_c(
-            self._kernel(names, roots=False),
-            folder,
-            name=name or f"{self.scene.name}_contact",
-            load_names=names,
-            example_pose=example_pose,
-            description=f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
-        )
+        """Write C source and header for loads, derivatives, roots, validity and expected error, an example (at a pose
+        that was learned, if left out) and a Makefile; return their paths."""
+        pose = self.learned_pose() if example_pose is None else example_pose
+        return export_c(self.exported(loads), folder, name=name or f"{self.scene.name}_contact", example_pose=pose)
+
+    def export_fmu(
+        self,
+        path: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        start: Sequence[float] | None = None,
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a learned pose if none is given; return its path."""
+        pose = self.learned_pose() if start is None else start
+        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_contact", start=pose)
+
+    def learned_pose(self) -> list[float]:
+        """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or
+        zeros."""
+        if self.trust is None:
+            ranges = self.record.get("pose_range", {})
+            return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]
+        poses = np.vstack([self.trust.centres, self.trust.dense_centres]) * self.trust.scales
+        validity = self.validity(poses)
+        pressed = np.where(validity >= min(0.9, validity.max()), self.trust_roots(poses).min(axis=1), -np.inf)
+        return [float(value) for value in poses[np.argmax(pressed)]]
 
     def info(self) -> SurrogateInfo:
         """What this surrogate is, what it was trained on and how wrong it is; print it."""

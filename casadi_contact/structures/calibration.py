@@ -53,6 +53,8 @@ def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     around = samples.select(role=()) if around is None else around
     if {samples.scene.digest, around.scene.digest} != {surrogate.scene.digest}:
         raise ValueError("the samples belong to another scene than the surrogate (digests differ): draw them anew")
+    kind = type(surrogate)
+    surrogate = kind(surrogate.scene, surrogate.networks, surrogate.record)  # NumPy: the same file by any compiler
     training, held_out = samples.select(role=TRAIN), samples.select(role=VALIDATION)
     for what, part in (("training", training), ("validation", held_out)):
         if not len(part):
@@ -64,7 +66,6 @@ def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     trust = _bounded(
         trust, surrogate, samples.select(role=(TRAIN, VALIDATION)), held_out, around.select(role=VALIDATION)
     )
-    kind = type(surrogate)
     with_trust = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     coverage = trust_coverage(with_trust, samples.select(role=TEST), around.select(role=TEST))
     return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "coverage": coverage}, trust)

@@ -91,15 +91,15 @@ def write_file(path: str | Path, content: Content) -> None:
                 group[name] = np.asarray(value, dtype="<f8")
 
 
-def read_file(path: str | Path) -> Content:
-    """Read a surrogate file.
+def read_file(path: str | Path, *, trusted: bool = False) -> Content:
+    """Read a surrogate file. trusted: it comes with the library.
 
     Raises FileNotFoundError, or ValueError that says whether the file is foreign, newer or damaged.
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"surrogate file {path} does not exist")
-    with open_hdf5(path) as file:
+    with open_hdf5(path, trusted=trusted) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")
         if not 1 <= file.attrs.get("format", 0) <= FORMAT:

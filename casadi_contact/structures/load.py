@@ -18,26 +18,30 @@ def ready_surrogates() -> list[str]:
     )
 
 
-def load_surrogate(name_or_path: str | Path) -> Surrogate:
+def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrogate:
     """Load a ready-made surrogate by name ("knee"), or a surrogate file by its path (ending in .h5).
+
+    compiled: False for arrays of poses in NumPy however many they are; else `BATCH_FROM` poses or more go through a C
+    kernel on all cores, which the first such call compiles and says so.
 
     Raises ValueError for an unknown name and for a foreign, newer or damaged file; FileNotFoundError for no file.
     """
     text = str(name_or_path)
     if isinstance(name_or_path, Path) or text.endswith(".h5") or "/" in text:
-        return _load(Path(name_or_path))
+        return _load(Path(name_or_path), compiled)
     if text not in ready_surrogates():
         possible = ", ".join(ready_surrogates()) or "(none are installed)"
         raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file")
     with resources.as_file(resources.files("casadi_contact.structures") / "ready" / f"{text}.h5") as path:
-        return _load(path)
+        return _load(path, compiled, trusted=True)
 
 
-def _load(path: Path) -> Surrogate:
-    content = read_file(path)
+def _load(path: Path, compiled: bool, *, trusted: bool = False) -> Surrogate:
+    content = read_file(path, trusted=trusted)
     if content.structure not in STRUCTURES:
         raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
     try:
-        return STRUCTURES[content.structure](content.scene, content.networks, content.record, content.trust)
+        kind = STRUCTURES[content.structure]
+        return kind(content.scene, content.networks, content.record, content.trust, compiled=compiled)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -14,7 +14,7 @@ network there happens to give a known load. Together, and smooth to every order:
     u = log Σ_i exp(u_i),   validity = ½(1 - u/√(1 + u²))
 
 which is 0.9 at u = -4/3, 0.1 at u = 4/3, and far outside falls with a slope that leads an optimiser back (a logistic
-function is flat there: IPOPT, kept by validity >= 1/2, then solved none of the cases of which it now solves most).
+function is flat there). As a constraint 1/validity <= 2 is best: it grows with the square of u.
 
 The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-out samples:
 
@@ -141,14 +141,15 @@ class Trust:
         """e (n, L) [N, N·mm]."""
         outside = self.outside(self.excess(poses, roots, claims))
         inside = self.level(poses) * (self.features(poses, roots) @ self.shares.T)
-        return inside + outside[:, None] * self._growth_loads
+        return inside + outside[:, None] * self.growth_loads
 
     def outside(self, excess: Array) -> Array:
         """g of an excess u (n,)."""
         return np.asarray(_growth(np.maximum(excess - (self.growth_start or 0.0), 0.0)))
 
     @property
-    def _growth_loads(self) -> Array:
+    def growth_loads(self) -> Array:
+        """What `outside` is multiplied by (L,) [N, N·mm]."""
         return self.usual_loads if self.growth is None else self.growth * self.usual_loads
 
     def expressions(self, pose: ca.MX, roots: ca.MX, claims: ca.MX | None = None) -> tuple[ca.MX, ca.MX]:
@@ -172,7 +173,7 @@ class Trust:
         pressed = 0.5 * (roots + ca.sqrt(roots**2 + self.boundary_root**2))
         features = ca.vertcat(1.0, rare, rare**2, pressed)
         inside = ca.mtimes(ca.DM(self.levels.T), weights) * ca.mtimes(ca.DM(self.shares), features)
-        errors = inside + _growth(ca.fmax(excess - (self.growth_start or 0.0), 0.0)) * ca.DM(self._growth_loads)
+        errors = inside + _growth(ca.fmax(excess - (self.growth_start or 0.0), 0.0)) * ca.DM(self.growth_loads)
         return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), errors
 
 

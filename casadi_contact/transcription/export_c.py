@@ -1,62 +1,110 @@
-"""Portable C source of a kernel, with a header and a small program that calls it ([EF15 §3.5] exports C++)."""
+"""Portable C source of a contact model, with a header and a small program that calls it ([EF15 §3.5] exports C++)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.files import write_text
+from casadi_contact.conventions import POSE_NAMES, POSE_UNITS
+from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
-from casadi_contact.transcription.kernel.source import Kernel, c_text
+from casadi_contact.transcription.kernel.compiler import DATA_FILE
+from casadi_contact.transcription.kernel.source import c_text
 
 
-def export_c(
-    kernel: Kernel,
-    folder: str | Path,
-    *,
-    name: str,
-    load_names: Sequence[str],
-    example_pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    description: str = "Joint contact loads of a pose.",
-) -> list[Path]:
+@dataclass(frozen=True)
+class ExportedModel:
+    """C of a contact model, and what a header must say of it.
+
+    source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
+    are roots; trust_at where it is trusted; outside(pose, parts), which is 1 where the pose is not one that the model
+    is made for. made_for says in words when it is. vectors: source needs the vectors of GCC and clang. data: what
+    the source includes as the file DATA_FILE of the folder in which it is compiled.
+    """
+
+    source: str
+    load_names: Sequence[str]
+    patch_names: Sequence[str]
+    kernel_roots: int
+    trusted: bool
+    made_for: str
+    reference_load: float
+    description: str
+    vectors: bool = False
+    data: bytes = b""
+
+    def c_source(self, name: str) -> str:
+        """One C file: the model, its functions by name, and the interface of casadi.external."""
+        words = self.words(name)
+        outputs = {"loads": len(self.load_names)}
+        parts = [
+            f"/* {words['description']} Written by casadi_contact {words['version']}. */",
+            self.source,
+            f"#define TRUSTED {int(self.trusted)}",
+            Template(c_text("export_api.c")).substitute(words),
+        ]
+        return "\n".join([*parts, casadi_interface(name, outputs)])
+
+    def header(self, name: str) -> str:
+        """The header of that file."""
+        return Template(c_text("export_api.h")).safe_substitute(self.words(name))
+
+    def words(self, name: str) -> dict[str, object]:
+        """What the templates ask for; raises ValueError for a name that C or CasADi refuses."""
+        check_name(name)
+        loads = [identifier(load) for load in self.load_names]
+        units = [quantity(load).kind.plain_unit for load in loads]
+        patches = [identifier(patch) for patch in self.patch_names]
+        return {
+            "name": name,
+            "guard": name.upper(),
+            "guard_OK": f"{name.upper()}_OK",
+            "guard_OUTSIDE": f"{name.upper()}_OUTSIDE",
+            "guard_NOT_FINITE": f"{name.upper()}_NOT_FINITE",
+            "count": len(loads),
+            "patch_count": len(patches),
+            "description": comment_text(self.description),
+            "compiler": "C99 with the vectors of GCC and clang, libm" if self.vectors else "Plain C99, libm",
+            "warnings": "-Wall -Wextra -Wno-psabi" if self.vectors else "-Wall -Wextra -pedantic",
+            "version": version("casadi_contact"),
+            "pose": ", ".join(f"{n} [{unit}]" for n, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)),
+            "loads": ", ".join(f"{load} [{unit}]" for load, unit in zip(loads, units, strict=True)),
+            "units": ", ".join(units),
+            "patches": ", ".join(patches),
+            "reference_load": f"{self.reference_load:g}",
+            "no_roots": "" if self.kernel_roots else "; NaN: this model lacks their networks",
+            "no_trust": "" if self.trusted else "; NaN: this model has neither",
+            "learned": comment_text(self.made_for),
+            "names": _quoted(loads),
+            "unit_names": _quoted(units),
+            "patch_names": _quoted(patches),
+        }
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pose: Sequence[float]) -> list[Path]:
     """Write ``name.c`` and ``name.h``, ``example.c`` and a ``Makefile`` into folder; return their paths.
 
-    C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian; also loadable by casadi.external.
+    C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
+    each with a status; also loadable by casadi.external.
     Raises ValueError for an unusable name, OSError where folder cannot be written.
     """
-    check_name(name)
-    load_names = [identifier(load) for load in load_names]
-    words = {
-        "name": name,
-        "guard": name.upper(),
-        "count": len(load_names),
-        "description": comment_text(description),
-        "version": version("casadi_contact"),
-        "pose": ", ".join(POSE_NAMES),
-        "loads": ", ".join(load_names),
-        "units": ", ".join(quantity(load).unit for load in load_names),
-        "names": ", ".join(f'"{load}"' for load in load_names),
-        "example_pose": ", ".join(repr(float(np.float64(value))) for value in example_pose),
-    }
-    source = Template(c_text("export_api.c")).substitute(words)
+    words = model.words(name)
+    words["example_pose"] = ", ".join(repr(float(np.float64(value))) for value in example_pose)
     texts = {
-        f"{name}.h": Template(c_text("export_api.h")).substitute(words),
-        f"{name}.c": "\n".join(
-            [
-                f"/* {words['description']} Written by casadi_contact {words['version']}. */",
-                kernel.source(loads=len(load_names), roots=0),
-                source,
-                casadi_interface(name, {"loads": len(load_names)}),
-            ]
-        ),
+        f"{name}.h": model.header(name),
+        f"{name}.c": model.c_source(name),
         "example.c": Template(c_text("export_example.c")).substitute(words),
         "Makefile": Template(c_text("export_makefile")).safe_substitute(words),
     }
@@ -64,4 +112,6 @@ def export_c(
     folder.mkdir(parents=True, exist_ok=True)
     for file_name, text in texts.items():
         write_text(folder / file_name, text)
-    return sorted(folder / file_name for file_name in texts)
+    if model.data:
+        write_bytes(folder / DATA_FILE, model.data)
+    return sorted(folder / file_name for file_name in (*texts, *([DATA_FILE] if model.data else [])))

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
+from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact
 from casadi_contact.conventions import Array, as_poses, load_unit
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate
 from casadi_contact.verification.verify import loads_on
 
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
@@ -101,7 +100,7 @@ def own_model(scene: Scene) -> ContactModel | str:
 
 
 def judge(
-    surrogate: Surrogate,
+    tried: SymbolicContact,
     poses: ArrayLike,
     solved: ArrayLike,
     model: ContactModel | str,
@@ -111,16 +110,17 @@ def judge(
     """Evaluate a solution, poses (n, 6) and which of them are solved (n,), on a contact model.
 
     model: `own_model` of the scene as a rule; where it is a reason in words, frames are not checked.
-    loads: those of the surrogate that the problem uses, all if left out. on_model (n,): frames that were solved on the
+    tried: the surrogate or foundation that the problem was solved on.
+    loads: those of it that the problem uses, all if left out. on_model (n,): frames that were solved on the
     model itself, for want of a pose that the surrogate has learned.
     """
-    poses, names = as_poses(poses), surrogate.check_loads(loads)
+    poses, names = as_poses(poses), tried.check_loads(loads)
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
     else:
-        errors = surrogate(poses, names) - loads_on(model, poses, names)
+        errors = tried(poses, names) - loads_on(model, poses, names)
         name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
     alone = np.broadcast_to(np.asarray(on_model, dtype=bool), len(poses))
     errors[alone] = 0.0
-    allowed = ALLOWED * np.array([surrogate.scene.tolerances[load] for load in names])
+    allowed = ALLOWED * np.array([tried.scene.tolerances[load] for load in names])
     return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name, alone)

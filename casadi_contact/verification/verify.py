@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import ContactModel
+from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.quantities import quantity
 from casadi_contact.structures import Surrogate
@@ -80,12 +80,13 @@ def _listed(rows: np.ndarray) -> str:
 
 
 def verify(
-    surrogate: Surrogate, poses: ArrayLike, model: ContactModel, solved: np.ndarray | None = None
+    surrogate: SymbolicContact, poses: ArrayLike, model: ContactModel, solved: np.ndarray | None = None
 ) -> Verification:
     """Compare surrogate and contact model at the poses (n, 6) of a solution, against the scene's tolerances.
 
-    model: what decides; its own error should be well below the tolerances (the scene's teacher grid, for an elastic
-    foundation). solved (n,): False for frames that the problem's solver gave up, which then do not pass.
+    surrogate: or a foundation, which is valid everywhere and expects no error. model: what decides; its own error
+    should be well below the tolerances (the scene's teacher grid, for an elastic foundation). solved (n,): False for
+    frames that the problem's solver gave up, which then do not pass.
 
     Raises ValueError for bad or no poses, for a model without the surrogate's loads, and for a surrogate that was not
     calibrated.
@@ -95,14 +96,17 @@ def verify(
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     if solved is not None and np.shape(solved) != (len(poses),):
         raise ValueError(f"solved has shape {np.shape(solved)}, expected ({len(poses)},), one for each pose")
+    validity, expected = np.ones(len(poses)), np.zeros((len(poses), len(surrogate.load_names)))
+    if isinstance(surrogate, Surrogate):
+        validity, expected = surrogate.validity(poses), surrogate.expected_error(poses)
     return Verification(
         surrogate.load_names,
         poses,
         np.ones(len(poses), dtype=bool) if solved is None else np.asarray(solved, dtype=bool),
         surrogate(poses) - loads_on(model, poses, surrogate.load_names),
         np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names]),
-        surrogate.validity(poses),
-        surrogate.expected_error(poses),
+        validity,
+        expected,
     )
 
 

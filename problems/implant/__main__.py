@@ -1,30 +1,31 @@
-"""From the mesh files of a real knee implant to the poses of measured cycles, in one command.
+"""From the mesh files of a joint to the poses of measured cycles, in one command and with nothing trained.
 
-The scene file (`tka_mesh.toml`) names the meshes. The surrogate is sampled, trained, evaluated and exported into one
-folder (as ``casadi-contact build`` does; run again, it goes on from what is there), then the poses of each cycle are
-estimated with it (`problems.pose_estimation`) and checked on the elastic foundation of the meshes.
+The scene file names the meshes. The poses of each cycle are estimated in IPOPT (`problems.pose_estimation`) on the
+foundation of that scene (`cc.foundation`) and checked on its element grid. ``--surrogate`` puts networks in the
+foundation's place: they are sampled, trained, evaluated and exported into the same folder first (as ``casadi-contact
+build`` does; run again, it goes on from what is there).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from casadi_contact import cli
-from casadi_contact.files import file_stem
-from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.presets import PRESETS
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.scenes import load_scene
-from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, new_app, run_command
-from problems.implant import SCENE
+from problems.common.contact import ContactSource
 from problems.pose_estimation.completion import solve_and_complete
-from problems.pose_estimation.problem import LOADS, build
+from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
-from problems.pose_estimation.starts import start_from_file
+from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 
 NAME = "implant"
 app = new_app()
@@ -32,30 +33,37 @@ app = new_app()
 
 @app.command()
 def run(
+    scene: Annotated[Path, typer.Argument(help="scene file that names the meshes")],
     cycles: Annotated[list[Path], typer.Argument(help="measured cycles (CSV) to find the poses of")],
-    scene: Annotated[Path, typer.Option(help="scene file that names the meshes")] = SCENE,
     start: Annotated[Path | None, typer.Option(help="begin at these measured poses (CSV, .sto; tx ... rz)")] = None,
+    starts: Annotated[int, typer.Option(min=0, help="also solve each cycle from this many random starts")] = 0,
+    surrogate: Annotated[bool, typer.Option("--surrogate", help="train networks and solve on these")] = False,
     preset: Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")] = "quick",
-    out: Annotated[
-        Path | None, typer.Option(help="folder of all results; results/implant/SCENE-PRESET if left out")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder of all results; results/implant/SCENE if left out")] = None,
 ) -> None:
-    """Build the surrogate of a knee from its meshes and find the poses of measured cycles with it.
+    """Find the poses of measured cycles on the meshes of a joint.
 
     Exit status 2: some frames are not solved, and are named with the reason; 3: all are, but the contact model of the
     meshes differs in some.
     """
-    measured = [read_cycle(path) for path in cycles]  # before minutes of training
-    poses = [None if start is None else start_from_file(start, len(cycle)) for cycle in measured]
-    folder = RESULTS / NAME / f"{file_stem(load_scene(scene).name)}-{preset}" if out is None else out
-    cli.build(str(scene), preset=preset, out=folder)
-    surrogate = load_surrogate(folder / "patch.h5")
-    foundation, codes = own_model(surrogate.scene), []
+    found = load_scene(scene)
+    measured: Sequence[Cycle] = reference_motion_cycles(found, cycles)  # before minutes of training
+    poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
+    folder = RESULTS / NAME / file_stem(found.name) if out is None else out
+    source = ContactSource(scene=str(scene))
+    if surrogate:
+        cli.build(str(scene), preset=preset, out=folder)
+        source = ContactSource(surrogate=str(folder / "patch.h5"))
+    writable_folder(folder)
+    model = source.load()
+    elements, codes = own_model(model.scene), []
     for path, cycle, first in zip(cycles, measured, poses, strict=True):
-        problem = build(surrogate, cycle, compiled=True)
-        result = solve_and_complete(problem, first, foundation)
-        verdict = judge(surrogate, result.poses, result.converged, foundation, LOADS, result.on_model)
-        report(problem, result, verdict, folder / "poses" / path.stem)
+        problem = build(model, cycle, compiled=True)
+        result = solve_and_complete(problem, first, elements)
+        loads = problem.wanted.load_names
+        verdict = judge(model, result.poses, result.converged, elements, loads, result.on_model)
+        tried = solve_from_random_starts(source, cycle, result.poses, starts) if starts else None
+        report(problem, result, verdict, folder / "poses" / path.stem, tried, source.kind)
         codes.append(verdict.exit_code)
     if any(codes):
         worst = "some frames have no pose" if 2 in codes else "the contact model differs in some frames"

@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from casadi_contact.files import writable_folder
-from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.knee_simulator.problem import LOAD_SCALE, build
 from problems.knee_simulator.race import REFERENCE_TOLERANCE, race
 from problems.knee_simulator.report import report
@@ -24,7 +24,8 @@ app = new_app()
 
 @app.command()
 def run(
-    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
     load_scale: Annotated[float, typer.Option(help="share of the loads of ISO 14243-1")] = LOAD_SCALE,
     integrator: Annotated[str, typer.Option(help="cvodes or idas, for surrogate and EF alike")] = "cvodes",
     cycles: Annotated[float, typer.Option(help="length of the simulation")] = 1.0,
@@ -36,9 +37,10 @@ def run(
     Exit status 3: the contact model differs from the surrogate in some frames of the motion.
     """
     writable_folder(out)
-    model = load_surrogate(surrogate)
+    source = ContactSource.of(surrogate, scene)
+    model = source.load()
     simulator = build(model, WALKING.with_loads_scaled(load_scale))
-    runs = race(model, simulator, integrator=integrator, cycles=cycles, repeats=repeats)
+    runs = race(simulator, source.kind, integrator=integrator, cycles=cycles, repeats=repeats)
     motion = solve(simulator, cycles=cycles, integrator=integrator, tolerance=REFERENCE_TOLERANCE, energies=True)
     verdict = judge(model, motion.poses, np.ones(len(motion.poses), dtype=bool), own_model(model.scene))
     report(simulator, runs, motion, verdict, out)

@@ -9,7 +9,6 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import total_selection
-from casadi_contact.structures import Surrogate
 from problems.knee_simulator.problem import POWERS, KneeSimulator
 from problems.knee_simulator.solve import Simulation
 
@@ -57,7 +56,7 @@ class EnergyBalance:
         return cls(**work, kinetic=kinetic - kinetic[0], springs=springs - springs[0], stored=stored - stored[0])
 
 
-def lifting_energy(model: ContactModel | Surrogate, poses: Array) -> Array:
+def lifting_energy(model: ContactModel, poses: Array) -> Array:
     """Energy (n,) [N·mm] that contact gives back when the body is lifted straight off: U = ∫ N(ty + h) dh, h >= 0."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
     width = _REACH_MM / _PANELS

@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import generalised_forces, wrench_function
-from casadi_contact.structures import Surrogate
 from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
 
@@ -46,7 +45,7 @@ class KneeSimulator:
     moving origin (6); contact: pose -> wrench on the insert (6), kept here because callbacks must live.
     """
 
-    model: ContactModel | Surrogate
+    model: ContactModel
     waveforms: Waveforms
     rig: Rig
     contact: ca.Function
@@ -72,7 +71,7 @@ class KneeSimulator:
         return np.column_stack([states[:, :5], self.flexion_rz(time_s)])
 
 
-def build(model: ContactModel | Surrogate, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
+def build(model: ContactModel, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
     """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out."""
     waveforms = WALKING.with_loads_scaled(LOAD_SCALE) if waveforms is None else waveforms
     rig = Rig() if rig is None else rig

@@ -1,4 +1,4 @@
-"""The same motion on a surrogate and on elastic foundations, timed on the same integrator."""
+"""The same motion on a contact model and on elastic foundations, timed on the same integrator."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate
 from problems.knee_simulator.problem import KneeSimulator, build
 from problems.knee_simulator.solve import Simulation, solve, start_state
 
@@ -18,7 +17,7 @@ REFERENCE_TOLERANCE = 1e-8
 @dataclass(frozen=True)
 class Run:
     """One model at one tolerance: median seconds per simulated second, and the largest difference off_mm, off_deg of
-    its poses from the surrogate's motion at `REFERENCE_TOLERANCE`."""
+    its poses from the first model's motion at `REFERENCE_TOLERANCE`."""
 
     model: str
     tolerance: float
@@ -35,17 +34,18 @@ def pose_difference(a: Simulation, b: Simulation) -> tuple[float, float]:
 
 
 def race(
-    surrogate: Surrogate,
     first: KneeSimulator,
+    kind: str = "surrogate",
     *,
     tolerances: tuple[float, ...] = (1e-3, 1e-4, 1e-5),
     integrator: str = "cvodes",
     cycles: float = 1.0,
     repeats: int = 3,
 ) -> list[Run]:
-    """Run a surrogate's simulator and those of two EF grids at every tolerance, all in turn, and compare with it."""
-    simulators = {"surrogate": first}
-    for foundation in foundations(surrogate.scene):
+    """Run a simulator, whose model tables call by its kind, and those of two EF grids at every tolerance, all in turn,
+    and compare with it."""
+    simulators = {kind: first}
+    for foundation in foundations(first.model.scene):
         simulators[label(foundation)] = build(foundation, first.waveforms, first.rig)
     start = start_state(first)
     seconds: dict[tuple[str, float], list[float]] = {}

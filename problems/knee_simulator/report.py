@@ -24,7 +24,7 @@ from problems.knee_simulator.solve import Simulation
 def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdict: Verdict, out: Path) -> None:
     """Print the tables of a race and of a motion's balances, write CSV, JSON and picture in folder out.
 
-    motion: the surrogate's, with energies; what its own loads leave unbalanced on two EF grids is measured here.
+    motion: the first model's, with energies; what its own loads leave unbalanced on two EF grids is measured here.
     """
     writable_folder(out)
     console = PlainConsole()
@@ -32,7 +32,7 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     console.print(_race_table(runs, motion.settings["integrator"]))
     balance = EnergyBalance.of(simulator, motion)
     left = {label(foundation): unbalanced(motion, foundation) for foundation in foundations(simulator.model.scene)}
-    console.print(_balance_table(balance, left))
+    console.print(_balance_table(balance, left, runs[0].model))
     summary = {
         "verdict": str(verdict),
         "integrator": motion.settings["integrator"],
@@ -51,12 +51,12 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     }
     write_summary(out / "knee_simulator.json", summary)
     _write_table(out / "knee_simulator.csv", motion, verdict)
-    draw(simulator, motion, runs[-1], balance, out / "knee_simulator.png")
+    draw(simulator, motion, runs, balance, out / "knee_simulator.png")
     console.print(f"results in {out}", highlight=False)
 
 
-def _surrogate_run(run: Run, runs: list[Run]) -> Run:
-    return next(other for other in runs if other.model == "surrogate" and other.tolerance == run.tolerance)
+def _first_run(run: Run, runs: list[Run]) -> Run:
+    return next(other for other in runs if other.model == runs[0].model and other.tolerance == run.tolerance)
 
 
 def _run_record(run: Run, runs: list[Run]) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def _run_record(run: Run, runs: list[Run]) -> dict[str, Any]:
         "model": run.model,
         "tolerance": run.tolerance,
         "seconds_per_simulated_second": run.seconds_per_second,
-        "ratio_to_surrogate": run.seconds_per_second / _surrogate_run(run, runs).seconds_per_second,
+        f"ratio_to_{runs[0].model}": run.seconds_per_second / _first_run(run, runs).seconds_per_second,
         "steps": run.simulation.steps,
         "evaluations": run.simulation.evaluations,
         "jacobians": run.simulation.jacobians,
@@ -86,19 +86,19 @@ def _race_table(runs: list[Run], integrator: str) -> Table:
             str(sim.evaluations),
             str(sim.jacobians),
             f"{1e3 * run.seconds_per_second:.1f}",
-            f"{run.seconds_per_second / _surrogate_run(run, runs).seconds_per_second:.1f}",
+            f"{run.seconds_per_second / _first_run(run, runs).seconds_per_second:.1f}",
             f"{run.off_mm:.4f}",
             f"{run.off_deg:.4f}",
         )
     table.caption = (
-        "ms per simulated second; ratio to the surrogate at the same tolerance; off: largest pose difference from the "
-        f"surrogate's motion at a tolerance of {REFERENCE_TOLERANCE:g}"
+        f"ms per simulated second; ratio to the {runs[0].model} at the same tolerance; off: largest pose difference "
+        f"from its motion at a tolerance of {REFERENCE_TOLERANCE:g}"
     )
     return table
 
 
-def _balance_table(balance: EnergyBalance, left: dict[str, Array]) -> Table:
-    table = Table(title="Balances of the surrogate's motion")
+def _balance_table(balance: EnergyBalance, left: dict[str, Array], kind: str) -> Table:
+    table = Table(title=f"Balances of the {kind}'s motion")
     table.add_column("what")
     table.add_column("largest", justify="right")
     turnover = np.abs(balance.applied + balance.drive).max()
@@ -117,8 +117,9 @@ def _write_table(path: Path, motion: Simulation, verdict: Verdict) -> None:
     write_columns(path, {**columns, "verdict": verdict.words}, digits=DIGITS)
 
 
-def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: EnergyBalance, path: Path) -> None:
+def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance: EnergyBalance, path: Path) -> None:
     """Loads applied, the poses on surrogate and finest EF, and the energy balance, as a PNG."""
+    kind, finest = runs[0].model, runs[-1]
     page = new_page(14.0, 8.5)
     moved = ((0, 2), (0, 3), (1, 0), (1, 1), (1, 2))
     parts = panels(page, 2, 4, moved)
@@ -139,10 +140,10 @@ def draw(simulator: KneeSimulator, motion: Simulation, finest: Run, balance: Ene
         column, unit = POSE_NAMES.index(name), "degrees" if name.startswith("r") else "mm"
         turn = np.degrees if name.startswith("r") else np.asarray
         own, other = turn(motion.poses[:, column]), turn(finest.simulation.poses[:, column])
-        axes[place].plot(time_s, own, label="surrogate", **SURROGATE)
+        axes[place].plot(time_s, own, label=kind, **SURROGATE)
         axes[place].plot(time_s, other, label=finest.model, **FOUNDATION)
         axes[place].set_ylabel(f"{name} [{unit}]")
-        parts[place].difference(time_s, other - own, "EF - surrogate", **FOUNDATION)
+        parts[place].difference(time_s, other - own, f"EF - {kind}", **FOUNDATION)
         parts[place].differences.set_ylabel(f"EF off [{unit}]", fontsize=7)
     axes[0, 2].legend(fontsize=8)
     axis = axes[1, 3]

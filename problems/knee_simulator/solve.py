@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
-from casadi_contact.structures import Surrogate
 from problems import static_equilibrium
 from problems.knee_simulator.problem import POWERS, KneeSimulator
 
@@ -36,13 +36,16 @@ class Simulation:
 
 
 def start_state(simulator: KneeSimulator, time_s: float = 0.0) -> Array:
-    """State (10,) at rest in static equilibrium with the loads at a time; needs a simulator on a surrogate.
+    """State (10,) at rest in static equilibrium with the loads at a time; needs a simulator on a surrogate or
+    foundation.
 
-    Raises ValueError where no pose in the learned range carries the loads.
+    Raises ValueError where no pose that it knows carries the loads.
     """
     model, rig = simulator.model, simulator.rig
-    if not isinstance(model, Surrogate):
-        raise ValueError("a start is sought on a surrogate; pass that state to solve for any other contact model")
+    if not isinstance(model, SymbolicContact):
+        raise ValueError(
+            "a start is sought on a surrogate or foundation; pass that state to solve for any other contact model"
+        )
     rest = np.array([*rig.rest_mm_rad, float(simulator.flexion_rz(time_s))])
     loads = np.asarray(simulator.applied(time_s)).T
     stiffness = np.append(rig.stiffness, 0.0)

@@ -11,9 +11,9 @@ import typer
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.opensim import ColumnMap
-from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, build
@@ -35,7 +35,8 @@ def run(
         list[str] | None, typer.Option("--map", help="other columns of it, such as knee_angle_r=-rz:deg")
     ] = None,
     measured: Annotated[Path | None, typer.Option(help="cycle (CSV) to compare with; never used to solve")] = None,
-    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
     out: Annotated[Path, typer.Option(help="folder for muscle_contact.csv, .sto, .png, summary.json")] = (
         RESULTS / NAME
     ),
@@ -66,8 +67,9 @@ def run(
         raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
     comparison = None if measured is None else read_cycle(measured)
     others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
+    source = ContactSource.of(surrogate, scene)
     problem = build(
-        load_surrogate(surrogate),
+        source.load(),
         walk,
         model=model,
         fit_lengths=fit_lengths,
@@ -79,9 +81,9 @@ def run(
     )
     result = solve(problem)
     verdict = judge(
-        problem.surrogate, result.poses, result.converged, own_model(problem.surrogate.scene), CONTACT_LOADS
+        problem.contact_model, result.poses, result.converged, own_model(problem.contact_model.scene), CONTACT_LOADS
     )
-    report(problem, result, verdict, out, comparison)
+    report(problem, result, verdict, out, comparison, source.kind)
     end_with(verdict, NAME, out)
 
 

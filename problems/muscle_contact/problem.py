@@ -8,7 +8,7 @@ frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz
     Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
     s_med(q), s_lat(q) >= 0,   least activation <= a <= 1,   q in the learned range
 
-F is linear in a (`force_capacity`). contact(q) is the surrogate's load on the femur, as a generalised load: F of
+F is linear in a (`force_capacity`). contact(q) is the contact model's load on the femur, as a generalised load: F of
 translations, Eᵀ(T - t×F) of rotations, about the moving origin (`angular_velocity_map`). s is the signed root load: a
 side that carries nothing just touches, because nothing else says where it floats. tx and tz where they are not free
 stand where equal forces on both sides cause no shear. ry and rz are prescribed. Measured contact forces enter nowhere.
@@ -23,9 +23,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, ContactFrames, shear_free_poses
-from casadi_contact.structures import Surrogate
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
 from problems.muscle_contact.muscle import ForceCapacity, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
@@ -52,7 +52,7 @@ class MuscleContact:
     Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates.
     """
 
-    surrogate: Surrogate
+    contact_model: SymbolicContact
     walk: MuscleWalk
     balanced: tuple[str, ...]
     free: tuple[str, ...]
@@ -81,7 +81,7 @@ def _contact_function(balanced: Sequence[str]) -> ca.Function:
 
 
 def build(
-    surrogate: Surrogate,
+    contact_model: SymbolicContact,
     walk: MuscleWalk,
     *,
     model: str = "hill",
@@ -107,7 +107,7 @@ def build(
     muscles = walk.muscles.fitted_to(lengths) if fit_lengths else walk.muscles
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
     try:
-        poses = shear_free_poses(surrogate, walk.ry, walk.rz)
+        poses = shear_free_poses(contact_model, walk.ry, walk.rz)
     except ValueError as error:
         raise ValueError(f"walk {walk.name}: {error}") from None
     frames, count, size = len(walk), len(muscles.names), len(balanced)
@@ -115,7 +115,7 @@ def build(
     variables = ca.MX.sym("variables", count + len(free) + size, frames)
     a, q, reserves = ca.vertsplit(variables, [0, count, count + len(free), variables.shape[0]])
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
-    knee = ContactFrames(surrogate, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
+    knee = ContactFrames(contact_model, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
     contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
     rows = []
     for row, name in enumerate(balanced):
@@ -128,14 +128,14 @@ def build(
     objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
     nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
 
-    patches, muscles_and_pose = len(surrogate.patch_names), count + len(free)
+    patches, muscles_and_pose = len(contact_model.patch_names), count + len(free)
     start, lower, upper = np.zeros((3, frames, muscles_and_pose + size))
     start[:, :count], lower[:, :count], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
     for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
         table[:, count:muscles_and_pose] = values.reshape(frames, -1)
     lower[:, muscles_and_pose:], upper[:, muscles_and_pose:] = -np.inf, np.inf
     return MuscleContact(
-        surrogate,
+        contact_model,
         walk,
         balanced,
         knee.free,

@@ -45,8 +45,8 @@ _DRAWN_MUSCLES = 6
 
 @dataclass(frozen=True)
 class Compared:
-    """Contact loads (n, 7) as in `CONTACT_LOADS` of the surrogate, on the fine EF grid and on the teacher grid, which
-    has next to no error of its own; measured (n, 2) as in `SIDES`, at the walk's times, or None."""
+    """Contact loads (n, 7) as in `CONTACT_LOADS` of the problem's model, on the fine EF grid and on the teacher grid,
+    which has next to no error of its own; measured (n, 2) as in `SIDES`, at the walk's times, or None."""
 
     got: Array
     ef: Array
@@ -59,7 +59,7 @@ class Compared:
 
         Raises ValueError where the measured cycle and the walk share no time.
         """
-        scene, walk = problem.surrogate.scene, problem.walk
+        scene, walk = problem.contact_model.scene, problem.walk
         columns = [scene.load_names.index(name) for name in CONTACT_LOADS]
         grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
         if measured is None:
@@ -70,7 +70,7 @@ class Compared:
         return cls(result.loads, grids[0], grids[1], np.column_stack(forces))
 
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:
-        """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus surrogate."""
+        """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus model."""
         pairs = {"fine_ef": self.ef - self.got, "teacher_ef": self.teacher - self.got}
         if self.measured is not None:
             pairs["prediction"] = self.measured - self.got[:, : len(SIDES)]
@@ -89,19 +89,21 @@ def report(
     verdict: Verdict,
     out: Path,
     measured: LoadCycle | None = None,
+    kind: str = "surrogate",
 ) -> None:
-    """Print the table; write muscle_contact.csv, .png, poses.sto, loads.sto and summary.json in the folder out."""
+    """Print the table; write muscle_contact.csv, .png, poses.sto, loads.sto and summary.json in the folder out;
+    kind: what to call the contact model there."""
     writable_folder(out)
     walk = problem.walk
     compared = Compared.of(problem, result, measured)
     errors = compared.errors()
-    _print(problem, result, verdict, errors)
+    _print(problem, result, verdict, errors, kind)
     _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
     write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
     write_table(
         loads_table(walk.time_s, result.loads, CONTACT_LOADS, f"{walk.name} contact on insert"), out / "loads.sto"
     )
-    grids = {name: "×".join(map(str, problem.surrogate.scene.grids[name])) for name in ("fine", "teacher")}
+    grids = {name: "×".join(map(str, problem.contact_model.scene.grids[name])) for name in ("fine", "teacher")}
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "walk": walk.name,
@@ -125,19 +127,21 @@ def report(
         "largest_imbalance": {name: float(np.abs(curve).max()) for name, curve in result.unbalanced.items()},
         "largest_activation": dict(zip(walk.muscles.names, result.activations.max(axis=0).tolist(), strict=True)),
         "ef_grids": grids,
-        "scene": problem.surrogate.scene.name,
+        "scene": problem.contact_model.scene.name,
     }
     write_summary(out / "summary.json", summary)
     draw(problem, result, compared, out / "muscle_contact.png")
     PlainConsole().print(f"results in {out}", highlight=False)
 
 
-def _print(problem: MuscleContact, result: MuscleContactResult, verdict: Verdict, errors: dict[str, Any]) -> None:
+def _print(
+    problem: MuscleContact, result: MuscleContactResult, verdict: Verdict, errors: dict[str, Any], kind: str
+) -> None:
     walk, console = problem.walk, PlainConsole()
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Muscle and contact, {walk.name}: {len(walk)} frames, compression in N")
     table.add_column("")
-    for title in ("largest", "predicted - measured: RMS", "mean", "EF fine - surrogate: RMS / max", "EF teacher"):
+    for title in ("largest", "predicted - measured: RMS", "mean", f"EF fine - {kind}: RMS / max", "EF teacher"):
         table.add_column(title, justify="right")
     for column, name in enumerate(SIDES):
         row = errors[name]

@@ -19,7 +19,7 @@ TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
 
 @dataclass(frozen=True)
 class MuscleContactResult:
-    """Activations and forces along the tendons (n, m), poses (n, 6), surrogate loads there (n, 7) as in
+    """Activations and forces along the tendons (n, m), poses (n, 6), contact loads there (n, 7) as in
     `CONTACT_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, and what became of the frames."""
 
     activations: Array
@@ -60,10 +60,10 @@ def solve(problem: MuscleContact, max_iterations: int = 500, print_level: int = 
 def _result(
     problem: MuscleContact, activations: Array, poses: Array, reserves: Array, outcome: IpoptOutcome, seconds: float
 ) -> MuscleContactResult:
-    """What is left of each balance, evaluated anew from the surrogate's NumPy side, and whether frames hold."""
+    """What is left of each balance, evaluated anew from the model's NumPy side, and whether frames hold."""
     walk, capacity = problem.walk, problem.capacity
     forces = capacity.active_n * activations + capacity.passive_n
-    loads = problem.surrogate(poses, CONTACT_LOADS)
+    loads = problem.contact_model(poses, CONTACT_LOADS)
     contact = contact_on_femur(poses, loads)
     named = {name: reserves[:, column] for column, name in enumerate(problem.balanced)}
     left = {

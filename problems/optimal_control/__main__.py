@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from casadi_contact.files import writable_folder
-from casadi_contact.structures import load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.optimal_control.problem import build
 from problems.optimal_control.report import report
 from problems.optimal_control.solve import solve
@@ -23,7 +23,8 @@ app = new_app()
 
 @app.command()
 def run(
-    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
     intervals: Annotated[int, typer.Option(help="collocation intervals over the cycle")] = 50,
     degree: Annotated[int, typer.Option(help="collocation points of each interval")] = 3,
     scheme: Annotated[str, typer.Option(help="radau or legendre")] = "radau",
@@ -36,7 +37,8 @@ def run(
     Exit status 2: not solved; 3: solved, but the contact model differs at some collocation points.
     """
     writable_folder(out)
-    model = load_surrogate(surrogate)
+    source = ContactSource.of(surrogate, scene)
+    model = source.load()
     wanted = simulated_cycle(model)
     problem = build(
         model,
@@ -49,7 +51,7 @@ def run(
     )
     result = solve(problem)
     verdict = judge(model, result.poses, np.full(len(result.poses), result.converged), own_model(model.scene))
-    report(problem, result, verdict, out)
+    report(problem, result, verdict, out, source.kind)
     end_with(verdict, NAME, out)
 
 

@@ -25,10 +25,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, pose_bounds, total_selection
 from casadi_contact.quantities import newton_scales
-from casadi_contact.structures import Surrogate
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
 
@@ -49,7 +49,7 @@ class OptimalControl:
     wrenches (6, points) and poses at the ends of intervals (6, intervals + 1), in physical units.
     """
 
-    surrogate: Surrogate
+    model: SymbolicContact
     wanted: WantedCycle
     times: Array
     nlp: dict[str, Any]
@@ -60,13 +60,13 @@ class OptimalControl:
     degree: int
 
 
-def _point_function(surrogate: Surrogate, rig: Rig) -> ca.Function:
+def _point_function(model: SymbolicContact, rig: Rig) -> ca.Function:
     """(scaled q, v, u, wanted loads, wanted rz) -> (acceleration forces (6) [N], tracking residuals (L + 1) [N])."""
     q, v, u = (ca.MX.sym(name, 6) for name in ("q", "v", "u"))
-    wanted, rz = ca.MX.sym("wanted", len(surrogate.load_names)), ca.MX.sym("rz")
+    wanted, rz = ca.MX.sym("wanted", len(model.load_names)), ca.MX.sym("rz")
     pose = q * KNEE_STEPS
-    loads = surrogate.function(compiled=True)(pose)
-    contact = ca.mtimes(ca.DM(total_selection(surrogate.load_names)), loads)
+    loads = model.function(compiled=True)(pose)
+    contact = ca.mtimes(ca.DM(total_selection(model.load_names)), loads)
     actuators = u * (LOAD_SCALE_N * POSE_IN_MM)
     stiffness, rest = np.append(rig.stiffness, 0.0), np.append(rig.rest_mm_rad, 0.0)
     damping = np.append(rig.damping, _FLEXION_DAMPING)
@@ -76,13 +76,13 @@ def _point_function(surrogate: Surrogate, rig: Rig) -> ca.Function:
         - ca.DM(stiffness) * (pose - ca.DM(rest))
         - ca.DM(damping) * (v * RATES)
     )
-    levers = newton_scales(surrogate.load_names, LEVER_MM)
+    levers = newton_scales(model.load_names, LEVER_MM)
     off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[_RZ] - rz) / FLEXION_RAD)
     return ca.Function("point", [q, v, u, wanted, rz], [forces / ca.DM(POSE_IN_MM), off])
 
 
 def build(
-    surrogate: Surrogate,
+    model: SymbolicContact,
     wanted: WantedCycle,
     *,
     rig: Rig | None = None,
@@ -100,10 +100,10 @@ def build(
         raise ValueError(
             f"intervals {intervals}, degree {degree}, steadiness {steadiness}: expected >= 2, 1 to 9, and >= 0"
         )
-    if wanted.loads.shape != (len(wanted.time_s), len(surrogate.load_names)):
+    if wanted.loads.shape != (len(wanted.time_s), len(model.load_names)):
         raise ValueError(
             f"wanted loads have shape {wanted.loads.shape}, expected "
-            f"({len(wanted.time_s)}, {len(surrogate.load_names)}): {' '.join(surrogate.load_names)}"
+            f"({len(wanted.time_s)}, {len(model.load_names)}): {' '.join(model.load_names)}"
         )
     taus = ca.collocation_points(degree, scheme)
     slopes, ends, _ = (np.asarray(part) for part in ca.collocation_coeff(taus))
@@ -114,7 +114,7 @@ def build(
 
     nodes_q, nodes_v = ca.MX.sym("node_q", 6, intervals + 1), ca.MX.sym("node_v", 6, intervals + 1)
     q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
-    forces, off = _point_function(surrogate, rig).map(points)(q, v, u, ca.DM(loads.T), ca.DM(rz[None]))
+    forces, off = _point_function(model, rig).map(points)(q, v, u, ca.DM(loads.T), ca.DM(rz[None]))
     inertia = np.append(rig.inertia, _FLEXION_INERTIA)
     # Each interval's polynomial through its node and collocation points: slopes there, and the value at its end.
     to_steps = ca.DM(RATES / KNEE_STEPS * step)
@@ -133,14 +133,14 @@ def build(
         defects += [nodes_q[:, 0] - nodes_q[:, -1], nodes_v[:, 0] - nodes_v[:, -1]]
     changes = LOAD_SCALE_N * (u[:, 1:] - u[:, :-1])
     x = ca.vertcat(*(ca.vec(part) for part in (nodes_q, nodes_v, q, v, u)))
-    low, high = (bound / KNEE_STEPS for bound in pose_bounds(surrogate))
+    low, high = (bound / KNEE_STEPS for bound in pose_bounds(model))
     free_rates, free_loads = np.full(6 * points, np.inf), np.full(6 * points, np.inf)
     node_rates = np.full(6 * (intervals + 1), np.inf)
     parts = (np.tile(low, intervals + 1), -node_rates, np.tile(low, points), -free_rates, -free_loads)
     tops = (np.tile(high, intervals + 1), node_rates, np.tile(high, points), free_rates, free_loads)
     physical = [ca.DM(scale) for scale in (KNEE_STEPS, RATES, LOAD_SCALE_N * POSE_IN_MM)]
     return OptimalControl(
-        surrogate=surrogate,
+        model=model,
         wanted=wanted,
         times=times,
         nlp={"x": x, "f": 0.5 * (ca.sumsqr(off) + steadiness * ca.sumsqr(changes)), "g": ca.vertcat(*defects)},

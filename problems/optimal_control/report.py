@@ -20,22 +20,24 @@ from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
 
 
-def report(problem: OptimalControl, result: ControlResult, verdict: Verdict, out: Path) -> None:
-    """Print the table and write optimal_control.csv, .json and .png in the folder out."""
+def report(
+    problem: OptimalControl, result: ControlResult, verdict: Verdict, out: Path, kind: str = "surrogate"
+) -> None:
+    """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model."""
     writable_folder(out)
-    scene = problem.surrogate.scene
+    scene = problem.model.scene
     grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
-    columns = [scene.load_names.index(name) for name in problem.surrogate.load_names]
+    columns = [scene.load_names.index(name) for name in problem.model.load_names]
     ef = {name: ElasticFoundation(scene, grid)(result.poses)[:, columns] for name, grid in grids.items()}
-    off = {"surrogate - wanted": result.load_error}
-    off |= {f"EF {nx}×{nz} - surrogate": ef[name] - result.loads for name, (nx, nz) in grids.items()}
+    off = {f"{kind} - wanted": result.load_error}
+    off |= {f"EF {nx}×{nz} - {kind}": ef[name] - result.loads for name, (nx, nz) in grids.items()}
     console = PlainConsole()
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
     table.add_column("RMS / max")
     for what in off:
         table.add_column(what, justify="right")
-    for column, name in enumerate(problem.surrogate.load_names):
+    for column, name in enumerate(problem.model.load_names):
         cells = [_rms_and_largest(error[:, column]) for error in off.values()]
         table.add_row(f"{name} ({load_unit(name)})", *cells)
     flexion = result.flexion_error_deg
@@ -57,13 +59,13 @@ def report(problem: OptimalControl, result: ControlResult, verdict: Verdict, out
         "ipopt_iterations": result.iterations,
         "seconds": result.seconds,
         "errors": {
-            what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.surrogate.load_names)}
+            what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.model.load_names)}
             for what, error in off.items()
         },
         "flexion_error_deg": rms_and_largest(flexion),
     }
     write_summary(out / "optimal_control.json", summary)
-    draw(problem, result, ef["fine"], out / "optimal_control.png")
+    draw(problem, result, ef["fine"], kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
 
 
@@ -73,28 +75,28 @@ def _rms_and_largest(errors: Array) -> str:
 
 
 def _write_table(path: Path, problem: OptimalControl, result: ControlResult, verdict: Verdict) -> None:
-    names = problem.surrogate.load_names
+    names = problem.model.load_names
     columns: dict[str, Any] = {"time_s": problem.times, **pose_columns(result.poses)}
     columns |= {f"actuator_{name}": column for name, column in load_columns(WRENCH_NAMES, result.actuators).items()}
     columns |= load_columns(names, result.loads, "contact") | load_columns(names, result.load_error, "error")
     write_columns(path, {**columns, "verdict": verdict.words}, digits=DIGITS)
 
 
-def draw(problem: OptimalControl, result: ControlResult, ef: Array, path: Path) -> None:
+def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, path: Path) -> None:
     """Contact loads wanted, got and on the EF, the pose, and the actuator loads found, as a PNG."""
     page = new_page(14.0, 8.5)
     parts = panels(page, 2, 4, {(0, column) for column in range(4)})
     time_s = problem.times
-    names = problem.surrogate.load_names
+    names = problem.model.load_names
     wanted = result.loads - result.load_error
     for place, name in enumerate(("Fy_med", "Fy_lat", "Fx", "Ty")):
         panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
         axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
-        axis.plot(time_s, result.loads[:, column], label="surrogate", **SURROGATE)
+        axis.plot(time_s, result.loads[:, column], label=kind, **SURROGATE)
         axis.plot(time_s, ef[:, column], label="elastic foundation", **FOUNDATION)
         axis.set(title=f"contact {name}", ylabel=f"{name} [{load_unit(name)}]")
-        panel.difference(time_s, result.loads[:, column] - wanted[:, column], "surrogate - wanted", **SURROGATE)
-        panel.difference(time_s, ef[:, column] - result.loads[:, column], "EF - surrogate", **FOUNDATION)
+        panel.difference(time_s, result.loads[:, column] - wanted[:, column], f"{kind} - wanted", **SURROGATE)
+        panel.difference(time_s, ef[:, column] - result.loads[:, column], f"EF - {kind}", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{load_unit(name)}]", fontsize=8)
     parts[0, 0].curves.legend(fontsize=8)
     parts[0, 0].differences.legend(fontsize=6)

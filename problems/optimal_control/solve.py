@@ -38,13 +38,13 @@ class ControlResult:
 def start_values(problem: OptimalControl) -> Array:
     """x at poses in static equilibrium with the wanted loads at the ends of intervals, flexion as wanted, and a spline
     between them; actuators at the wanted loads, as if nothing else acted."""
-    surrogate, wanted = problem.surrogate, problem.wanted
+    model, wanted = problem.model, problem.wanted
     node_times = np.linspace(0.0, wanted.time_s[-1] - wanted.time_s[0], problem.intervals + 1)
     loads, rz = wanted.at(wanted.time_s[0] + node_times)
-    rest = np.tile(middle_pose(surrogate), (len(node_times), 1))
+    rest = np.tile(middle_pose(model), (len(node_times), 1))
     rest[:, _RZ] = rz
-    total = loads @ total_selection(surrogate.load_names).T
-    poses = static_equilibrium.solve(static_equilibrium.build(surrogate, total, rest=rest)).poses
+    total = loads @ total_selection(model.load_names).T
+    poses = static_equilibrium.solve(static_equilibrium.build(model, total, rest=rest)).poses
     total[:, 3:] -= np.cross(poses[:, :3], total[:, :3])  # about the moving origin
     motion = CubicSpline(node_times, poses)
     actuators = CubicSpline(node_times, total)(problem.times) / (LOAD_SCALE_N * POSE_IN_MM)
@@ -64,7 +64,7 @@ def solve(
     answer = solver(x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
     outcome = IpoptOutcome.of(solver)
     poses, rates, actuators, node_poses = (np.asarray(part).T for part in problem.unpack(answer["x"]))
-    loads = problem.surrogate(poses)
+    loads = problem.model(poses)
     wanted, rz = problem.wanted.at(problem.wanted.time_s[0] + problem.times)
     return ControlResult(
         poses=poses,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, pose_index
-from casadi_contact.structures import Surrogate
 from problems import knee_simulator
 from problems.knee_simulator.rig import Rig
 
@@ -17,7 +17,7 @@ _RZ = pose_index("rz")
 
 @dataclass(frozen=True)
 class WantedCycle:
-    """time_s (n,) from 0 over one cycle; loads (n, L) as in ``load_names`` of the surrogate; rz (n,) [rad]."""
+    """time_s (n,) from 0 over one cycle; loads (n, L) as in ``load_names`` of the contact model; rz (n,) [rad]."""
 
     time_s: Array
     loads: Array
@@ -29,13 +29,13 @@ class WantedCycle:
         return spline[:, :-1], spline[:, -1]
 
 
-def simulated_cycle(surrogate: Surrogate, rig: Rig | None = None, frames: int = 401) -> WantedCycle:
+def simulated_cycle(model: SymbolicContact, rig: Rig | None = None, frames: int = 401) -> WantedCycle:
     """The loads that the knee simulator's second cycle, by then periodic, carries."""
-    simulator = knee_simulator.build(surrogate, rig=rig)
+    simulator = knee_simulator.build(model, rig=rig)
     motion = knee_simulator.solve(simulator, cycles=2.0, frames=2 * frames - 1, tolerance=1e-8)
     second = slice(frames - 1, None)
     return WantedCycle(
         time_s=motion.time_s[second] - motion.time_s[frames - 1],
-        loads=surrogate(motion.poses[second]),
+        loads=model(motion.poses[second]),
         rz=motion.poses[second, _RZ],
     )

@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from casadi_contact.files import writable_folder
-from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.structures import load_surrogate
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.pose_estimation.completion import solve_and_complete
-from problems.pose_estimation.problem import LOADS, build
+from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.solve import solve
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
@@ -25,9 +25,10 @@ app = new_app()
 
 @app.command()
 def run(
-    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the reference cycle if left out")] = None,
-    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
-    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, poses.sto, .png and summary.json")] = (
+    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the scene's own if left out")] = None,
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
+    out: Annotated[Path, typer.Option(help="folder for pose_estimation.csv, .sto, .png and summary.json")] = (
         RESULTS / NAME
     ),
     smoothness: Annotated[float, typer.Option(help="weight of frame-to-frame change [N²/mm²]")] = 0.0,
@@ -37,27 +38,42 @@ def run(
         typer.Option(help="begin at these poses (CSV, .sto), spread over the cycle, with its ry and rz"),
     ] = None,
     warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
-    compiled: Annotated[bool, typer.Option("--compiled", help="use a compiled C kernel of the surrogate")] = False,
+    compiled: Annotated[
+        bool, typer.Option("--compiled", help="use a compiled C kernel of the surrogate, as a foundation does")
+    ] = False,
 ) -> None:
-    """Find the poses of a cycle that match its measured forces and centres of pressure; check them on the EF.
+    """Find the poses of a cycle that match its measured loads and centres of pressure; check them on the EF.
 
-    Frames that the surrogate cannot solve go on with the EF itself.
+    Frames that the surrogate or foundation cannot solve go on with the EF itself.
     Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
     """
     if start is not None and warm is not None:
         raise ValueError("got both --start and --warm, expected one of them")
     writable_folder(out)  # before minutes of random starts
-    measured = reference_cycle() if cycle is None else read_cycle(cycle)
-    problem = build(load_surrogate(surrogate), measured, smoothness, compiled=compiled)
-    poses = None if start is None else start_from_file(start, len(measured))
+    source = ContactSource.of(surrogate, scene)
+    measured = measured_cycle(source, cycle)
+    problem = build(source.load(), measured, smoothness, compiled=True if compiled else None)
+    poses = None if start is None else start_from_file(start, problem.frames)
     if warm is not None:
-        poses = solve(build(load_surrogate(warm), measured)).poses
-    model = own_model(problem.surrogate.scene)
+        poses = solve(build(ContactSource(surrogate=warm).load(), measured)).poses
+    model = own_model(problem.model.scene)
     result = solve_and_complete(problem, poses, model)
-    verdict = judge(problem.surrogate, result.poses, result.converged, model, LOADS, result.on_model)
-    tried = solve_from_random_starts(surrogate, measured, result.poses, starts) if starts else None
-    report(problem, result, verdict, out, tried)
+    names = problem.wanted.load_names
+    verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
+    tried = solve_from_random_starts(source, measured, result.poses, starts) if starts else None
+    report(problem, result, verdict, out, tried, source.kind)
     end_with(verdict, NAME, out)
+
+
+def measured_cycle(source: ContactSource, path: Path | None) -> Cycle:
+    """The cycle in a file, or that of the scene: its first one, a knee's mean walking.
+
+    Raises ValueError for a scene that has none, and as the readers do.
+    """
+    scene = source.load().scene
+    if path is None and not scene.motion and {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+        return reference_cycle()
+    return reference_motion_cycles(scene, [] if path is None else [path])[0]
 
 
 def main() -> None:

@@ -18,10 +18,11 @@ from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
 from casadi_contact.verification.verify import LEAST_VALIDITY, loads_on
 from problems.pose_estimation.march import solve_alone
-from problems.pose_estimation.problem import FREE_COLUMNS, FREE_STEPS, LOADS, PoseEstimation, wanted_of
+from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.search import Found, search
-from problems.pose_estimation.solve import COP_TOLERANCE_MM, PoseResult, carried, errors_of, frame_solver, solve
+from problems.pose_estimation.solve import PoseResult, frame_solver, solve
+from problems.pose_estimation.wanted import COP_TOLERANCE_MM
 
 
 def solve_and_complete(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> PoseResult:
@@ -39,19 +40,20 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     if problem.smoothness > 0.0 or result.converged.all():
         return result
     began = time.perf_counter()
-    reach = beyond_reach_mm(model, problem.cycle)
+    wanted = problem.wanted
+    reach = beyond_reach_mm(model, wanted)
     # Without load there is no centre of pressure to look for.
-    left = ~result.converged & (reach <= COP_TOLERANCE_MM) & (problem.cycle.fy_med + problem.cycle.fy_lat < 0.0)
+    left = ~result.converged & (reach <= COP_TOLERANCE_MM) & wanted.loaded
     found = _searched(problem, result, model, left)
     on_model = left & found.found
     poses, reason = result.poses.copy(), result.reason.copy()
     poses[on_model] = found.poses[on_model]
-    beyond = _beyond(problem.surrogate, poses)
+    beyond = _beyond(problem, poses)
     again, iterations = _again(problem, poses, on_model & (beyond == ""))
     on_model &= ~again
-    loads = problem.surrogate(poses, LOADS)
-    loads[on_model] = loads_on(model, poses[on_model], LOADS)
-    force_error, cop_error = errors_of(problem.cycle, loads)
+    loads = problem.model(poses, wanted.load_names)
+    loads[on_model] = loads_on(model, poses[on_model], wanted.load_names)
+    errors = wanted.errors(loads)
     on_rim = on_model & (model.at_edge(poses).any(axis=1) if hasattr(model, "at_edge") else False)
     for k in np.flatnonzero(~result.converged & (left | (reach > 0.0))):
         if not left[k]:
@@ -60,7 +62,11 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
             reason[k] = "not found at first: solved from the pose of the contact model"
         elif on_model[k]:
             where = "carried on its rim" if on_rim[k] else "fits on the insert"
-            why = beyond[k] or "inside the learned range, where the surrogate has no such pose"
+            why = beyond[k] or (
+                "inside the learned range, where the surrogate has no such pose"
+                if problem.learned
+                else "the foundation has no such pose"
+            )
             reason[k] = f"on the contact model, {where}: {why}"
         else:
             reason[k] = f"no equilibrium on the contact model, from {found.starts[k]} starts: {found.reason[k]}"
@@ -68,9 +74,8 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
         result,
         poses=poses,
         loads=loads,
-        force_error_n=force_error,
-        cop_error_mm=cop_error,
-        converged=carried(force_error, cop_error) & (result.converged | again | on_model),
+        errors=errors,
+        converged=wanted.carried(errors) & (result.converged | again | on_model),
         on_model=on_model,
         on_rim=on_rim,
         reason=reason,
@@ -83,20 +88,22 @@ def _searched(problem: PoseEstimation, result: PoseResult, model: ContactModel, 
     """Poses on the contact model for the frames left (n,)."""
     middle = problem.start_poses()
     if not isinstance(model, ElasticFoundation):
-        return search(model, problem.cycle, result.poses, result.converged, left, middle)
+        return search(model, problem, result.poses, result.converged, left, middle)
     # Grids differ little in where a pose lies, and much in time.
     coarse = ElasticFoundation(model.scene, model.scene.grids["settle"])
-    near = search(coarse, problem.cycle, result.poses, result.converged, left, middle)
-    fine = search(model, problem.cycle, near.poses, result.converged, left, None)
+    near = search(coarse, problem, result.poses, result.converged, left, middle)
+    fine = search(model, problem, near.poses, result.converged, left, None)
     return replace(fine, starts=near.starts + fine.starts)
 
 
-def _beyond(surrogate: Surrogate, poses: Array) -> np.ndarray:
-    """How far each pose (n, 6) lies outside of what the surrogate has learned, in words (n,); "" inside."""
-    low, high = pose_bounds(surrogate)
+def _beyond(problem: PoseEstimation, poses: Array) -> np.ndarray:
+    """How far each pose (n, 6) lies outside of what a surrogate has learned, in words (n,); "" inside."""
+    model, words = problem.model, np.full(len(poses), "", dtype=object)
+    if not isinstance(model, Surrogate):
+        return words
+    low, high = pose_bounds(model)
     excess = np.maximum(low - poses, poses - high)
-    validity = surrogate.validity(poses)
-    words = np.full(len(poses), "", dtype=object)
+    validity = model.validity(poses)
     for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
         named = [f"{POSE_NAMES[i]} by {excess[k, i]:.2g} {POSE_UNITS[i]}" for i in np.flatnonzero(excess[k] > 0.0)]
         words[k] = f"outside the learned range ({', '.join([*named, f'validity {validity[k]:.2g}'])})"
@@ -108,11 +115,11 @@ def _again(problem: PoseEstimation, poses: Array, rows: np.ndarray) -> tuple[np.
     again, iterations = np.zeros(len(poses), dtype=bool), 0
     if not rows.any():
         return again, iterations
-    solver, wanted = frame_solver(problem), wanted_of(problem.cycle).T
-    lower, upper = (bounds[: len(FREE_COLUMNS)] for bounds in (problem.contact.lower, problem.contact.upper))
+    solver, wanted, columns, steps = frame_solver(problem), problem.parameters, problem.contact.columns, problem.steps
+    lower, upper = (bounds[: len(columns)] for bounds in (problem.contact.lower, problem.contact.upper))
     for k in np.flatnonzero(rows):
-        answer, spent = solve_alone(solver, poses[k, FREE_COLUMNS] / FREE_STEPS, wanted[k], lower, upper)
+        answer, spent = solve_alone(solver, poses[k, columns] / steps, wanted[k], lower, upper)
         iterations += spent
         if answer is not None:
-            poses[k, FREE_COLUMNS], again[k] = answer * FREE_STEPS, True
+            poses[k, columns], again[k] = answer * steps, True
     return again, iterations

@@ -17,9 +17,9 @@ SOLVED_N = 0.01  # norm of the residuals of a solved frame
 
 
 def march(solver: ca.Function, x: Array, wanted: Array, close: np.ndarray, lower: Array, upper: Array) -> int:
-    """Solve frames (rows of x (n, 4)) alone, outwards from those close to a solution; returns IPOPT iterations.
+    """Solve frames (rows of x (n, f)) alone, outwards from those close to a solution; returns IPOPT iterations.
 
-    solver: nlpsol of one frame with the parameters wanted (n, 6) and the objective ½|r|², r in N. close (n,): frames
+    solver: nlpsol of one frame with the parameters wanted (n, p) and the objective ½|r|², r in N. close (n,): frames
     that start from where they are, any other from a solved neighbour. x is changed in place where a frame is solved.
     """
     iterations = 0
@@ -38,7 +38,7 @@ def march(solver: ca.Function, x: Array, wanted: Array, close: np.ndarray, lower
 
 
 def solve_alone(solver: ca.Function, x: Array, wanted: Array, lower: Array, upper: Array) -> tuple[Array | None, int]:
-    """One frame from x (4,): its solution, None if there is none to `SOLVED_N`, and IPOPT's iterations."""
+    """One frame from x (f,): its solution, None if there is none to `SOLVED_N`, and IPOPT's iterations."""
     answer = solver(x0=np.clip(x, lower, upper), p=wanted, lbx=lower, ubx=upper)
     stats = solver.stats()
     solved = stats["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N

@@ -1,14 +1,16 @@
-"""Pose estimation: the poses of a cycle that carry measured medial and lateral forces and centres of pressure (§3.3).
+"""Pose estimation: the poses of a cycle that carry measured loads and centres of pressure ([EF15 §3.3], any scene).
 
-ry and rz are locked to the measured curves; tx, ty, tz and rx of every frame are free. All frames stand in one IPOPT
-problem with exact Hessian:
+Measured pose parameters are locked, all others of every frame are free: for a knee ry and rz, and tx, ty, tz, rx. All
+frames stand in one IPOPT problem with exact Hessian:
 
     min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    with q_k in the learned range
 
-    r = ( 2·√(N0·N*_med)·(s_med - s*_med),  2·√(N0·N*_lat)·(s_lat - s*_lat),
-          (Tz - cop_ap*·Fy)/L,  (Tx + cop_ml*·Fy)/L )    [N]
+r are the misfits [N] of what is wanted (`ContactFrames.misfit`), for a knee
 
-with starred values wanted, s = √(N/N0) the signed root load, Fy the surrogate's own total, and L = 10 mm. Forces are
+    r = ( 2·√(N0·N*_med)·(s_med - s*_med),  2·√(N0·N*_lat)·(s_lat - s*_lat),
+          (Tz - cop_ap*·Fy)/L,  (Tx + cop_ml*·Fy)/L )
+
+with starred values wanted, s = √(N/N0) the signed root load, Fy the model's own total, and L = 10 mm. Forces are
 compared as root loads because those are nearly linear in the pose and keep their slope out of contact (near the
 solution the residual is the force error); the centre of pressure is written without dividing by the load. Variables
 are scaled by the moves that change the residuals alike, so that IPOPT's regularisation bears on all of them alike.
@@ -16,81 +18,122 @@ are scaled by the moves that change the residuals alike, so that IPOPT's regular
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.motion.load_cycle import LoadCycle
-from casadi_contact.optimisation import KNEE_STEPS, ContactFrames
-from casadi_contact.structures import Surrogate
+from casadi_contact.contact import SymbolicContact
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
+from casadi_contact.optimisation import ContactFrames, pose_steps
+from problems.pose_estimation.wanted import WantedLoads
 
-FREE = ("tx", "ty", "tz", "rx")
-FREE_COLUMNS = [pose_index(name) for name in FREE]
-FREE_STEPS = KNEE_STEPS[FREE_COLUMNS]
-LOADS = ("Fy_med", "Fy_lat", "Tx", "Tz")
-_WANTED = ("Fy_med", "Fy_lat", "cop_ap_mm", "cop_ml_mm")  # and with them ry and rz
+
+class Cycle(Protocol):
+    """A measured cycle: `LoadCycle` of a knee, `JointCycle` of any scene."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+
+    @property
+    def time_s(self) -> Array:
+        """Times of its frames (n,) [s], rising."""
+
+    def measured_pose(self) -> Mapping[str, Array]:
+        """Measured pose parameters by name, each (n,) [mm, rad]."""
+
+    def wanted(self) -> Mapping[str, Array]:
+        """Measured loads [N, N·mm] and centres of pressure [mm] by name, each (n,)."""
 
 
 @dataclass(frozen=True)
 class PoseEstimation:
     """A problem that can be looked at unsolved: CasADi's nlp, its variables' bounds and scales (`ContactFrames`), and
-    what it came from. residuals: scaled free parameters (4, n) -> residuals (4, n) [N]."""
+    what it came from. residuals: scaled free parameters (f, n) -> residuals (wanted, n) [N]."""
 
-    surrogate: Surrogate
-    cycle: LoadCycle
+    model: SymbolicContact
+    cycle: Cycle
+    wanted: WantedLoads
     smoothness: float
-    compiled: bool
+    compiled: bool | None
     contact: ContactFrames
     nlp: dict[str, Any]
     residuals: ca.Function
 
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.cycle.time_s)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free pose parameters."""
+        return self.contact.free
+
+    @property
+    def learned(self) -> bool:
+        """True for a model that has learned a range of poses, as a surrogate has and a foundation has not."""
+        return bool(np.isfinite(self.contact.lower).any())
+
+    @property
+    def within(self) -> str:
+        """Where poses are looked for, in words."""
+        return " in the learned range" if self.learned else ""
+
+    @property
+    def steps(self) -> Array:
+        """What one unit of each variable of a frame is in its pose (f,) [mm, rad]."""
+        return pose_steps(self.model.scene.sensitive_pose)[self.contact.columns]
+
+    @property
+    def parameters(self) -> Array:
+        """What `one_frame` is told of each frame (n, wanted + locked)."""
+        return np.column_stack([*self.wanted.values.values(), *self.cycle.measured_pose().values()])
+
     def one_frame(self) -> dict[str, Any]:
-        """The nlp of one frame alone, with what is wanted of it (`wanted_of`) as parameters (6)."""
-        wanted = ca.MX.sym("wanted", 6)
-        contact, residuals = _residuals(self.surrogate, ca.vertsplit(wanted), 1, compiled=self.compiled)
-        return {"x": ca.vec(contact.q), "p": wanted, "f": 0.5 * ca.sumsqr(residuals)}
+        """The nlp of one frame alone, with a row of `parameters` as its parameters."""
+        names, locked = tuple(self.wanted.values), tuple(self.cycle.measured_pose())
+        given = ca.MX.sym("given", len(names) + len(locked))
+        parts = ca.vertsplit(given)
+        wanted, measured = dict(zip(names, parts, strict=False)), dict(zip(locked, parts[len(names) :], strict=True))
+        contact = ContactFrames(self.model, 1, locked=measured, loads=self.wanted.load_names, compiled=self.compiled)
+        return {"x": ca.vec(contact.q), "p": given, "f": 0.5 * ca.sumsqr(contact.misfit(wanted))}
 
     def start_poses(self) -> Array:
-        """Start poses (n, 6): the middle of the learned range at ry and rz of the cycle."""
+        """Start poses (n, 6): the measured pose parameters, all others in the middle of the learned range, or where a
+        foundation is first touched."""
         return self.contact.start_poses()
 
 
-def cop(loads: Array) -> Array:
-    """Centre of pressure (n, 2): (Tz/Fy, -Tx/Fy) [mm], NaN without load, for loads (n, 4) as in `LOADS`."""
-    fy = loads[:, 0] + loads[:, 1]
-    fy = np.where(fy < 0.0, fy, np.nan)
-    return np.column_stack([loads[:, LOADS.index("Tz")] / fy, -loads[:, LOADS.index("Tx")] / fy])
-
-
-def wanted_of(cycle: LoadCycle) -> Array:
-    """Forces [N], centre of pressure [mm], ry and rz [rad] of all frames (6, n)."""
-    return np.stack([cycle.fy_med, cycle.fy_lat, cycle.cop_ap_mm, cycle.cop_ml_mm, cycle.ry, cycle.rz])
-
-
-def _residuals(surrogate: Surrogate, wanted: Any, count: int, *, compiled: bool) -> tuple[ContactFrames, ca.MX]:
-    """Frames whose variables are `FREE`, and their residuals (4, count) [N] for wanted rows as in `wanted_of`."""
-    *targets, ry, rz = wanted
-    contact = ContactFrames(surrogate, count, locked={"ry": ry, "rz": rz}, loads=LOADS, compiled=compiled)
-    return contact, contact.misfit(dict(zip(_WANTED, targets, strict=True)))
-
-
-def build(surrogate: Surrogate, cycle: LoadCycle, smoothness: float = 0.0, *, compiled: bool = False) -> PoseEstimation:
+def build(
+    model: SymbolicContact, cycle: Cycle, smoothness: float = 0.0, *, compiled: bool | None = None
+) -> PoseEstimation:
     """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
 
-    compiled: the surrogate as a C kernel, which solves several times faster once it is compiled (`Surrogate.function`).
-    Raises ValueError for a negative smoothness or a surrogate without the needed loads.
+    model: a surrogate or a foundation. compiled: as a C kernel, which solves several times faster once it is compiled;
+    if left out, a foundation is and a surrogate is not. Raises ValueError for a negative smoothness, a model without
+    the wanted loads, and a cycle that measures too little to tell the pose.
     """
     if not smoothness >= 0.0:
         raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
-    count = len(cycle)
-    contact, residuals = _residuals(surrogate, wanted_of(cycle), count, compiled=compiled)
+    count, wanted = len(cycle.time_s), WantedLoads.of(model.scene, cycle.wanted())
+    measured = cycle.measured_pose()
+    free = [name for name in POSE_NAMES if name not in measured]
+    if len(wanted.values) < len(free):
+        raise ValueError(
+            f"cycle {cycle.name}: {len(wanted.values)} loads ({', '.join(wanted.values)}) cannot tell "
+            f"{len(free)} pose parameters ({', '.join(free)}): measure more of either"
+        )
+    contact = ContactFrames(model, count, locked=measured, loads=wanted.load_names, compiled=compiled)
+    residuals = contact.misfit(wanted.values)
     q, objective = contact.q, 0.5 * ca.sumsqr(residuals)
     if smoothness > 0.0 and count > 1:
-        steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM((POSE_IN_MM * KNEE_STEPS)[FREE_COLUMNS]), 1, count - 1)
+        in_mm = (POSE_IN_MM * pose_steps(model.scene.sensitive_pose))[contact.columns]
+        steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM(in_mm), 1, count - 1)
         objective += 0.5 * smoothness * ca.sumsqr(steps_mm)
     nlp = {"x": ca.vec(q), "f": objective}
     all_residuals = ca.Function("all_residuals", [q], [residuals])
-    return PoseEstimation(surrogate, cycle, smoothness, compiled, contact, nlp, all_residuals)
+    return PoseEstimation(model, cycle, wanted, smoothness, compiled, contact, nlp, all_residuals)

@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome
+from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
-from problems.pose_estimation.problem import LOADS, PoseEstimation, cop
+from problems.pose_estimation.problem import Cycle, PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts
 
-QUANTITIES = ("Fy_med", "Fy_lat", "cop_ap", "cop_ml")
-UNITS = ("N", "N", "mm", "mm")
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
 _TITLES = {
     "Fy_med": "medial vertical force",
@@ -39,48 +39,60 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 
 @dataclass(frozen=True)
 class Tracked:
-    """Values of `QUANTITIES`, each (n, 4): wanted, got (surrogate), on the fine EF grid, and on the teacher grid,
-    which has next to no error of its own."""
+    """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), on the fine EF grid,
+    and on the teacher grid, which has next to no error of its own and tells the pressures."""
 
+    names: tuple[str, ...]
     wanted: Array
     got: Array
     ef: Array
     teacher: Array
+    pressures: PressureSummary
 
     @classmethod
     def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
         """Re-evaluate the solution on the scene's fine and teacher EF grids."""
-        cycle, scene = problem.cycle, problem.surrogate.scene
-        wanted = np.column_stack([cycle.fy_med, cycle.fy_lat, cycle.cop_ap_mm, cycle.cop_ml_mm])
-        columns = [scene.load_names.index(name) for name in LOADS]
-        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
-        return cls(wanted, *(np.column_stack([loads[:, :2], cop(loads)]) for loads in (result.loads, *grids)))
+        wanted, scene = problem.wanted, problem.model.scene
+        columns = [scene.load_names.index(name) for name in wanted.load_names]
+        fine, teacher = (ElasticFoundation(scene, scene.grids[grid]) for grid in ("fine", "teacher"))
+        found = (result.loads, fine(result.poses)[:, columns], teacher(result.poses)[:, columns])
+        curves = np.column_stack(list(wanted.values.values()))
+        got, ef, converged = (wanted.got(loads) for loads in found)
+        return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses))
 
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:
-        """RMS and largest difference by quantity: surrogate - wanted, fine EF - surrogate, teacher EF - surrogate."""
+        """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
         pairs = (self.got - self.wanted, self.ef - self.got, self.teacher - self.got)
         return {
             name: {key: rms_and_largest(off[:, column]) for key, off in zip(COMPARISONS, pairs, strict=True)}
-            for column, name in enumerate(QUANTITIES)
+            for column, name in enumerate(self.names)
         }
 
 
 def report(
-    problem: PoseEstimation, result: PoseResult, verdict: Verdict, out: Path, starts: RandomStarts | None = None
+    problem: PoseEstimation,
+    result: PoseResult,
+    verdict: Verdict,
+    out: Path,
+    starts: RandomStarts | None = None,
+    kind: str = "surrogate",
 ) -> None:
-    """Print the table and write pose_estimation.csv, poses.sto (OpenSim), summary.json and .png in the folder out."""
+    """Print the table and write pose_estimation.csv, .png, summary.json, and poses.sto and pressures.sto (OpenSim) in
+    the folder out; kind: what to call the model there."""
     writable_folder(out)
-    cycle, scene = problem.cycle, problem.surrogate.scene
+    cycle, scene = problem.cycle, problem.model.scene
     tracked = Tracked.of(problem, result)
     grids = {name: "×".join(map(str, scene.grids[name])) for name in ("fine", "teacher")}
     errors = tracked.errors()
-    _print(problem, result, verdict, errors, grids, starts)
+    _print(problem, result, verdict, errors, grids, starts, kind)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
+    pressed = pressures_table(cycle.time_s, tracked.pressures, scene.patch_names, f"{cycle.name} pressures")
+    write_table(pressed, out / "pressures.sto")
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "cycle": cycle.name,
-        "frames": len(cycle),
+        "frames": problem.frames,
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
@@ -90,7 +102,7 @@ def report(
         "seconds": result.seconds,
         "errors": errors,
         "ef_grids": grids,
-        "structure": problem.surrogate.structure,
+        "structure": getattr(problem.model, "structure", kind),
         "scene": scene.name,
     }
     if (result.on_model & ~result.on_rim).any():
@@ -103,7 +115,7 @@ def report(
             "median_iterations": float(np.median(starts.iterations)),
         }
     write_summary(out / "summary.json", summary)
-    draw(problem, result, tracked, out / "pose_estimation.png")
+    draw(problem, result, tracked, kind, out / "pose_estimation.png")
     PlainConsole().print(f"results in {out}", highlight=False)
 
 
@@ -114,16 +126,17 @@ def _print(
     errors: dict[str, dict[str, dict[str, float]]],
     grids: dict[str, str],
     starts: RandomStarts | None,
+    kind: str,
 ) -> None:
-    console, frames = PlainConsole(), len(problem.cycle)
+    console, frames = PlainConsole(), problem.frames
     console.print(str(verdict), highlight=False)
     table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
     table.add_column("RMS / max")
-    for column in ("surrogate - wanted", f"EF {grids['fine']} - surrogate", f"EF {grids['teacher']} - surrogate"):
+    for column in (f"{kind} - wanted", f"EF {grids['fine']} - {kind}", f"EF {grids['teacher']} - {kind}"):
         table.add_column(column, justify="right")
-    for name, unit in zip(QUANTITIES, UNITS, strict=True):
+    for name in problem.wanted.values:
         cells = [f"{errors[name][key]['rms']:.2g} / {errors[name][key]['max']:.2g}" for key in COMPARISONS]
-        table.add_row(f"{name} ({unit})", *cells)
+        table.add_row(f"{name} ({quantity(name).unit})", *cells)
     console.print(table)
     print_outcome(console, result)
     learnable = int((result.on_model & ~result.on_rim).sum())
@@ -135,30 +148,39 @@ def _print(
 
 def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracked: Tracked, verdict: Verdict) -> None:
     cycle = problem.cycle
-    columns: dict[str, Any] = {"frame": range(len(cycle)), "time_s": cycle.time_s, "cycle_percent": cycle.percent}
+    columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": cycle.time_s, "cycle_percent": _percent(cycle)}
     columns |= pose_columns(result.poses)
     for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
-        names = [f"{name}_{what}_{unit}" for name, unit in zip(QUANTITIES, UNITS, strict=True)]
+        names = [f"{name}_{what}_{quantity(name).kind.plain_unit}" for name in tracked.names]
         columns |= dict(zip(names, values.T, strict=True))
+    columns |= pressure_columns(tracked.pressures, problem.model.scene.patch_names)
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
     columns["on_rim"] = result.on_rim.astype(int)
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
 
-def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Path) -> None:
-    """Forces and centres of pressure (wanted, got, EF) and the poses over the cycle, as a PNG."""
-    page = new_page(14.0, 8.5)
-    parts = panels(page, 2, 4, {(0, column) for column in range(4)})
-    percent, failed = problem.cycle.percent, ~result.converged
-    for column, (name, unit) in enumerate(zip(QUANTITIES, UNITS, strict=True)):
+def _percent(cycle: Cycle) -> Array:
+    """Percentage of the cycle (n,), 0 to 100."""
+    time_s = cycle.time_s
+    return np.asarray(100.0 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]))
+
+
+def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: str, path: Path) -> None:
+    """What is wanted (wanted, got, EF) and the poses over the cycle, as a PNG."""
+    wide = max(len(tracked.names), len(_PANELS))
+    page = new_page(3.5 * wide, 8.5)
+    parts = panels(page, 2, wide, {(0, column) for column in range(len(tracked.names))})
+    percent, failed = _percent(problem.cycle), ~result.converged
+    for column, name in enumerate(tracked.names):
+        unit = quantity(name).unit
         panel, axis = parts[0, column], parts[0, column].curves
         axis.plot(percent, tracked.wanted[:, column], label="wanted", **WANTED)
-        axis.plot(percent, tracked.got[:, column], label="surrogate", **SURROGATE)
+        axis.plot(percent, tracked.got[:, column], label=kind, **SURROGATE)
         axis.plot(percent, tracked.ef[:, column], label="elastic foundation", **FOUNDATION)
-        axis.set(title=_TITLES[name], ylabel=f"{name} [{unit}]")
-        panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], "surrogate - wanted", **SURROGATE)
-        panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], "EF - surrogate", **FOUNDATION)
+        axis.set(title=_TITLES.get(name, ""), ylabel=f"{name} [{unit}]")
+        panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], f"{kind} - wanted", **SURROGATE)
+        panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], f"EF - {kind}", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
         if result.on_model.any():
             on = result.on_model
@@ -175,7 +197,10 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, path: Pa
             axis.plot(percent, np.degrees(values) if name[0] == "r" else values, color=colour, ls=line, label=label)
         axis.set_ylabel("[degrees]" if names[0][0] == "r" else "[mm]")
         axis.legend(fontsize=8)
-    frame((panel.lowest for panel in parts.values()), "cycle [%]")
+    empty = [parts[0, k] for k in range(len(tracked.names), wide)] + [parts[1, k] for k in range(len(_PANELS), wide)]
+    for panel in empty:
+        panel.curves.set_visible(False)
+    frame((panel.lowest for panel in parts.values() if panel not in empty), "cycle [%]")
     converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
     page.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
     save_page(page, path, dots_per_inch=110)

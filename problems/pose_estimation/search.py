@@ -14,9 +14,8 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
-from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.statics import settle
-from problems.pose_estimation.problem import FREE
+from problems.pose_estimation.problem import PoseEstimation
 
 _TOLERANCE_N = 0.01  # torques over 25 mm
 _STEP_ITERATIONS = 30
@@ -34,21 +33,28 @@ class Found:
 
 
 def search(
-    model: ContactModel, cycle: LoadCycle, poses: Array, solved: np.ndarray, wanted: np.ndarray, middle: Array | None
+    model: ContactModel,
+    problem: PoseEstimation,
+    poses: Array,
+    solved: np.ndarray,
+    wanted: np.ndarray,
+    middle: Array | None,
 ) -> Found:
-    """Find poses of the wanted frames (n,) of a cycle, beginning at poses (n, 6).
+    """Find poses of the wanted frames (n,) of a problem's cycle, beginning at poses (n, 6).
 
     Frames not found are followed from each neighbour that is solved (n,) or found, outwards; then they begin at middle
-    poses (n, 6), pressed together first, if there are any, and outwards again.
+    poses (n, 6), pressed together first, if there are any, and outwards again. Frames stay as they are where centres of
+    pressure are wanted without the forces that they belong to.
     """
-    attempts = _Attempts(model, cycle, poses, solved, wanted)
+    attempts = _Attempts(model, problem, poses, solved, wanted)
     attempts.settle(np.flatnonzero(wanted), poses)
     attempts.outwards()
     left = np.flatnonzero(wanted & ~attempts.found)
     if middle is not None and len(left):
-        forces = {"Fy_med": cycle.fy_med[left], "Fy_lat": cycle.fy_lat[left]}
-        begin = middle.copy()
-        begin[left], _ = settle(model, middle[left], ("ty", "rx"), forces, tolerance=1.0)
+        forces = {name: curve[left] for name, curve in problem.wanted.pressing.items()}
+        begin, sensitive = middle.copy(), problem.model.scene.sensitive_pose
+        if forces and set(sensitive) <= set(problem.free):
+            begin[left], _ = settle(model, middle[left], sensitive, forces, tolerance=1.0)
         attempts.settle(left, begin)
         attempts.outwards()
     return Found(attempts.poses, attempts.found, attempts.starts, attempts.reason)
@@ -58,24 +64,26 @@ class _Attempts:
     """What was tried for each frame so far, as in `Found`."""
 
     def __init__(
-        self, model: ContactModel, cycle: LoadCycle, poses: Array, solved: np.ndarray, wanted: np.ndarray
+        self, model: ContactModel, problem: PoseEstimation, poses: Array, solved: np.ndarray, wanted: np.ndarray
     ) -> None:
         self.poses, self.found = poses.copy(), solved.copy()
-        self.starts = np.zeros(len(cycle), dtype=int)
-        self.reason = np.full(len(cycle), "", dtype=object)
-        self._model, self._targets, self._wanted = model, cycle.targets(), wanted
-        self._turns = {pose_index("ry"): cycle.ry, pose_index("rz"): cycle.rz}
+        self.starts = np.zeros(len(poses), dtype=int)
+        self.reason = np.full(len(poses), "", dtype=object)
+        self._model, self._free, self._targets = model, problem.free, problem.wanted.targets()
+        self._wanted = wanted if self._targets else np.zeros(len(poses), dtype=bool)
+        self._measured = {pose_index(name): curve for name, curve in problem.cycle.measured_pose().items()}
         self._tried: set[tuple[int, int]] = set()
 
     def settle(self, rows: np.ndarray, begin: Array) -> None:
         """Settle frames from their rows of begin (n, 6)."""
+        rows = rows[self._wanted[rows]]
         if not len(rows):
             return
         start = begin[rows]
-        for column, angles in self._turns.items():
-            start[:, column] = angles[rows]
-        targets = {name: curve[rows] for name, curve in self._targets.items()}
-        poses, report = settle(self._model, start, FREE, targets, tolerance=_TOLERANCE_N)
+        for column, curve in self._measured.items():
+            start[:, column] = curve[rows]
+        targets = {name: curve[rows] for name, curve in (self._targets or {}).items()}
+        poses, report = settle(self._model, start, self._free, targets, tolerance=_TOLERANCE_N)
         good = report.converged
         self.poses[rows[good]], self.found[rows[good]] = poses[good], True
         self.starts[rows] += 1
@@ -99,11 +107,13 @@ class _Attempts:
         pose, share, step = self.poses[neighbour].copy(), 0.0, 1.0
         while share < 1.0 and step >= _SMALLEST_STEP:
             ahead = min(share + step, 1.0)
-            for column, angles in self._turns.items():
-                pose[column] = (1.0 - ahead) * angles[neighbour] + ahead * angles[frame]
-            targets = {name: (1.0 - ahead) * v[neighbour] + ahead * v[frame] for name, v in self._targets.items()}
+            for column, curve in self._measured.items():
+                pose[column] = (1.0 - ahead) * curve[neighbour] + ahead * curve[frame]
+            targets = {
+                name: (1.0 - ahead) * v[neighbour] + ahead * v[frame] for name, v in (self._targets or {}).items()
+            }
             tried, report = settle(
-                self._model, pose[None], FREE, targets, tolerance=_TOLERANCE_N, max_iterations=_STEP_ITERATIONS
+                self._model, pose[None], self._free, targets, tolerance=_TOLERANCE_N, max_iterations=_STEP_ITERATIONS
             )
             if report.converged[0]:
                 pose, share = tried[0], ahead

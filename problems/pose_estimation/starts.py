@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
-from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.structures import load_surrogate
 from casadi_contact.workers import worker_pool
-from problems.pose_estimation.problem import build
+from problems.common.contact import ContactSource
+from problems.pose_estimation.problem import Cycle, PoseEstimation, build
 from problems.pose_estimation.solve import solve
 
 SAME_MM = 0.01  # rotations over 25 mm
+LIFTS_MM = (-1.0, 3.0)  # of each patch: too deep, and out of contact
+ASIDE_MM, ASIDE_RAD = 4.0, 0.1  # along and about whatever does not press
 
 
 @dataclass(frozen=True)
@@ -47,31 +48,49 @@ def start_from_file(path: Path, count: int) -> Array:
     return np.stack([np.interp(at, np.arange(len(poses)), column) for column in poses.T], axis=1)
 
 
-def one_start(surrogate: str, cycle: LoadCycle, reference: Array, seed: tuple[int, int]) -> tuple[float, int]:
-    """Solve from one random start about the reference poses (n, 6): each side of every frame up to 3 mm lifted or
-    1 mm too deep, independently, tx and tz off by up to 4 mm; one try. Returns the share of frames reached, and
+def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Array:
+    """Poses (n, 6) moved at random, each frame alone: each patch lifted by `LIFTS_MM` along what presses it (along the
+    wanted force, where it has no direction), as nearly as the sensitive pose parameters can; all other free ones by up
+    to `ASIDE_MM` and `ASIDE_RAD`."""
+    scene, count = problem.model.scene, len(poses)
+    start = poses.copy()
+    sensitive = [name for name in scene.sensitive_pose if name in problem.free]
+    lifts = rng.uniform(*LIFTS_MM, (len(scene.normal_loads), count))
+    for name in problem.free:
+        if name not in sensitive:
+            aside = ASIDE_RAD if name.startswith("r") else ASIDE_MM
+            start[:, pose_index(name)] += rng.uniform(-aside, aside, count)
+    rows = np.empty((count, len(scene.normal_loads), len(sensitive)))
+    for p, (normal, anchor) in enumerate(zip(scene.normal_loads, scene.anchors_mm, strict=True)):
+        if normal.direction is None:
+            force = np.column_stack([problem.wanted.values[name] for name in normal.loads])
+            along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
+        else:
+            along = np.tile(normal.direction, (count, 1))
+        for column, name in enumerate(sensitive):
+            axis = np.eye(3)["xyz".index(name[1])]
+            rows[:, p, column] = -along @ (np.cross(axis, anchor) if name.startswith("r") else axis)
+    moves = np.einsum("nsp,pn->ns", np.linalg.pinv(rows), lifts)
+    for column, name in enumerate(sensitive):
+        start[:, pose_index(name)] += moves[:, column]
+    return start
+
+
+def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple[int, int]) -> tuple[float, int]:
+    """Solve from one random start about the reference poses (n, 6) (`moved`). Returns the share of frames reached, and
     iterations."""
-    problem = build(load_surrogate(surrogate), cycle)
-    rng = np.random.default_rng(seed)
-    count = len(cycle)
-    start = reference.copy()
-    med_mm, lat_mm = rng.uniform(-1.0, 3.0, (2, count))  # lift of either side
-    apart_mm = np.ptp(problem.surrogate.scene.anchors_mm[:, 2])
-    start[:, POSE_NAMES.index("tx")] += rng.uniform(-4.0, 4.0, count)
-    start[:, POSE_NAMES.index("tz")] += rng.uniform(-4.0, 4.0, count)
-    start[:, POSE_NAMES.index("ty")] += 0.5 * (med_mm + lat_mm)
-    start[:, POSE_NAMES.index("rx")] -= (med_mm - lat_mm) / apart_mm
-    result = solve(problem, start, alone=False)
+    problem = build(source.load(), cycle)
+    result = solve(problem, moved(problem, reference, np.random.default_rng(seed)))
     same = np.abs((result.poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM
     return float((result.converged & same).mean()), result.iterations
 
 
 def solve_from_random_starts(
-    surrogate: str, cycle: LoadCycle, reference: Array, count: int = 200, seed: int = 1
+    source: ContactSource, cycle: Cycle, reference: Array, count: int = 200, seed: int = 1
 ) -> RandomStarts:
     """Solve a cycle from `count` random starts on all cores; reference: the solution's poses (n, 6)."""
     with worker_pool() as pool:
-        jobs = [pool.submit(one_start, surrogate, cycle, reference, (seed, k)) for k in range(count)]
+        jobs = [pool.submit(one_start, source, cycle, reference, (seed, k)) for k in range(count)]
         for job in track(as_completed(jobs), "random starts", total=count):
             job.result()
     outcomes = [job.result() for job in jobs]

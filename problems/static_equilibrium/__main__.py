@@ -8,12 +8,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, pose_index
 from casadi_contact.files import writable_folder
 from casadi_contact.optimisation import middle_pose
-from casadi_contact.structures import Surrogate, load_surrogate
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
 from problems.static_equilibrium.report import report
 from problems.static_equilibrium.solve import solve
@@ -25,7 +26,8 @@ app = new_app()
 
 @app.command()
 def run(
-    surrogate: Annotated[str, typer.Option(help="a ready surrogate or the path of a .h5 file")] = "knee",
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
     fx: Annotated[float, typer.Option(help="posterior force on the insert [N]")] = -100.0,
     fy: Annotated[float, typer.Option(help="vertical force on the insert, compression negative [N]")] = -1500.0,
     fz: Annotated[float, typer.Option(help="medial force on the insert [N]")] = 0.0,
@@ -43,7 +45,8 @@ def run(
     Exit status 2: some loads have no equilibrium; 3: all have, but the contact model differs in some.
     """
     writable_folder(out)
-    model = load_surrogate(surrogate)
+    source = ContactSource.of(surrogate, scene)
+    model = source.load()
     angles = np.radians(numbers(flexions, "flexions"))
     rest = np.tile(middle_pose(model), (len(angles), 1))
     rest[:, [pose_index(name) for name in ("tx", "tz", "ry")]] = 0.0
@@ -52,13 +55,13 @@ def run(
     free = POSE_NAMES if soft else FREE
     springs = np.array([SOFT_TISSUE[name] for name in POSE_NAMES]) if soft else None
 
-    def on(chosen: Surrogate) -> StaticEquilibrium:
+    def on(chosen: SymbolicContact) -> StaticEquilibrium:
         return build(chosen, loads, free=free, rest=rest, stiffness=springs, about="moving")
 
     problem = on(model)
-    result = solve(problem, None if warm is None else solve(on(load_surrogate(warm))).poses)
+    result = solve(problem, None if warm is None else solve(on(ContactSource(surrogate=warm).load())).poses)
     verdict = judge(model, result.poses, result.converged, own_model(model.scene))
-    report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None)
+    report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None, source.kind)
     end_with(verdict, NAME, out)
 
 

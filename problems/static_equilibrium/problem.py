@@ -5,7 +5,7 @@ about its origin or the moving one. For the free pose parameters i the generalis
 
     r_i(q) = Q_i(q; loads) - Q_i(q; W(q)) - k_i·(q_i - rest_i) = 0    [N, N·mm]
 
-(Q as in `generalised_forces`, W the surrogate's wrench, k the stated soft-tissue stiffness), solved as
+(Q as in `generalised_forces`, W the contact's wrench, k the stated soft-tissue stiffness), solved as
 
     min ½ Σ |r_i / L_i|²    with q in the learned range, L = 1 for forces and 25 mm for torques
 
@@ -27,9 +27,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, middle_pose, pose_bounds, wrench_function
-from casadi_contact.structures import Surrogate
 
 FREE = ("tx", "ty", "tz", "rx", "ry")
 SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.0e5}  # [N/mm, N·mm/rad]
@@ -44,7 +44,7 @@ class StaticEquilibrium:
     stiffness (6,); residuals: function of the stacked scaled free parameters (f, n) -> r/L (f, n) [N].
     """
 
-    surrogate: Surrogate
+    model: SymbolicContact
     loads: Array
     about: str
     free: tuple[str, ...]
@@ -74,7 +74,7 @@ def residual_function(contact: ca.Function, free: Sequence[str], about: str, sti
 
 
 def build(
-    surrogate: Surrogate,
+    model: SymbolicContact,
     loads: ArrayLike,
     *,
     free: Sequence[str] = FREE,
@@ -101,17 +101,17 @@ def build(
     if "rz" in free and springs[pose_index("rz")] == 0.0:
         raise ValueError("rz is free but contact does not hold flexion: lock rz, or give it a spring")
     count = len(wanted)
-    at = np.asarray(middle_pose(surrogate) if rest is None else rest, dtype=float)
+    at = np.asarray(middle_pose(model) if rest is None else rest, dtype=float)
     poses = as_poses(np.broadcast_to(at, (count, 6)) if at.shape == (6,) else at)
     if len(poses) != count:
         raise ValueError(f"rest has {len(poses)} poses, expected one, or one for each of {count} loads")
-    residual = residual_function(wrench_function(surrogate), free, about, springs)
+    residual = residual_function(wrench_function(model), free, about, springs)
     q = ca.MX.sym("q", len(columns), count)
     residuals = residual.map(count)(q, ca.DM(wanted.T), ca.DM(poses.T))
     nlp = {"x": ca.vec(q), "f": 0.5 * ca.sumsqr(residuals)}
-    low, high = (np.tile((bound / KNEE_STEPS)[columns], count) for bound in pose_bounds(surrogate))
+    low, high = (np.tile((bound / KNEE_STEPS)[columns], count) for bound in pose_bounds(model))
     return StaticEquilibrium(
-        surrogate=surrogate,
+        model=model,
         loads=wanted,
         about=about,
         free=tuple(free),

@@ -29,10 +29,12 @@ def report(
     verdict: Verdict,
     out: Path,
     starts: LiftedStarts | None = None,
+    kind: str = "surrogate",
 ) -> None:
-    """Print the table and write static_equilibrium.csv, .json and .png in the folder out."""
+    """Print the table and write static_equilibrium.csv, .json and .png in the folder out; kind: what to call
+    the model there."""
     writable_folder(out)
-    scene = problem.surrogate.scene
+    scene = problem.model.scene
     grids = {name: scene.grids[name] for name in ("fine", "teacher")}
     foundations = {name: ElasticFoundation(scene, grid) for name, grid in grids.items()}
     ef = {
@@ -58,7 +60,7 @@ def report(
     for name, difference in off.items():
         found = int(np.isfinite(ef_poses[name][:, 0]).sum())
         console.print(
-            f"EF {grids[name][0]}×{grids[name][1]} - surrogate, largest: force {difference[:, :3].max():.2g} N, "
+            f"EF {grids[name][0]}×{grids[name][1]} - {kind}, largest: force {difference[:, :3].max():.2g} N, "
             f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium, found in {found} rows, lies "
             f"{moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away",
             highlight=False,
@@ -90,7 +92,7 @@ def report(
             "median_iterations": starts.iterations.tolist(),
         }
     write_summary(out / "static_equilibrium.json", summary)
-    draw(result, ef_poses["fine"], ef["fine"], out / "static_equilibrium.png")
+    draw(result, ef_poses["fine"], ef["fine"], kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
 
 
@@ -109,7 +111,7 @@ def _write_table(
     write_columns(path, columns, digits=DIGITS)
 
 
-def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, path: Path) -> None:
+def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, kind: str, path: Path) -> None:
     """The settled poses over flexion and the EF's own; and what the EF says of the loads there, as a PNG."""
     page = new_page(13.0, 3.6)
     axes = page.subplots(1, 4)
@@ -129,7 +131,7 @@ def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, path: Path) -> N
     for axis, names, title in ((axes[2], WRENCH_NAMES[:3], "force [N]"), (axes[3], WRENCH_NAMES[3:], "torque [N·mm]")):
         for name, colour in zip(names, colours, strict=True):
             axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
-        axis.set_ylabel(f"EF - surrogate, {title}")
+        axis.set_ylabel(f"EF - {kind}, {title}")
         axis.legend(fontsize=7)
     frame(axes, "flexion = -rz [degrees]")
     page.suptitle(f"Settling: {int(result.converged.sum())} of {len(flexion)} poses in equilibrium")

@@ -50,7 +50,7 @@ def solve(
     """
     began = time.perf_counter()
     poses = start_or_default(start, problem.rest)
-    poses = press_together(problem.surrogate, poses, problem.rest, problem.loads, problem.free)
+    poses = press_together(problem.model, poses, problem.rest, problem.loads, problem.free)
     columns = problem.columns
     options = ipopt_options(max_iterations=max_iterations, print_level=print_level)
     solver = ca.nlpsol("static_equilibrium", "ipopt", problem.nlp, options)
@@ -63,7 +63,7 @@ def solve(
     converged = np.abs(misfit).max(axis=1) <= TOLERANCE_N
     return EquilibriumResult(
         poses=poses,
-        wrenches=problem.surrogate(poses) @ total_selection(problem.surrogate.load_names).T,
+        wrenches=problem.model(poses) @ total_selection(problem.model.load_names).T,
         misfit_n=misfit,
         converged=converged,
         reason=_reasons(problem, misfit, converged, outcome),

@@ -79,7 +79,12 @@ def main() -> None:
         measures[f"{name}, value"] = partial(time_single_calls, function, poses)
         measures[f"{name}, Jacobian"] = partial(time_single_calls, jacobian_of(function), poses)
         measures[f"{name}, Hessian"] = partial(time_single_calls, lagrangian_hessian(function), poses, weights)
-    grids = {f"EF {nx}×{nz}": cc.ElasticFoundation(scene, (nx, nz)) for nx, nz in GRIDS}
+    ways = {"": True, ", numba's loops": False}
+    grids = {
+        f"EF {nx}×{nz}{way}": cc.ElasticFoundation(scene, (nx, nz), compiled=compiled)
+        for nx, nz in GRIDS
+        for way, compiled in ways.items()
+    }
     measures |= {name: partial(time_batch, model, poses) for name, model in grids.items()}
     with one_thread():
         for name, timing in compare(measures, 31).items():

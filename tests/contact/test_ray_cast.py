@@ -75,3 +75,19 @@ def test_on_cartilage_the_smooth_surface_agrees_with_flat_triangles_where_overla
     excess = np.linalg.norm(smooth, axis=1) / np.linalg.norm(flat, axis=1) - 1.0
     assert 0.005 < excess.min() < excess.max() < 0.025
     assert (np.linalg.norm(smooth - flat, axis=1) / np.linalg.norm(flat, axis=1)).max() < 0.025
+
+
+def test_on_cartilage_areas_and_pressures_of_the_smooth_surface_are_jam_s(jam):
+    """JAM's mean counts triangles of all sizes alike, ours weighs them by area."""
+    scene, stored = jam
+    found = cc.ElasticFoundation(scene).summary(jam_poses(stored)[::5])
+    for got, want, most in (
+        (found.area_mm2, 1e6 * stored["contact_area"], 0.02),
+        (found.mean_mpa, 1e-6 * stored["mean_pressure"], 0.025),
+        (found.largest_mpa, 1e-6 * stored["max_pressure"], 0.025),
+    ):
+        off = got[:, 0] / want[::5] - 1.0
+        assert np.abs(off).max() < most
+        assert np.abs(np.median(off)) < 0.01
+    centre = vectors(stored, "center_of_pressure", 1000.0)[::5]
+    np.testing.assert_allclose(found.centre_mm[:, 0], centre, atol=0.1)

@@ -15,6 +15,7 @@ from casadi_contact import pipeline
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.dataset import read_sample_table, read_samples, write_samples
 from casadi_contact.files import read_npz, write_npz
+from casadi_contact.files.hdf5 import BLOCK, sealed
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.motion.joint_cycle import column_names, read_joint_cycle
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
@@ -28,6 +29,7 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
 from casadi_contact.training import checkpoint
 from casadi_contact.transcription import load_function, save_function
+from tests.fuzz.mutations import mutated
 from tests.sampling.test_draw import MOTION
 from tests.support.hdf5_files import unsealed
 from tests.support.own_contact import SCENE
@@ -44,13 +46,17 @@ class Reader:
     """make(path) writes a sound file; read(path) reads and uses it and gives what must stay equal.
 
     exact: a changed file that still reads must give the same; elsewhere another number is another content. slow: each
-    file costs a process of its own.
+    file costs a process of its own. resealed: the accident befalls the HDF5 behind the seal, whose digest is made anew.
     """
 
     make: Callable[[Path], Any]
     read: Callable[[Path], Any]
     exact: bool = False
     slow: bool = False
+    resealed: bool = False
+
+    def mutated(self, sound: bytes, rng: np.random.Generator) -> bytes:
+        return sealed(mutated(sound[BLOCK:], rng)) if self.resealed else mutated(sound, rng)
 
 
 def _surrogate(path: Path) -> None:
@@ -165,6 +171,13 @@ READERS = {
     "surrogate.h5": Reader(_surrogate, _loads, exact=True),
     "older_surrogate.h5": Reader(_unsealed(_surrogate), _loads, exact=True, slow=True),
     "samples.h5": Reader(lambda path: write_samples(path, smooth_samples(60)), _samples, exact=True),
+    "resealed_surrogate.h5": Reader(_surrogate, _loads, exact=True, slow=True, resealed=True),
+    "resealed_samples.h5": Reader(
+        lambda path: write_samples(path, smooth_samples(60)),
+        lambda path: len(read_samples(path)),
+        slow=True,
+        resealed=True,
+    ),
     "older_samples.h5": Reader(
         _unsealed(lambda path: write_samples(path, smooth_samples(60))),
         lambda path: len(read_samples(path)),

@@ -8,7 +8,6 @@ import zlib
 import numpy as np
 import pytest
 
-from tests.fuzz.mutations import mutated
 from tests.fuzz.readers import READERS
 
 pytest.importorskip("trimesh", reason="reading meshes needs casadi_contact[mesh]")
@@ -27,7 +26,7 @@ def test_mutated(name, tmp_path, pytestconfig):
     count = int(np.ceil(pytestconfig.getoption("mutations") / fast / (SLOW_SHARE if reader.slow else 1)))
     refused = 0
     for number in range(count):
-        path.write_bytes(mutated(sound, np.random.default_rng([zlib.crc32(name.encode()), number])))
+        path.write_bytes(reader.mutated(sound, np.random.default_rng([zlib.crc32(name.encode()), number])))
         got, error = outcome(reader.read, path)
         if error is None:
             assert not reader.exact or got == expected, f"mutation {number} is read as something else"

@@ -51,7 +51,7 @@ def test_poses_of_a_file_are_spread_over_the_frames(tmp_path):
     ("scene", "cycle", "said"),
     [
         ("none.toml", "walk.csv", "scene file none.toml does not exist"),
-        ("scene.toml", "none.csv", "cycle file none.csv does not exist"),
+        ("knee", "none.csv", "cycle file none.csv does not exist"),
         ("scene.toml", "walk.csv", "femur.stl does not exist: a scene's mesh paths are absolute or relative"),
     ],
 )
@@ -60,7 +60,7 @@ def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
     text = SCENE.read_text("utf-8").replace("../../../shared/data/dm_tka/femoral_component.stl", "femur.stl")
     (tmp_path / "scene.toml").write_text(text)
     done = subprocess.run(
-        [sys.executable, "-m", "problems.implant", cycle, "--scene", scene],
+        [sys.executable, "-m", "problems.implant", scene, cycle],
         capture_output=True,
         text=True,
         cwd=tmp_path,

@@ -83,7 +83,7 @@ def test_the_example_has_its_golden_forces_and_activations(solved):
 
 def test_the_elastic_foundation_agrees_at_the_solved_poses(solved):
     problem, result = solved
-    scene = problem.surrogate.scene
+    scene = problem.contact_model.scene
     columns = [scene.load_names.index(name) for name in CONTACT_LOADS[:2]]
     foundation = cc.ElasticFoundation(scene, scene.grids["teacher"])(result.poses)[:, columns]
     assert np.sqrt(np.mean((foundation - result.loads[:, :2]) ** 2)) < 1.0

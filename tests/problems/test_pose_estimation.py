@@ -13,8 +13,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
+from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
+from problems.common.contact import ContactSource
 from problems.pose_estimation import __main__
 from problems.pose_estimation.starts import one_start, start_from_file
 from tests.support.compiler import needs_compiler
@@ -37,9 +39,10 @@ def solved(knee):
 def test_reference_cycle_converges_in_every_frame_and_the_elastic_foundation_agrees(solved):
     problem, result = solved
     assert result.converged.all(), result.reason
-    assert np.abs(result.force_error_n).max() < 1.0
-    assert np.abs(result.cop_error_mm).max() < 0.1
-    foundation = cc.ElasticFoundation(problem.surrogate.scene, problem.surrogate.scene.grids["teacher"])
+    forces, centres = np.split(np.abs(result.errors), 2, axis=1)  # both sides [N], both directions [mm]
+    assert forces.max() < 1.0
+    assert centres.max() < 0.1
+    foundation = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
     difference = foundation(result.poses)[:, :2] - result.loads[:, :2]
     assert np.sqrt(np.mean(difference**2)) < 3.0
 
@@ -77,7 +80,7 @@ def test_measured_cycles_converge_in_every_frame(knee, name):
 
 def test_random_starts_reach_the_same_solution(knee, solved):
     _, result = solved
-    outcomes = [one_start("knee", reference_cycle(), result.poses, (7, k)) for k in range(5)]
+    outcomes = [one_start(ContactSource(surrogate="knee"), reference_cycle(), result.poses, (7, k)) for k in range(5)]
     assert all(share == 1.0 for share, _ in outcomes)
 
 
@@ -111,7 +114,7 @@ def test_smoothness_trades_tracking_for_steadier_poses(knee, solved):
     smooth = pose_estimation.solve(pose_estimation.build(knee, reference_cycle(), smoothness=1e6))
     steps = [np.abs(np.diff(r.poses[:, [0, 2]], axis=0)).sum() for r in (rough, smooth)]
     assert steps[1] < steps[0]
-    assert np.abs(smooth.force_error_n).max() > np.abs(rough.force_error_n).max()
+    assert np.abs(smooth.errors[:, :2]).max() > np.abs(rough.errors[:, :2]).max()
 
 
 def test_loads_no_pose_can_carry_are_named_frame_by_frame(knee):
@@ -142,6 +145,27 @@ def command(*arguments, cwd):
     )
 
 
+def check_pressures(rows, table):
+    """Mean pressure over the area is nearly the vertical force; the .sto has the CSV's numbers in OpenSim's units."""
+    for side in ("med", "lat"):
+        area, mean, peak, depth = (
+            np.array([float(row[f"{name}_{side}_{unit}"]) for row in rows])
+            for name, unit in (
+                ("contact_area", "mm2"),
+                ("mean_pressure", "MPa"),
+                ("peak_pressure", "MPa"),
+                ("penetration", "mm"),
+            )
+        )
+        force = np.array([-float(row[f"Fy_{side}_ef_N"]) for row in rows])
+        loaded = force > 50.0
+        assert loaded.sum() > 50
+        np.testing.assert_allclose((area * mean)[loaded], force[loaded], rtol=0.03)
+        assert ((peak > 1.5 * mean) & (peak < 2.5 * mean) & (depth > 0.0))[loaded].all()
+        np.testing.assert_allclose(table.column(f"peak_pressure_{side}"), 1e6 * peak, rtol=1e-6)
+        np.testing.assert_allclose(table.column(f"contact_area_{side}"), 1e-6 * area, rtol=1e-6)
+
+
 def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solved):
     done = command("--out", tmp_path / "results", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -150,6 +174,7 @@ def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path, solve
     rows = list(csv.DictReader((tmp_path / "results" / "pose_estimation.csv").open()))
     assert len(rows) == 101
     assert abs(float(rows[30]["Fy_med_got_N"]) - float(rows[30]["Fy_med_wanted_N"])) < 1.0
+    check_pressures(rows, read_opensim_table(tmp_path / "results" / "pressures.sto"))
     summary = json.loads((tmp_path / "results" / "summary.json").read_text())
     assert summary["converged"] == 101
     assert summary["machine"]["casadi"]

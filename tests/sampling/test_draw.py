@@ -8,7 +8,16 @@ import pytest
 
 from casadi_contact.contact import CallableModel, ElasticFoundation
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, partial_folder, read_samples
-from casadi_contact.sampling import ReferenceMotion, SamplingSettings, draw_samples, reference_motion
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.sampling import (
+    MODELS,
+    ReferenceMotion,
+    SamplingSettings,
+    draw_samples,
+    model_pair,
+    reference_motion,
+    teacher_of,
+)
 from casadi_contact.scenes import load_scene
 from tests.support import two_spheres
 from tests.support.two_spheres import TwoSpheres, knee
@@ -274,6 +283,36 @@ def test_the_knee_on_elastic_foundations(tmp_path):
     assert (samples.select(domain=5).wrenches == 0.0).all()
     assert np.abs(loads_of[6] + 5.0).min(axis=1).max() < 1.0
     np.testing.assert_allclose(loads_of[7], -5.0, atol=1.0)
+
+
+def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_error(tmp_path):
+    """Settled and evaluated on one model, samples have the wanted loads themselves."""
+    scene = load_scene("hip")
+    settings = SamplingSettings.from_scene(scene, scale=0.002, frames=21)
+    made = {}
+    for name, models in MODELS.items():
+        motion, report = reference_motion(models(scene, settings)[0], reference_motion_cycles(scene, ())[:2], settings)
+        assert report.converged.all()
+        with ThreadPoolExecutor(1) as executor:
+            path = tmp_path / f"{name}.h5"
+            samples = draw_samples(scene, motion, path, settings=settings, executor=executor, models=models)
+        made[name] = read_samples(path)
+        assert samples.provenance["models"].endswith(models.__name__)
+    elements, smooth = (made[name] for name in MODELS)
+    assert abs(len(smooth) - len(elements)) <= 0.02 * len(elements)
+    pressed = smooth.select(domain=7)
+    np.testing.assert_allclose(np.linalg.norm(pressed.wrenches[:, 0, :3], axis=1), scene.boundary_load, atol=1e-2)
+    teacher = teacher_of(smooth)
+    np.testing.assert_allclose(teacher.wrenches(smooth.poses), smooth.wrenches, rtol=1e-9, atol=1e-6)
+    assert teacher_of(elements).grid == (160, 160)
+    fine = ElasticFoundation(scene, (320, 320))
+    off = [np.abs(s.wrenches - fine.wrenches(s.poses))[:, :, :3].max() for s in (smooth, elements)]
+    assert off[0] < off[1]
+
+
+def test_an_unknown_model_is_refused():
+    with pytest.raises(ValueError, match="model is 'springs', expected one of elements, foundation"):
+        model_pair("springs")
 
 
 def test_a_scene_with_one_patch(tmp_path):

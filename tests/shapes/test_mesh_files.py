@@ -80,5 +80,5 @@ def test_a_patch_without_mesh_and_a_scene_without_files_are_refused_by_contact_m
     with pytest.raises(ValueError, match="no mesh of its moving body, expected a scene of the shape mesh"):
         cc.RayCastFoundation(cc.load_scene("knee"))
     (folder / "scene.toml").write_text(text.replace("[geometry]", '[geometry]\naxes = ["x", "-y", "-z"]'))
-    with pytest.raises(ValueError, match="is it inside-out"):
+    with pytest.raises(ValueError, match="its surface faces -y: turn it to the moving body"):
         cc.ElasticFoundation(cc.load_scene(folder / "scene.toml"))

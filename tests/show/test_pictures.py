@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
-from casadi_contact.show import draw_contact, draw_fit, loads_text, surface_fits
+from casadi_contact.show import draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -46,6 +46,9 @@ def test_one_pose_and_many_are_drawn(model, tmp_path):
 
 def test_the_loads_of_a_picture_are_the_models(model):
     loads = dict(zip(model.load_names, model(POSE[None])[0], strict=True))
+    area = model.summary(POSE[None]).area_mm2[0, 0]
+    assert pressures_text(model, POSE).startswith(f"med: {area:.0f} mm², mean ")
+    assert pressures_text(model, np.array([0.5, 36.0, *POSE[2:]])) == "med: no contact; lat: no contact"
     assert loads_text(model, POSE, ("Fy_lat", "Tz")) == f"Fy_lat {loads['Fy_lat']:.0f} N, Tz {loads['Tz']:.0f} N·mm"
 
 

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from casadi_contact.files import open_hdf5
+from casadi_contact.files import hdf5_copy, open_hdf5
 from casadi_contact.files.hdf5 import sealed
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
@@ -194,18 +194,26 @@ def test_a_file_of_an_older_version_without_a_digest_still_loads(saved):
         np.testing.assert_array_equal(network.weights[0], new.networks[name].weights[0])
 
 
-def test_a_file_on_which_hdf5_does_not_end_or_crashes_is_one_line(tmp_path, monkeypatch):
+@pytest.mark.parametrize("seal", [bytes, sealed], ids=["without a digest", "with a sound digest"])
+def test_a_file_on_which_hdf5_does_not_end_or_crashes_is_one_line(seal, tmp_path, monkeypatch):
     """Bytes that make this version of HDF5 spin may be read well by the next: a stand-in spins for certain."""
-    from casadi_contact.files import hdf5_copy
-
     path = tmp_path / "any.h5"
-    path.write_bytes(b"\x89HDF\r\n\x1a\n")
+    path.write_bytes(seal(b"\x89HDF\r\n\x1a\n"))
     for body in ("while True: pass", "import os; os.abort()"):
         program = tmp_path / "spin.py"
         program.write_text(f"import resource; resource.setrlimit(resource.RLIMIT_CPU, (1, 2))\n{body}\n")
         monkeypatch.setattr(hdf5_copy, "__file__", str(program))
         with pytest.raises(ValueError, match="HDF5 crashed or did not come to an end"), open_hdf5(path):
             pass
+
+
+def test_only_what_this_process_wrote_or_the_library_brings_is_parsed_in_this_process(saved, tmp_path, monkeypatch):
+    monkeypatch.setattr(hdf5_copy, "__file__", str(tmp_path / "no_such_program.py"))
+    load_surrogate(saved)
+    load_surrogate("knee")
+    with resealed(saved) as file:
+        file.attrs["more"] = 1
+    refused(saved, "HDF5 crashed")
 
 
 def test_no_byte_behind_the_seals_first_word_changes_unseen(saved):

@@ -146,17 +146,18 @@ def test_expected_error_covers_measured_walking(knee, cycle):
     assert knee.validity(poses).min() > 0.9
 
 
-def test_ipopt_keeps_to_the_learned_region_and_comes_back_to_it(knee, walking):
+@pytest.mark.parametrize("frame", [10, 30, 75])
+def test_ipopt_keeps_to_the_learned_region_and_comes_back_to_it(knee, walking, frame):
     """Drawn to a pose far outside, the solution ends on the constraint, from a start inside and from one outside."""
     scales = knee.trust.scales
-    drawn = walking[30] + 4.0 * scales * np.eye(6)[POSE_NAMES.index("ry")]
+    drawn = walking[frame] + 4.0 * scales * np.eye(6)[POSE_NAMES.index("ry")]
     x = ca.MX.sym("x", 6)
-    nlp = {"x": x, "f": ca.sumsqr(x - drawn / scales), "g": knee.validity_function()(x * scales)}
+    nlp = {"x": x, "f": ca.sumsqr(x - drawn / scales), "g": 1.0 / knee.validity_function()(x * scales)}
     solver = ca.nlpsol("s", "ipopt", nlp, {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False})
-    for start in (walking[30], 0.5 * (walking[30] + drawn)):
-        answer = solver(x0=start / scales, lbg=0.5, ubg=1.0)
+    for start in (walking[frame], 0.5 * (walking[frame] + drawn)):
+        answer = solver(x0=start / scales, lbg=1.0, ubg=2.0)
         assert solver.stats()["success"]
-        assert float(answer["g"]) == pytest.approx(0.5, abs=1e-5)
+        assert float(answer["g"]) == pytest.approx(2.0, abs=1e-5)
     assert knee.validity(drawn[None])[0] < 0.1
 
 

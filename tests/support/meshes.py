@@ -104,3 +104,50 @@ boundary_load = 5.0
 [tolerances]
 {tolerances}
 """
+
+
+def shell_mesh(inner, outer, edge, angle, pole):
+    """A closed cup: spheres of two radii within an angle of the pole, joined by a rim; its inside faces the centre."""
+    rings, around = max(6, int(outer * angle / edge)), max(24, int(2.0 * np.pi * outer / edge))
+    polar, azimuth = angle * np.arange(1, rings + 1) / rings, 2.0 * np.pi * np.arange(around) / around
+    cap = np.stack(
+        [
+            np.outer(np.sin(polar), np.cos(azimuth)),
+            np.outer(np.cos(polar), np.ones(around)),
+            np.outer(np.sin(polar), np.sin(azimuth)),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    cap = np.vstack([[[0.0, 1.0, 0.0]], cap])
+    j = np.arange(around)
+    faces = [np.stack([0 * j, 1 + j, 1 + (j + 1) % around], axis=1)]
+    for ring in range(rings - 1):
+        a, b = 1 + ring * around + j, 1 + ring * around + (j + 1) % around
+        faces += [np.stack([a, a + around, b], axis=1), np.stack([b, a + around, b + around], axis=1)]
+    faces = np.concatenate(faces)
+    last = 1 + (rings - 1) * around
+    a, b, far = last + j, last + (j + 1) % around, len(cap)
+    inside = outward(cap, faces, lambda p: -p)
+    outside = outward(cap, faces, lambda p: p) + far
+    points = np.vstack([inner * cap, outer * cap])
+    rim = np.concatenate([np.stack([a, b, a + far], axis=1), np.stack([b, b + far, a + far], axis=1)])
+    rim = outward(points, rim, lambda p: -np.tile([0.0, 1.0, 0.0], (len(p), 1)))
+    return points @ turn_to(pole).T, np.concatenate([inside, outside, rim])
+
+
+def turn_to(pole):
+    """R (3, 3) that turns y to the pole."""
+    up = unit(np.asarray(pole, dtype=float))
+    first = unit(np.cross(up, [0.0, 0.0, 1.0]))
+    return np.stack([first, up, np.cross(first, up)], axis=1)
+
+
+def ball_mesh(radius, edge):
+    """A closed sphere about the origin."""
+    vertices, faces = cap_mesh(radius, edge, np.pi)
+    return vertices, faces
+
+
+def groove(x, z):
+    """A valley along x with straight sides that rise by 0.5, rounded over 4 mm, for `sheet_mesh`."""
+    return 0.5 * (np.sqrt(z**2 + 4.0**2) - 4.0) + 0.0 * x

@@ -1,5 +1,5 @@
 /* Many poses in one call, for NumPy: what is 0 is left out. Derivatives are by pose. */
-EXPORT void foundation_wrenches(long long n, const double *poses, double *wrenches, double *slopes, int *cut) {
+ARRAYS void foundation_wrenches(long long n, const double *poses, double *wrenches, double *slopes, int *cut) {
   for (long long i = 0; i < n; i++) {
     const Frame frame = frame_of(poses + 6 * i);
     for (int p = 0; p < PATCHES; p++) {
@@ -15,7 +15,7 @@ EXPORT void foundation_wrenches(long long n, const double *poses, double *wrench
   }
 }
 
-EXPORT void foundation_gaps(long long n, const double *poses, double *gaps, double *slopes) {
+ARRAYS void foundation_gaps(long long n, const double *poses, double *gaps, double *slopes) {
   for (long long i = 0; i < n; i++) {
     const Frame frame = frame_of(poses + 6 * i);
     for (int p = 0; p < PATCHES; p++) {

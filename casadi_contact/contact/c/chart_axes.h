@@ -34,6 +34,19 @@ INLINE void turn_back_row(const double turn[3][3], double x[6]) {
     x[i] = turn[0][i % 3] * part[0] + turn[1][i % 3] * part[1] + turn[2][i % 3] * part[2];
   }
 }
+
+/* A vector with the rows of its derivatives. */
+INLINE void turn_back_vectors(const double turn[3][3], double x[3], double rows[3][6]) {
+  double old[3], old_rows[3][6];
+  memcpy(old, x, sizeof old);
+  memcpy(old_rows, rows, sizeof old_rows);
+  for (int i = 0; i < 3; i++) {
+    x[i] = turn[0][i] * old[0] + turn[1][i] * old[1] + turn[2][i] * old[2];
+    for (int a = 0; a < 6; a++) {
+      rows[i][a] = turn[0][i] * old_rows[0][a] + turn[1][i] * old_rows[1][a] + turn[2][i] * old_rows[2][a];
+    }
+  }
+}
 #endif
 
 /* Loads in chart axes become those in the fixed body's. */

@@ -155,17 +155,22 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
   }
 }
 
+INLINE Place place_of(const Surfaces *s, const double *pose, const Frame *frame) {
+  Place p;
+  for (int i = 0; i < 3; i++) {
+    p.t[i] = dot3(s->turn[i], pose);
+    for (int j = 0; j < 3; j++) {
+      p.r[i][j] = s->turn[i][0] * frame->r[0][j] + s->turn[i][1] * frame->r[1][j] + s->turn[i][2] * frame->r[2][j];
+    }
+  }
+  return p;
+}
+
 INLINE void polar_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
                         PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
-  Place place;
+  const Place place = place_of(s, pose, frame);
   Spot middle;
-  for (int i = 0; i < 3; i++) {
-    place.t[i] = dot3(s->turn[i], pose);
-    for (int j = 0; j < 3; j++) {
-      place.r[i][j] = s->turn[i][0] * frame->r[0][j] + s->turn[i][1] * frame->r[1][j] + s->turn[i][2] * frame->r[2][j];
-    }
-  }
   middle = middle_of(s, &place);
   memset(out, 0, sizeof *out);
   if (!(middle.depth > 0.0) || order == GAPS) {

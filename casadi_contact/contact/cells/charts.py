@@ -123,7 +123,8 @@ class MeshChart:
     """The part of a fixed mesh that a patch's box holds, seen from above."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
-        from casadi_contact.shapes.mesh_bodies import body_field, patch_box, patch_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field
+        from casadi_contact.shapes.mesh_patches import patch_box, patch_mesh
 
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
         self._field = body_field(scene.geometry, "fixed")

@@ -7,26 +7,25 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.reach import pressed_poses
+from casadi_contact.contact.convergence import WORST, forces_tried
 from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
 SIZES_MM = (2.4, 1.7, 1.2, 0.85, 0.6)
 CONVERGED = Cells(0.6, 0.45)
-LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
-WORST = 3.0  # times the tolerance that a single pose may be wrong by, more where more than the reference load presses
 _POSES = 48
 _SUB_POINT_MM = 0.3
 
 
-def chosen_cells(scene: Scene, *, compiled: bool = True) -> CellFoundation:
+def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     """The foundation in the largest cells that meet the scene's tolerances.
 
-    Over poses that press each patch within its rim from the scene's boundary load to `LARGEST_LOAD` reference loads,
-    errors against `CONVERGED` have an RMS within the tolerance and are nowhere more than `WORST` times it, in
-    proportion to the force where that exceeds the reference load. Along each side cells are as large as one of
+    Over poses that press each patch within its rim from the scene's boundary load to `convergence.LARGEST_LOAD`
+    reference loads, errors against `CONVERGED` have an RMS within the tolerance and are nowhere more than
+    `convergence.WORST` times it, in proportion to the force where that exceeds the reference load. Along each side cells are as large as one of
     `SIZES_MM`. Raises ValueError where nothing is good enough and where no pose presses the patches.
     """
-    range_n = (scene.boundary_load, LARGEST_LOAD * scene.reference_load)
+    range_n = forces_tried(scene)
     tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
     truth = _Truth(scene, range_n)
     for cells in CANDIDATES:

@@ -1,7 +1,6 @@
 """Polar quadrature: smooth surfaces with one spot of contact a patch, integrated on rays from the spot's middle."""
 
-from casadi_contact.contact.polar.choice import chosen_rays
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.rays import Rays
 
-__all__ = ["PolarFoundation", "Rays", "chosen_rays"]
+__all__ = ["PolarFoundation", "Rays"]

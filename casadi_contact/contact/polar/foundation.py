@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled_pressures import CompiledPressures
+from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.polar.patches import smooth_patches
+from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.source import polar_source
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription.kernel.source import c_text
 
 RAYS = Rays(16, 3)
 
 
-class PolarFoundation(CompiledFoundation):
+class PolarFoundation(CompiledPressures):
     """Elastic foundation between smooth surfaces, integrated on rays from the middle of each patch's one spot.
 
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
@@ -35,6 +38,13 @@ class PolarFoundation(CompiledFoundation):
 
     def _patch_source(self) -> str:
         return polar_source(self.patches, self.rays)
+
+    def _moments_source(self) -> str:
+        return c_text("polar_pressures.h", C_FOLDER)
+
+    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
+        found = [patch_moments(patch, self.law, self.rays, R, t) for patch in self.patches]
+        return np.stack([value for value, _ in found], 1), np.stack([slope for _, slope in found], 1)
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]

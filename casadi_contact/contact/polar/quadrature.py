@@ -44,22 +44,22 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     spot = middle(patch, R, t)
     free = ~(spot.depth > 0.0)
     plan = ray_plan(patch, R, t, spot, rays)
-    u, v, weight = _points(plan, spot.u, spot.v, rays)
+    u, v, weight = points_of(plan, spot.u, spot.v, rays)
     ends = ray_ends(patch, R, t, u, v)
     p, dp = pressure_slopes(*law, ends.depth)
     weight = np.where(free[:, None, None], 0.0, weight)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     arm = ends.x - t[:, None, None]
-    by_twist = _twist(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
+    by_twist = twist(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
     stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
     near = nearest(patch, R, t, spot)
-    gap_slope = -_twist(near.ends.G_start, near.ends.c - t)
+    gap_slope = -twist(near.ends.G_start, near.ends.c - t)
     cut = plan.cut.any(axis=1) & ~free
     return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_slope @ both, cut)
 
 
-def _points(plan: RayPlan, u: Array, v: Array, rays: Rays) -> tuple[Array, Array, Array]:
+def points_of(plan: RayPlan, u: Array, v: Array, rays: Rays) -> tuple[Array, Array, Array]:
     """(u, v) and weights (n, rays, points) of the quadrature."""
     x, weight = np.polynomial.legendre.leggauss(rays.points)
     x, weight = 0.5 * (1.0 + x), 0.5 * weight
@@ -70,6 +70,6 @@ def _points(plan: RayPlan, u: Array, v: Array, rays: Rays) -> tuple[Array, Array
     return u[:, None, None] + r * du, v[:, None, None] + r * dv, w
 
 
-def _twist(force: Array, arm: Array) -> Array:
+def twist(force: Array, arm: Array) -> Array:
     """(f, arm × f): the product of a force with the velocities of a twist."""
     return np.concatenate([force, np.cross(arm, force)], -1)

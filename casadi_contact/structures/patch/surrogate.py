@@ -146,21 +146,24 @@ class PatchSurrogate(Surrogate):
     def _root_count(self) -> int:
         return len(self.scene.parts)
 
+    def _first_roots(self) -> Sequence[int]:
+        return self.scene.first_parts
+
     def _patch_roots(self, roots: ca.MX) -> ca.MX:
         return patch_root_expressions(roots, self.scene.first_parts)
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        parts, selection = self._parts(loads)
+        parts, selection = self.known_parts(loads)
         return patch_expressions(parts, selection, self.scene.reference_load, pose, order)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        parts, selection = self._parts(loads)
+        parts, selection = self.known_parts(loads)
         if not roots:
             used = np.flatnonzero(selection.any(axis=(0, 2)))
             parts, selection = [parts[p] for p in used], selection[:, used]
         return patch_kernel(parts, selection, self.scene.reference_load)
 
-    def _parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
+    def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
         """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
         known = [p for p, part in enumerate(self.scene.parts) if root_name(part.name) in self.networks]
         of_parts = []

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from casadi_contact.network import Network
+from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
+from casadi_contact.transcription.kernel.tables import table
 
 
 def two_stage_kernel(
@@ -38,3 +42,33 @@ def two_stage_kernel(
     ]
     bundles = [Bundle("first", 6, first), Bundle("second", inputs, {name: second[name] for name in learned})]
     return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
+
+
+def confirming_inputs(parts: Sequence[PatchNetworks], first_parts: Sequence[int]) -> tuple[list[Bundle], str]:
+    """Networks and C function trust_inputs: the parts' root loads, which must confirm what the first stage claims."""
+    bundles = [Bundle(f"confirming_{k}", 6, {f"root {part.name}": part.root}) for k, part in enumerate(parts)]
+    anchors = table("confirming_anchor", np.array([part.anchor_mm for part in parts]))
+    first = table("first_confirming", np.array([*first_parts, len(parts)]))
+    roots = "\n".join(
+        f"  local = local_of(pose, &frame, confirming_anchor[{k}][0], confirming_anchor[{k}][1], "
+        f"confirming_anchor[{k}][2], 0);\n  confirming_{k}_value(local.x, s + {k});"
+        for k in range(len(parts))
+    )
+    return (
+        bundles,
+        f"""\
+{c_text("pose.h")}
+{anchors}
+{first}
+INLINE void trust_inputs(const double *pose, const double *parts, double *roots, double *claims) {{
+  const Frame frame = frame_of(pose);
+  double s[{len(parts)}], raw[FORCES];
+  Local local;
+{roots}
+  patch_roots(first_confirming, s, roots, 0);
+  first_value(pose, raw);
+  for (int p = 0; p < FORCES; p++) claims[p] = -raw[p];
+  (void)parts;
+}}
+""",
+    )

@@ -27,9 +27,10 @@ from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
 from casadi_contact.structures.patch.targets import root_regressions
 from casadi_contact.structures.sample_rows import finite, fitted_rows
 from casadi_contact.structures.two_stage.graph import two_stage_expressions
-from casadi_contact.structures.two_stage.kernel import two_stage_kernel
+from casadi_contact.structures.two_stage.kernel import confirming_inputs, two_stage_kernel
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.network_graph import network_value
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
@@ -109,6 +110,12 @@ class TwoStageSurrogate(Surrogate):
             return super()._trust_expressions(pose)
         claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
         return self.require_trust().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
+
+    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
+        confirming = self._confirming
+        if confirming is None:
+            return super()._trust_inputs()
+        return confirming_inputs(confirming.known_parts(())[0], self.scene.first_parts)
 
     @property
     def _smoothing_load(self) -> float:

@@ -18,12 +18,14 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import platformdirs
 
+from casadi_contact.compilation import announce
 from casadi_contact.files import scratch_folder
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
@@ -93,10 +95,11 @@ def _run(command: list[str], folder: Path | None = None) -> subprocess.Completed
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
 
-def shared_library(source: str, data: bytes = b"") -> Path:
+def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path:
     """Path of the compiled source, from the cache if it is there.
 
-    data: what the source includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
+    waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
+    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
     Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
     for a cache that is not the user's alone.
@@ -113,6 +116,8 @@ def shared_library(source: str, data: bytes = b"") -> Path:
     if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
         folder = _process_folder()
         found = _intact(folder, key)
+    if found is None and waited_for:
+        announce(waited_for, f"kept in {folder}")
     try:
         return found or _compiled(source, data, command, chosen, folder, key)
     except CompilerError:
@@ -137,6 +142,15 @@ def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, .
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
+
+
+def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
+    """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
+
+    Raises CompilerError without a compiler, or where it refuses.
+    """
+    _run([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
+    return folder / library
 
 
 def _check_private(folder: Path) -> None:

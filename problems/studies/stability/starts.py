@@ -20,6 +20,7 @@ from problems.studies.stability.table import Line
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # gap of the nearer side at the start; below zero, overlap
 SAME_MM = 0.01  # rotations over 25 mm
 FRAMES = 20
+FREE = ("tx", "ty", "tz", "rx")
 _MOVES = {"tx": 4.0, "tz": 1.0, "rx": 0.05}
 
 
@@ -68,7 +69,7 @@ def by_newton(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: 
 
     def answer(poses: Array) -> tuple[Array, np.ndarray, Array]:
         pressed, first = settle(model, poses, ("ty", "rx"), fy, tolerance=0.1, max_iterations=30)
-        found, second = settle(model, pressed, pose_estimation.FREE, loads, tolerance=1e-3, max_iterations=100)
+        found, second = settle(model, pressed, FREE, loads, tolerance=1e-3, max_iterations=100)
         return found, second.converged, first.iterations + second.iterations
 
     reference, known, _ = answer(near)

@@ -1,6 +1,20 @@
 /* $description
- * Plain C99, no library but libm; thread-safe; no memory is allocated. Written by casadi_contact $version.
- * pose = ($pose): mm and rad. loads = ($loads): $units. */
+ * $compiler; thread-safe; no memory is allocated. Written by casadi_contact $version.
+ *
+ * pose      $pose
+ *           of the moving body in the fixed body's frame, R = Rx(rx) Ry(ry) Rz(rz)
+ * loads     $loads
+ *           on the fixed body, in its frame, about its origin
+ * roots     $patches [-]
+ *           signed root load of each patch: the root of its normal load over $reference_load N in contact, below zero
+ *           out of contact$no_roots
+ * validity  [-] 1 well inside what was learned, 0 far outside; expected_error [the loads' units]: 95 % of errors lie
+ *           below it$no_trust
+ *
+ * Every function returns a status: $guard_OK;
+ * $guard_OUTSIDE, where the pose is not one that this model is made for ($learned): the
+ * numbers are given all the same, and mean nothing; $guard_NOT_FINITE, where the pose holds NaN or
+ * infinity: all numbers are NaN. */
 #ifndef ${guard}_H
 #define ${guard}_H
 
@@ -10,16 +24,28 @@ extern "C" {
 
 #define ${guard}_POSE 6
 #define ${guard}_LOADS $count
+#define ${guard}_PATCHES $patch_count
+
+enum { ${guard}_OK, ${guard}_OUTSIDE, ${guard}_NOT_FINITE };
 
 extern const char *const ${name}_load_names[${guard}_LOADS];
+extern const char *const ${name}_load_units[${guard}_LOADS];
+extern const char *const ${name}_patch_names[${guard}_PATCHES];
 
-void ${name}_loads(const double pose[6], double loads[${guard}_LOADS]);
+/* loads [$units] of pose [mm, mm, mm, rad, rad, rad] */
+int ${name}_loads(const double pose[6], double loads[${guard}_LOADS]);
 
-/* jacobian[i][j] = d loads[i] / d pose[j], row after row. */
-void ${name}_jacobian(const double pose[6], double loads[${guard}_LOADS], double jacobian[${guard}_LOADS][6]);
+/* jacobian[i][j] = d loads[i] / d pose[j], row after row [a load's unit per mm, per rad] */
+int ${name}_jacobian(const double pose[6], double loads[${guard}_LOADS], double jacobian[${guard}_LOADS][6]);
 
-/* hessian = sum of weights[i] * d2 loads[i] / d pose2, symmetric, in full. */
-void ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS], double hessian[6][6]);
+/* hessian = sum of weights[i] * d2 loads[i] / d pose2, symmetric, in full; it has the units of that sum */
+int ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS], double hessian[6][6]);
+
+/* roots [-]; jacobian[p][j] = d roots[p] / d pose[j] [1/mm, 1/rad] */
+int ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double jacobian[${guard}_PATCHES][6]);
+
+/* validity [-] and expected_error [$units] */
+int ${name}_trust(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
 
 #ifdef __cplusplus
 }

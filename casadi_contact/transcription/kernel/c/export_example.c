@@ -1,32 +1,50 @@
 /* Reads poses (six numbers each: $pose) from standard input, or takes a built-in one with the argument "demo".
- * Prints the loads of each pose, its Jacobian (one row per load), and the Hessian of the sum of all loads. */
+ * Prints the loads of each pose, its Jacobian (one row per load), and the Hessian of the sum of all loads. Says on
+ * standard error, and by the exit status 1, where a pose is not one that the model is made for. */
 #include <stdio.h>
 #include <string.h>
 
 #include "$name.h"
 
+static int told(int status) {
+  if (status == ${guard}_OUTSIDE) fprintf(stderr, "pose out of the model's range ($learned): its loads mean nothing\n");
+  if (status == ${guard}_NOT_FINITE) fprintf(stderr, "pose is not finite\n");
+  return status != ${guard}_OK;
+}
+
 static void print_row(const double *values, int count) {
   for (int i = 0; i < count; i++) printf("%.17g%c", values[i], i + 1 < count ? ' ' : '\n');
 }
 
-static void evaluate(const double pose[6]) {
+static int evaluate(const double pose[6]) {
   double loads[${guard}_LOADS], jacobian[${guard}_LOADS][6], weights[${guard}_LOADS], hessian[6][6];
+  const int status = ${name}_jacobian(pose, loads, jacobian);
   for (int i = 0; i < ${guard}_LOADS; i++) weights[i] = 1.0;
-  ${name}_jacobian(pose, loads, jacobian);
   ${name}_hessian(pose, weights, hessian);
   print_row(loads, ${guard}_LOADS);
   for (int i = 0; i < ${guard}_LOADS; i++) print_row(jacobian[i], 6);
   for (int i = 0; i < 6; i++) print_row(hessian[i], 6);
+  return told(status);
+}
+
+static int demo(const double pose[6]) {
+  double loads[${guard}_LOADS], validity, expected_error[${guard}_LOADS];
+  const int status = ${name}_loads(pose, loads);
+  ${name}_trust(pose, &validity, expected_error);
+  for (int i = 0; i < ${guard}_LOADS; i++) {
+    printf("%-8s %14.6f %s", ${name}_load_names[i], loads[i], ${name}_load_units[i]);
+    if (expected_error[i] == expected_error[i]) printf(" (expected error %.2g)", expected_error[i]);
+    printf("\n");
+  }
+  return told(status);
 }
 
 int main(int argc, char **argv) {
   double pose[6] = {$example_pose};
-  if (argc > 1 && strcmp(argv[1], "demo") == 0) {
-    double loads[${guard}_LOADS];
-    ${name}_loads(pose, loads);
-    for (int i = 0; i < ${guard}_LOADS; i++) printf("%-8s %14.6f\n", ${name}_load_names[i], loads[i]);
-    return 0;
+  int failed = 0;
+  if (argc > 1 && strcmp(argv[1], "demo") == 0) return demo(pose);
+  while (scanf("%lf %lf %lf %lf %lf %lf", pose, pose + 1, pose + 2, pose + 3, pose + 4, pose + 5) == 6) {
+    failed |= evaluate(pose);
   }
-  while (scanf("%lf %lf %lf %lf %lf %lf", pose, pose + 1, pose + 2, pose + 3, pose + 4, pose + 5) == 6) evaluate(pose);
-  return 0;
+  return failed;
 }

@@ -1,0 +1,7 @@
+"""Assemblies: several contacts, ligaments and springs between bodies, as one CasADi function of all their poses."""
+
+from casadi_contact.assembly.assembly import Assembly
+from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
+from casadi_contact.assembly.file import load_assembly, ready_assemblies
+
+__all__ = ["Assembly", "Contact", "Ligament", "Pull", "Spring", "load_assembly", "ready_assemblies"]

@@ -1,0 +1,76 @@
+"""What acts between the bodies of an assembly: contacts, ligaments, pulls of given tension, springs.
+
+Lines of action are straight between two points [mm], each fixed to a body. Tensions are in N, positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact import SymbolicContact
+from casadi_contact.conventions import Array
+
+_TOE = 0.03  # strain at which fibres are straight
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact model between a fixed and a moving body of an assembly; each frame (6,) [mm, rad] places the model's
+    own body frame on that of the assembly."""
+
+    name: str
+    model: SymbolicContact
+    fixed: str
+    moving: str
+    fixed_frame: Array = field(default_factory=lambda: np.zeros(6))
+    moving_frame: Array = field(default_factory=lambda: np.zeros(6))
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """Names of both."""
+        return self.fixed, self.moving
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line between a point (3,) [mm] of one body and one of another."""
+
+    name: str
+    bodies: tuple[str, str]
+    points_mm: tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Ligament(Line):
+    """A nonlinear elastic bundle: tension [N] over the strain ε = length/slack_length - 1 (Blankevoort et al. 1991),
+
+    0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = 0.03, k = stiffness_n [N]
+    """
+
+    stiffness_n: float
+    slack_length_mm: float
+
+    def tension(self, length: Any) -> Any:
+        """Tension [N] at a length [mm], once continuously differentiable, as a CasADi expression."""
+        strain = ca.fmax(length / self.slack_length_mm - 1.0, 0.0)
+        toe, straight = 0.25 * strain**2 / _TOE, strain - _TOE
+        return self.stiffness_n * ca.if_else(strain < 2.0 * _TOE, toe, straight)
+
+
+@dataclass(frozen=True)
+class Pull(Line):
+    """A line whose tension is an input of the assembly: a muscle or an actuator."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Linear springs on the pose of one body in the ground: generalised forces -stiffness·(pose - rest), each (6,)."""
+
+    name: str
+    body: str
+    stiffness: Array
+    rest: Array

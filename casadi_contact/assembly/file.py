@@ -1,0 +1,165 @@
+"""Assemblies as TOML files: bodies, contacts by their scenes, ligaments, pulls and springs.
+
+format = 1
+name = "my_joint"
+ground = "tibia"
+[bodies.femur]
+pose = [0.0, 28.0, 0.0, 0.0, 0.0, 0.0]               # start, in the ground
+[contacts.tibiofemoral]
+scene = "knee"                                       # ready scene, or scene .toml beside this file
+fixed = "tibia"
+moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie
+[ligaments.mcl]
+bodies = ["femur", "tibia"]
+points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
+stiffness_n = 2750.0                                 # per unit of strain
+slack_length_mm = 78.0
+[pulls.quadriceps]                                   # bodies and points_mm
+[springs.soft_tissue]                                # body, stiffness and rest (6 each)
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.assembly.assembly import Assembly
+from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
+from casadi_contact.contact import SymbolicContact, foundation
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.quantities import quantity
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.shapes.checks import fail, number, plain_values, scene_name, table_of
+
+FORMAT = 1
+MOST_CHARACTERS = 1_000_000
+_FRAMES = ("fixed_frame", "moving_frame")
+_ROOM = "casadi_contact.assembly"
+
+
+def ready_assemblies() -> list[str]:
+    """Names of the assemblies that come with the library."""
+    folder = resources.files(_ROOM) / "ready"
+    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
+
+
+def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicContact] | None = None) -> Assembly:
+    """Load a ready assembly by name, or an assembly file by its path.
+
+    contact: makes the contact model of a scene, whose loads hold the whole wrench; its foundation if left out. Raises
+    ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path).endswith(".toml"):
+        if not path.is_file():
+            raise FileNotFoundError(f"assembly file {path} does not exist")
+        text = path.read_text("utf-8")
+    elif str(name_or_path) in ready_assemblies():
+        text = (resources.files(_ROOM) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
+    else:
+        possible = ", ".join(ready_assemblies())
+        raise ValueError(
+            f"unknown assembly {str(name_or_path)!r}, expected one of {possible}, or a path to a .toml file"
+        )
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"{name_or_path}: {len(text)} characters, expected at most {MOST_CHARACTERS}")
+    try:
+        return _assembly(tomllib.loads(text), path.parent, contact or foundation)
+    except RecursionError:
+        raise ValueError(f"{name_or_path}: tables are nested too deep, expected a few levels") from None
+    except ValueError as error:
+        raise ValueError(f"{name_or_path}: {error}") from None
+
+
+def whole_wrench(scene: Scene) -> Scene:
+    """The scene with every component of the wrench among its loads: those that it leaves out in total, with the
+    loosest tolerance of their kind."""
+    present = {name.partition("_")[0] for name in scene.load_names}
+    missing = [name for name in WRENCH_NAMES if name not in present]
+    if not missing:
+        return scene
+    tolerances = dict(scene.tolerances)
+    for name in missing:
+        alike = [value for load, value in scene.tolerances.items() if quantity(load).kind == quantity(name).kind]
+        tolerances[name] = max(alike or scene.tolerances.values())
+    loads = {**scene.tables["loads"], "names": [*scene.load_names, *missing]}
+    return Scene.from_tables({**scene.tables, "loads": loads, "tolerances": tolerances})
+
+
+def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Assembly:
+    plain_values("", tables)
+    kinds = ("contacts", "ligaments", "pulls", "springs")
+    given = table_of("assembly", tables, ("format", "name", "ground", "bodies"), complete=True, optional=kinds)
+    if given["format"] != FORMAT:
+        raise fail("format", given["format"], f"{FORMAT} (this version reads assembly format {FORMAT})")
+    contacts, ligaments, pulls, springs = (_tables(kind, given.get(kind, {})) for kind in kinds)
+    bodies = _tables("bodies", given["bodies"])
+    return Assembly(
+        name=scene_name(given["name"]),
+        ground=str(given["ground"]),
+        start={name: _body_pose(f"bodies.{name}", table) for name, table in bodies.items()},
+        contacts=[_contact(name, table, folder, contact) for name, table in contacts.items()],
+        ligaments=[_ligament(name, table) for name, table in ligaments.items()],
+        pulls=[_pull(name, table) for name, table in pulls.items()],
+        springs=[_spring(name, table) for name, table in springs.items()],
+    )
+
+
+def _tables(key: str, value: object) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise fail(key, value, "a table of tables")
+    return dict(value)
+
+
+def _body_pose(key: str, table: object) -> Array:
+    return _numbers(f"{key}.pose", table_of(key, table, ("pose",), complete=True)["pose"], 6)
+
+
+def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Contact:
+    key = f"contacts.{name}"
+    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=_FRAMES)
+    scene = str(given["scene"])
+    found = load_scene(folder / scene if scene.endswith(".toml") else scene)
+    frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
+    return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
+
+
+def _line(key: str, given: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[Array, Array]]:
+    bodies, points = given["bodies"], given["points_mm"]
+    for part, value in (("bodies", bodies), ("points_mm", points)):
+        if not isinstance(value, list) or len(value) != 2:
+            raise fail(f"{key}.{part}", value, "two, one of each end")
+    first, second = (_numbers(f"{key}.points_mm", point, 3) for point in points)
+    return (str(bodies[0]), str(bodies[1])), (first, second)
+
+
+def _ligament(name: str, table: object) -> Ligament:
+    key = f"ligaments.{name}"
+    given = table_of(key, table, ("bodies", "points_mm", "stiffness_n", "slack_length_mm"), complete=True)
+    stiffness, slack = (number(f"{key}.{size}", given[size], low=0.0) for size in ("stiffness_n", "slack_length_mm"))
+    return Ligament(name, *_line(key, given), stiffness, slack)
+
+
+def _pull(name: str, table: object) -> Pull:
+    key = f"pulls.{name}"
+    return Pull(name, *_line(key, table_of(key, table, ("bodies", "points_mm"), complete=True)))
+
+
+def _spring(name: str, table: object) -> Spring:
+    key = f"springs.{name}"
+    given = table_of(key, table, ("body", "stiffness", "rest"), complete=True)
+    stiffness, rest = (_numbers(f"{key}.{part}", given[part], 6) for part in ("stiffness", "rest"))
+    if (stiffness < 0.0).any():
+        raise fail(f"{key}.stiffness", given["stiffness"], "numbers of 0 or more")
+    return Spring(name, str(given["body"]), stiffness, rest)
+
+
+def _numbers(key: str, value: object, count: int) -> Array:
+    if not isinstance(value, list) or len(value) != count:
+        raise fail(key, value, f"{count} numbers")
+    return np.array([number(key, part) for part in value])

@@ -1,0 +1,79 @@
+"""The poses at which an assembly is in equilibrium, by pseudo-transient continuation.
+
+Bodies move through a viscous fluid, C·q̇ = Q(q) + applied, C = 1 N·s/mm (about 25 mm for rotations), in implicit Euler
+steps (C/Δt - ∂Q/∂q)·Δq = Q that double as long as no pose moves farther than a bound: from far away they follow the
+motion, so that they end in a stable equilibrium, and near it they become Newton's (Kelley and Keyes 1998).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.assembly.assembly import Assembly
+from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, pose_index
+
+_FIRST_STEP_S = 1e-4
+_LARGEST_MOVE_MM = 0.5
+_LONGEST_STEP_S = 1e12
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Poses (bodies, 6); residual [N]: the largest force left along a free parameter, torques over 25 mm."""
+
+    poses: Array
+    residual: float
+    converged: bool
+
+
+def settle_assembly(
+    assembly: Assembly,
+    poses: ArrayLike,
+    free: Mapping[str, Sequence[str]],
+    applied: Mapping[str, ArrayLike] | None = None,
+    tensions: Sequence[float] = (),
+    *,
+    tolerance: float = 1e-6,
+    max_iterations: int = 1000,
+) -> Equilibrium:
+    """Move the free pose parameters of bodies (by name) until what acts on them vanishes.
+
+    poses (bodies, 6): start, and the values of locked parameters; applied: further generalised forces (6,) [N, N·mm] by
+    body; tensions [N] of the pulls. Raises ValueError for unknown names and wrong numbers; what does not converge is
+    reported, not raised.
+    """
+    q = as_poses(poses).copy()
+    applied = applied or {}
+    unknown = {*free, *applied} - set(assembly.bodies)
+    if unknown or len(q) != len(assembly.bodies) or len(tensions) != len(assembly.pulls):
+        raise ValueError(
+            f"got {len(q)} poses, {len(tensions)} tensions, and the bodies {', '.join([*free, *applied])}; assembly "
+            f"{assembly.name} has {len(assembly.pulls)} pulls and the free bodies {', '.join(assembly.bodies)}"
+        )
+    rows = [6 * assembly.bodies.index(body) + pose_index(name) for body, names in free.items() for name in names]
+    given = np.zeros(6 * len(q))
+    for body, force in applied.items():
+        given[6 * assembly.bodies.index(body) :][:6] = np.asarray(force, dtype=float)
+    x = ca.MX.sym("x", 6 * len(q))
+    forces = ca.vec(assembly.forces()(ca.reshape(x, 6, len(q)), ca.DM(list(tensions)))) + ca.DM(given)
+    evaluate = ca.Function("settle", [x], [forces[rows], ca.jacobian(forces, x)[rows, rows]])
+    in_mm = np.tile(POSE_IN_MM, len(q))[rows]
+    step, position = _FIRST_STEP_S, q.ravel()
+    for _ in range(max_iterations):
+        left, slope = (np.asarray(part) for part in evaluate(position))
+        residual = float(np.abs(left.ravel() / in_mm).max())
+        if residual <= tolerance or not np.isfinite(residual):
+            break
+        while True:
+            move = np.linalg.solve(np.diag(in_mm**2 / step) - slope, left.ravel())
+            if np.abs(move * in_mm).max() <= _LARGEST_MOVE_MM or step < 1e-12:
+                break
+            step *= 0.5
+        position[rows] += move
+        step = min(2.0 * step, _LONGEST_STEP_S)
+    return Equilibrium(position.reshape(-1, 6), residual, residual <= tolerance)

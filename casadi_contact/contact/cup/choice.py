@@ -1,0 +1,48 @@
+"""How many points a cup needs: the fewest whose errors, against many more, stay within the scene's tolerances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.contact.convergence import cheapest, forces_tried
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup.quadrature import any_across
+from casadi_contact.conventions import Array
+from casadi_contact.scenes import Scene
+
+CANDIDATES = (12, 16, 24, 32, 48)  # with fewer, slopes differ from differences of loads where the rim cuts
+CONVERGED = 96
+_POSES = 256
+
+
+def cup_foundation(scene: Scene, *, compiled: bool = True) -> CupFoundation:
+    """The fewest points that agree with `CONVERGED` within the scene's tolerances (`convergence.cheapest`), over poses
+    that press the cup from its deepest point to its rim, which cuts contact then."""
+    converged = CupFoundation(scene, CONVERGED, compiled=False)
+    poses = _pressed_poses(converged, forces_tried(scene))
+    truth = converged(poses)
+    models = (CupFoundation(scene, points, compiled=compiled) for points in CANDIDATES)
+
+    def errors(model: CupFoundation) -> Array:
+        plain = CupFoundation(scene, model.points, compiled=False)
+        return np.asarray(plain(poses) - truth)
+
+    model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{CONVERGED} points")
+    model.record["points"] = model.points
+    return model
+
+
+def _pressed_poses(model: CupFoundation, range_n: tuple[float, float]) -> Array:
+    """Poses (m, 6) at all angles of the cup, whose forces spread evenly on a logarithmic scale [N]."""
+    cup, random = model.cup, np.random.default_rng(0)
+    tilt, around = cup.half_angle * random.random(_POSES), random.uniform(0.0, 2.0 * np.pi, _POSES)
+    first = any_across(cup)
+    beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
+    along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
+    wanted, depth = np.geomspace(*range_n, _POSES), np.full(_POSES, 0.01)
+    poses = np.zeros((_POSES, 6))
+    for _ in range(6):  # the force grows about as the square of the depth
+        poses[:, :3] = cup.centre + (cup.radius - cup.ball_radius + depth)[:, None] * along
+        force = np.linalg.norm(model.wrenches(poses)[:, 0, :3], axis=1)
+        depth *= np.sqrt(wanted / np.maximum(force, 1e-12))
+    return poses

@@ -1,0 +1,107 @@
+"""Contact models that are CasADi functions too: what optimisation problems take, whatever is behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Protocol, runtime_checkable
+
+import casadi as ca
+
+from casadi_contact.contact.callback import check_loads, model_callback
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import Array, pose_or_poses
+
+
+@runtime_checkable
+class SymbolicContact(ContactModel, Protocol):
+    """A `ContactModel` with CasADi functions: a surrogate, a foundation (`cc.foundation`), or `symbolic` of any other.
+
+    record: plain values, with the learned range of poses as "pose_range" where there is one.
+    """
+
+    record: dict[str, Any]
+
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm], all or those asked for."""
+
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all); ValueError for one that the model does not give."""
+
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch)."""
+
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads_and_roots",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), signed root loads (P)."""
+
+
+def symbolic(model: ContactModel) -> SymbolicContact:
+    """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians."""
+    return model if isinstance(model, SymbolicContact) else CallbackContact(model)
+
+
+class CallbackContact:
+    """Any contact model with CasADi functions that call it back, through Python, with its own Jacobian."""
+
+    def __init__(self, model: ContactModel) -> None:
+        self.model, self.scene = model, model.scene
+        self.load_names, self.patch_names = model.load_names, model.patch_names
+        self.record: dict[str, Any] = {}
+        for name in ("gaps", "at_edge"):  # of those that have them
+            if hasattr(model, name):
+                setattr(self, name, getattr(model, name))
+
+    def __repr__(self) -> str:
+        return f"symbolic({self.model!r})"
+
+    @pose_or_poses
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm], all or those asked for."""
+        return self.model(poses)[:, [self.load_names.index(name) for name in self.check_loads(loads)]]
+
+    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """The model's loads and Jacobian."""
+        return self.model.jacobian(poses)
+
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """The model's signed root loads and their derivatives."""
+        return self.model.root_loads(poses)
+
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all); ValueError where one is not the scene's."""
+        return check_loads(self.load_names, loads)
+
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L); there is nothing to compile."""
+        return model_callback(self.model, name, self.check_loads(loads), ("loads",), batch)
+
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads_and_roots",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), signed root loads (P)."""
+        return model_callback(self.model, name, self.check_loads(loads), ("loads", "roots"), batch)

@@ -1,0 +1,50 @@
+"""``casadi-contact scene``: from two mesh files to a scene file, and a picture of what was understood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.files import file_stem, write_text
+from casadi_contact.proposal.joint import JOINTS
+from casadi_contact.proposal.propose import propose
+from casadi_contact.proposal.tables import MATERIALS
+from casadi_contact.proposal.text import proposal_lines, scene_text
+from casadi_contact.scenes import load_scene
+from casadi_contact.show.scene_picture import draw_scene
+from casadi_contact.terminal import PlainConsole
+
+SIDES = ("right", "left")
+console = PlainConsole()
+
+
+def scene(
+    moving: Annotated[Path, typer.Argument(help="mesh of the moving body: STL, OBJ, PLY or VTP")],
+    fixed: Annotated[Path, typer.Argument(help="mesh of the fixed body, which carries the elements")],
+    side: Annotated[str | None, typer.Option(help=f"of the body: {' or '.join(SIDES)}")] = None,
+    joint: Annotated[str | None, typer.Option(help=f"{', '.join(JOINTS)}; found if left out")] = None,
+    axes: Annotated[
+        str | None, typer.Option(help="file axes that are posterior, superior, medial, as -x,y,-z; found if left out")
+    ] = None,
+    material: Annotated[str | None, typer.Option(help=f"{' or '.join(MATERIALS)}; guessed if left out")] = None,
+    out: Annotated[Path | None, typer.Option(help="scene file; the fixed mesh's name and .toml if left out")] = None,
+) -> None:
+    """Propose a scene for two mesh files, try it, and write it with a picture of what was understood."""
+    for option, value, allowed in (("side", side, SIDES), ("joint", joint, JOINTS), ("material", material, MATERIALS)):
+        if value is not None and value not in tuple(allowed):
+            raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
+    path = Path(f"{file_stem(fixed.stem)}.toml") if out is None else out
+    if path.suffix != ".toml":
+        raise ValueError(f"--out is {path}, expected a scene file, for example my.toml")
+    named: Sequence[str] | None = None if axes is None else [axis.strip() for axis in axes.split(",")]
+    proposal = propose(moving, fixed, name=file_stem(path.stem), side=side, kind=joint, axes=named, material=material)
+    write_text(path, scene_text(proposal, path.parent))
+    picture = path.with_suffix(".png")
+    written = load_scene(path)
+    draw_scene(ElasticFoundation(written), proposal.rest_pose, proposal.poses, picture)
+    console.print(*proposal_lines(proposal), sep="\n", highlight=False, soft_wrap=True)
+    console.print(f"scene in {path}, picture in {picture}", highlight=False, soft_wrap=True)

@@ -1,0 +1,179 @@
+"""Which file axis is which of the library's, whether the joint is mirrored, and where the origins go."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.mesh import axes_rotation
+from casadi_contact.geometry.mesh_elements import axis_name
+from casadi_contact.geometry.placement import Placement
+from casadi_contact.proposal.joint import Joint
+from casadi_contact.proposal.meeting import REACH_MM, Meeting
+from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.regions import Regions
+
+_FAR_MM = 50.0  # from a body to its file's origin: a scan's
+_NOTCH_MM = 4.0  # half the width of the band between a femur's condyles
+_CLEARLY_MM = 2.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """axes as in a scene's geometry; placements of the two bodies; what is known of it, and what is not."""
+
+    axes: tuple[str, ...]
+    mirror: str
+    offsets_mm: dict[str, tuple[float, ...]]
+    told: list[str] = field(default_factory=list)
+    untold: list[str] = field(default_factory=list)
+
+    def directions(self, vectors: Array) -> Array:
+        """Vectors (..., 3) of the files in the library's axes."""
+        return Placement(mirror=self.mirror).points(vectors @ axes_rotation(self.axes).T)
+
+    def points(self, points_mm: Array, body: str) -> Array:
+        """Points (n, 3) of a body's file [mm] in its frame."""
+        return np.asarray(self.directions(points_mm) + self.offsets_mm[body])
+
+
+def frame_of(
+    pair: Pair,
+    meeting: Meeting,
+    regions: Regions,
+    joint: Joint,
+    side: str | None = None,
+    axes: Sequence[str] | None = None,
+) -> Frame:
+    """x posterior, y superior, z medial as far as the surfaces tell; a left joint is mirrored in z, which makes it a
+    right one. axes: those of a scene's geometry, where they are known."""
+    told: list[str] = []
+    untold: list[str] = []
+    if axes is not None:
+        axes_rotation(list(axes))
+    mirror = "z" if side == "left" and joint.kind != "other" else ""
+    if joint.kind != "other":
+        told.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")
+        if side is None:
+            untold.append("the side: taken as right (--side left mirrors it)")
+    known = tuple(axes) if axes is not None else _axes(pair, meeting, regions, joint, mirror, told, untold)
+    turned = axes_rotation(known)
+    offsets = _offsets(pair, meeting, regions, joint, Placement(mirror=mirror), turned, told)
+    return Frame(known, mirror, offsets, told, untold)
+
+
+def _axes(
+    pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: str, told: list[str], untold: list[str]
+) -> tuple[str, ...]:
+    candidates, wanted = _all_axes(), {1: -meeting.pressing}
+    if joint.kind == "patella":
+        wanted = {0: meeting.pressing}
+        candidates = [axes for axes in candidates if abs(axes_rotation(axes)[2, regions.axis or 0]) > 0.5]
+        told.append(f"the moving body presses along the file's {axis_name(meeting.pressing)}: posterior (+x)")
+        untold.append("which way along the groove is superior: kept as in the file where it can be (--axes)")
+    elif joint.kind == "hip":
+        wanted = {1: meeting.pressing}
+        level = meeting.pressing - meeting.pressing * (np.arange(3) == np.abs(meeting.pressing).argmax())
+        wanted[2] = -level if mirror else level
+        untold.append(
+            f"which way is up and which medial: taken as the file's {axis_name(meeting.pressing)} and "
+            f"{axis_name(level)}, the ways in which the cup is deep (--axes)"
+        )
+    else:
+        told.append(f"the fixed surface faces the file's {axis_name(-meeting.pressing)}: up (+y)")
+    if joint.kind == "knee":
+        wanted[0] = _posterior(pair, regions, told, untold)
+    elif joint.kind == "other":
+        untold.append("what x and z stand for: kept as in the file where they can be (--axes)")
+    return _best(candidates, wanted)
+
+
+def _all_axes() -> list[tuple[str, ...]]:
+    """The 24 rotations of axes, those nearest to the file's own first."""
+    found = []
+    for order in itertools.permutations("xyz"):
+        for signs in itertools.product(("", "-"), repeat=3):
+            axes = tuple(sign + axis for sign, axis in zip(signs, order, strict=True))
+            matrix = np.array([[("-" + a == b) * -1.0 + (a == b) for a in "xyz"] for b in axes])
+            if np.linalg.det(matrix) > 0.5:
+                found.append((float(np.trace(matrix)), axes))
+    return [axes for _, axes in sorted(found, key=lambda each: -each[0])]
+
+
+def _best(candidates: list[tuple[str, ...]], wanted: dict[int, Array]) -> tuple[str, ...]:
+    """The candidate whose axes lie nearest to the wanted directions; of equal ones the first."""
+
+    def agreement(axes: tuple[str, ...]) -> float:
+        rows = axes_rotation(axes)
+        return sum(float(rows[row] @ direction) for row, direction in wanted.items())
+
+    return max(candidates, key=lambda axes: round(agreement(axes), 6))
+
+
+def _posterior(pair: Pair, regions: Regions, told: list[str], untold: list[str]) -> Array:
+    """Between a femur's condyles there is a notch behind and the groove of the patella before."""
+    assert regions.axis is not None
+    across = [a for a in range(3) if a != regions.axis]
+    flat = min(across, key=lambda a: abs(float((regions.weight @ pair.normals)[a])))
+    ends = pair.moving.vertices_mm - pair.moving.vertices_mm.mean(axis=0)
+    width = np.ptp(pair.moving.vertices_mm[:, regions.axis])
+    middle = 0.5 * (pair.moving.vertices_mm[:, regions.axis].max() + pair.moving.vertices_mm[:, regions.axis].min())
+    band = np.abs(pair.moving.vertices_mm[:, regions.axis] - middle) < max(_NOTCH_MM, 0.06 * width)
+    ahead = float(ends[band, flat].mean()) if band.any() else 0.0
+    posterior = -np.sign(ahead or -1.0) * np.eye(3)[flat]
+    if abs(ahead) > _CLEARLY_MM:
+        told.append(
+            f"posterior is the file's {axis_name(posterior)}: the moving body's condyles are joined at its other end"
+        )
+    else:
+        untold.append(
+            f"which way is posterior: taken as the file's {axis_name(posterior)}; check that flexion is rz < 0"
+        )
+    return np.asarray(posterior)
+
+
+def _offsets(
+    pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: Placement, turned: Array, told: list[str]
+) -> dict[str, tuple[float, ...]]:
+    """What brings the bodies' origins to where they mean something; zero where the files' own do.
+
+    Files whose origin lies far from the bodies: to the middle of contact, of a ball to its centre; the same for both
+    bodies where the files place them together. A knee of one scan: the fixed origin, which centres of pressure refer
+    to, in x to the middle of contact and in z to between the patches, as a tray's.
+    """
+    origins = {}
+    for body, points in (("moving", pair.moving.vertices_mm), ("fixed", pair.points_mm)):
+        low, high = points.min(axis=0), points.max(axis=0)
+        far = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) > _FAR_MM
+        origins[body] = regions.centre_mm if far else np.zeros(3)
+        if far and body == "moving" and not meeting.together:
+            origins[body] = regions.centre_mm - meeting.translation_mm
+    if any(origin.any() for origin in origins.values()):
+        told.append("the files' origin lies far from the bodies: moved to the centre of what touches, see placement")
+        if meeting.together:
+            origins = dict.fromkeys(origins, regions.centre_mm)
+    if joint.kind == "knee" and meeting.together:
+        up = int(np.abs(meeting.pressing).argmax())
+        origins["fixed"] = _middle(pair, meeting, regions) * (np.arange(3) != up) + origins["fixed"] * (
+            np.arange(3) == up
+        )
+        told.append(
+            "the fixed body's origin lies at the middle of contact, between the patches: centres of pressure refer to "
+            "it; poses in the files' frame differ by its placement"
+        )
+    return {body: tuple((0.0 - mirror.points(turned @ origin)).round(3).tolist()) for body, origin in origins.items()}
+
+
+def _middle(pair: Pair, meeting: Meeting, regions: Regions) -> Array:
+    """The mean over the patches of what is near at touch; along the axis they part on, the cut between them [mm]."""
+    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, REACH_MM)
+    patch = regions.patch_of(pair.points_mm)
+    middles = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
+    middle = np.mean(middles, axis=0)
+    if regions.axis is not None:
+        middle[regions.axis] = np.mean(regions.cuts_mm)
+    return np.asarray(middle)

@@ -1,0 +1,95 @@
+"""Kinds of joints as a proposal knows them: how they are recognised, and what their scenes name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.proposal.meeting import Meeting
+from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.regions import Regions
+
+JOINTS = ("knee", "hip", "patella", "other")
+_CUP = 0.9  # concentration of normals below which a single patch encloses the moving body
+_GROOVE_DEG = 40.0  # between the normals of neighbouring patches
+
+
+@dataclass(frozen=True)
+class Joint:
+    """kind: one of `JOINTS`. patches: names by falling coordinate (library's axes) along which they lie side by side.
+    pressing: signed axis of the library along which each patch is pressed ("-y"); "" where the force turns (a cup)."""
+
+    kind: str
+    patches: tuple[str, ...]
+    pressing: str
+
+    @property
+    def sensitive(self) -> list[str]:
+        """The scene's loads.sensitive: the normal load of each patch."""
+        if not self.pressing:
+            return ["F"] if len(self.patches) == 1 else [f"F_{patch}" for patch in self.patches]
+        sign = "-" if self.pressing[0] == "-" else "+"
+        return [f"{sign}{name}" for name in self._forces]
+
+    @property
+    def loads(self) -> list[str]:
+        """The scene's loads.names: the normal loads by patch, all others of all patches together."""
+        if not self.pressing:
+            split = [f"{force}_{patch}" for patch in self.patches for force in WRENCH_NAMES[:3]]
+            return [*(split if len(self.patches) > 1 else WRENCH_NAMES[:3]), *WRENCH_NAMES[3:]]
+        pressed = f"F{self.pressing[1]}"
+        return [*self._forces, *(name for name in WRENCH_NAMES if name != pressed)]
+
+    @property
+    def sensitive_pose(self) -> list[str]:
+        """The pose parameters that the normal loads answer to most: of the knee [EF15 §2.1]."""
+        if not self.pressing:
+            return ["tx", "ty", "tz"]
+        press = f"t{self.pressing[1]}"
+        if len(self.patches) == 1:
+            return [press]
+        return [press, "tz" if self.kind == "patella" else "rx" if self.pressing[1] == "y" else "ry"]
+
+    @property
+    def _forces(self) -> list[str]:
+        force = f"F{self.pressing[1]}"
+        return [force] if len(self.patches) == 1 else [f"{force}_{patch}" for patch in self.patches]
+
+
+def joint_of(pair: Pair, meeting: Meeting, regions: Regions, kind: str | None = None) -> Joint:
+    """The joint that the bodies look like, or the kind that is given; raises ValueError where the two cannot agree."""
+    count = len(regions.cuts_mm) + 1
+    if kind is None:
+        if count == 1:
+            kind = "hip" if meeting.concentration < _CUP else "other"
+        else:
+            kind = "patella" if _angle_deg(pair, regions) > _GROOVE_DEG else "knee"
+            kind = kind if count == 2 else "other"
+    expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
+    if count != expected:
+        raise ValueError(
+            f"the bodies come near each other in {count} places side by side, a {kind} in {expected}: choose another "
+            f"--joint, or cut the meshes to the surfaces that touch"
+        )
+    if kind == "other":
+        names: Sequence[str] = ("contact",) if count == 1 else [f"p{k + 1}" for k in range(count)]
+    else:
+        names = ("contact",) if count == 1 else ("med", "lat")
+    turning = count == 1 and meeting.concentration < _CUP
+    return Joint(kind, tuple(names), "" if turning else "+x" if kind == "patella" else "-y")
+
+
+def _angle_deg(pair: Pair, regions: Regions) -> float:
+    """The angle between the mean normals of the first and the last patch."""
+    patch, means = regions.patch_of(pair.points_mm), []
+    for number in (0, len(regions.cuts_mm)):
+        mean = (regions.weight * (patch == number)) @ pair.normals
+        means.append(mean / max(float(np.linalg.norm(mean)), 1e-300))
+    return float(np.degrees(np.arccos(np.clip(_dot(means[0], means[1]), -1.0, 1.0))))
+
+
+def _dot(a: Array, b: Array) -> float:
+    return float(a @ b)

@@ -1,0 +1,60 @@
+"""How two bodies meet: whether their files share a frame, and which way the moving one presses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.proposal.pair import Pair
+
+REACH_MM = 2.0
+_DEEPEST_MM = 4.0  # bodies scanned together overlap less
+_LEAST_SHARE = 0.03  # of the fixed surface that is near, for the files to share a frame
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """together: the files place both bodies in one frame, so that the pose zero is as scanned. pressing (3,): unit
+    vector along which the moving body presses. translation_mm (3,): where it touches, unturned. concentration: length
+    of the mean outward normal of the fixed surface nearby, 1 for a plane, 1/2 for a half-sphere."""
+
+    together: bool
+    pressing: Array
+    translation_mm: Array
+    concentration: float
+
+
+def meeting_of(pair: Pair) -> Meeting:
+    """Find it from the pose zero if the bodies just touch there, else by dropping the moving body onto the fixed one
+    along each axis, both ways. Raises ValueError where they meet nowhere."""
+    distance = pair.distances(np.eye(3), np.zeros(3))[0]
+    near = pair.near(np.eye(3), np.zeros(3), REACH_MM)
+    share = pair.areas_mm2[near].sum() / pair.areas_mm2.sum()
+    if distance.min() > -_DEEPEST_MM and share > _LEAST_SHARE:
+        pressing, concentration = _pressing(pair, near)
+        return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
+    middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
+    ends = pair.moving.vertices_mm
+    centred = middle - 0.5 * (ends.min(axis=0) + ends.max(axis=0))
+    best, found = 0.0, None
+    for start in (np.zeros(3), centred):
+        for direction in np.vstack([-np.eye(3), np.eye(3)])[[1, 4, 0, 2, 3, 5]]:
+            touched = pair.dropped(np.eye(3), start, direction)
+            if touched is None:
+                continue
+            near = pair.near(np.eye(3), touched, REACH_MM) & (pair.normals @ direction < 0.0)
+            size = float(pair.areas_mm2[near].sum())
+            if size > 1.2 * best:  # an earlier one, along y and as in the files, unless another is clearly better
+                best, found = size, Meeting(False, direction, touched, _pressing(pair, near)[1])
+    if found is None:
+        raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
+    return found
+
+
+def _pressing(pair: Pair, near: np.ndarray) -> tuple[Array, float]:
+    area = pair.areas_mm2[near]
+    mean = area @ pair.normals[near] / max(area.sum(), 1e-300)
+    length = float(np.linalg.norm(mean))
+    return -mean / max(length, 1e-300), length

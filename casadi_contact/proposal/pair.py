@@ -1,0 +1,95 @@
+"""Two meshes and how near they are to each other: what the proposal of a scene is found from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.distance_field import DistanceField, build_field
+from casadi_contact.geometry.mesh import TriangleMesh
+
+_SPACING_MM = 1.5
+_MOST_POINTS = 6000
+_FACING = 0.5  # cos of the angle between a fixed normal and the direction to the moving body, at least
+_AHEAD = 0.7  # cos of the angle to the direction of moving
+_LEAST_CURVED = 2e-3  # mean square of the angle [rad] that normals differ by, for their lines to have a centre
+_TOUCH_MM = 0.02
+_TOUCH_STEPS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field."""
+
+    points_mm: Array
+    normals: Array
+    areas_mm2: Array
+    field: DistanceField
+    moving: TriangleMesh
+
+    @classmethod
+    def of(cls, moving: TriangleMesh, fixed: TriangleMesh) -> Pair:
+        """The fixed mesh's triangles by their centres, thinned out evenly where there are very many."""
+        chosen = np.linspace(0, len(fixed.faces) - 1, min(len(fixed.faces), _MOST_POINTS)).round().astype(int)
+        vectors = fixed.area_vectors_mm2[chosen] * (len(fixed.faces) / len(chosen))
+        areas = np.linalg.norm(vectors, axis=1)
+        points = fixed.corners_mm[chosen].mean(axis=1)
+        return cls(points, vectors / areas[:, None], areas, build_field(moving, _SPACING_MM), moving)
+
+    def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
+        """Signed distances (n,) [mm] of the fixed points from the moving body and their gradients (n, 3), fixed frame,
+        with the moving body turned by R and moved by t."""
+        distance, slope = self.field((self.points_mm - t) @ R)
+        return distance, slope @ R.T
+
+    def near(self, R: Array, t: Array, reach_mm: float) -> np.ndarray:
+        """True (n,) for fixed points within reach of the moving body that face it."""
+        distance, slope = self.distances(R, t)
+        facing = np.einsum("nk,nk->n", slope, self.normals) < -_FACING
+        return np.asarray((distance < reach_mm) & facing)
+
+    def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
+        """The translation (3,) at which the body, coming along a direction from clear of the fixed one, first touches
+        it: steps of the smallest gap never pass a surface. None where it passes by."""
+        size = np.linalg.norm(np.ptp(self.points_mm, axis=0)) + np.linalg.norm(np.ptp(self.moving.vertices_mm, axis=0))
+        here = self.moving.vertices_mm @ R.T + t
+        back = (here @ direction).max() - (self.points_mm @ direction).min()
+        t, travelled = t - (back + 1.0) * direction, 0.0
+        for _ in range(_TOUCH_STEPS):
+            gap = float(self.distances(R, t)[0].min())
+            if gap < _TOUCH_MM:
+                return t
+            t, travelled = t + gap * direction, travelled + gap
+            if travelled > 2.0 * size:
+                return None
+        return t
+
+    def touching(self, R: Array, t: Array, direction: Array) -> Array:
+        """The translation (3,) near `t` at which the bodies just touch, moved along a direction, back where they
+        overlap. Only where the bodies face along the direction: walls that it slides past do not count."""
+        for _ in range(_TOUCH_STEPS):
+            distance, slope = self.distances(R, t)
+            facing = (slope @ direction > _AHEAD) & (self.normals @ direction < -_AHEAD)
+            gap = float(distance[facing].min(initial=np.inf))
+            if not _TOUCH_MM < abs(gap) < np.inf:
+                break
+            t = t + gap * direction
+        return t
+
+
+def centre_of_normals(points_mm: Array, normals: Array, weights: Array) -> Array:
+    """The point (3,) that lines through the points along their normals pass nearest to: a sphere's centre, a condyle's
+    axis. It stays near the points where the lines are nearly parallel."""
+    across = np.eye(3) - normals[:, :, None] * normals[:, None, :]
+    weights = weights / weights.sum()
+    middle = weights @ points_mm
+    held = _LEAST_CURVED * np.eye(3)
+    return np.asarray(
+        middle
+        + np.linalg.solve(
+            np.einsum("n,nij->ij", weights, across) + held,
+            np.einsum("n,nij,nj->i", weights, across, points_mm - middle),
+        )
+    )

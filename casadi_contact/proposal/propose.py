@@ -1,0 +1,143 @@
+"""From two mesh files to a proposed scene, and what was understood of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.mesh import MM_PER_UNIT, TriangleMesh, load_mesh
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.proposal.doubts import edges_reached
+from casadi_contact.proposal.frame import frame_of
+from casadi_contact.proposal.grids import converged_grids
+from casadi_contact.proposal.joint import Joint, joint_of
+from casadi_contact.proposal.meeting import meeting_of
+from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.regions import regions_of
+from casadi_contact.proposal.rest import gap_slope, motion, rest_pose
+from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
+from casadi_contact.sampling.reference import reference_poses
+from casadi_contact.scenes import Scene
+from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
+
+_TOLERANCE = 0.01  # of the largest load
+_LARGEST_N = 1500.0  # of a patch, in a made-up motion
+_SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
+_TEST_CYCLES, _TEST_POSES = 2, 40
+_LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A scene, its pose at rest (6,), the poses (n, 6) of those frames of its reference motion that settle, of how many
+    frames, and what the meshes told and did not."""
+
+    scene: Scene
+    joint: Joint
+    rest_pose: Array
+    poses: Array
+    frames: int
+    told: list[str]
+    untold: list[str]
+
+
+def propose(
+    moving: Path,
+    fixed: Path,
+    *,
+    name: str,
+    side: str | None = None,
+    kind: str | None = None,
+    axes: Sequence[str] | None = None,
+    material: str | None = None,
+) -> Proposal:
+    """Look at the meshes, propose a scene, and try it: see the modules of this room for what is found how.
+
+    Raises FileNotFoundError, and ValueError for meshes that cannot work, saying what to do.
+    """
+    files = {"moving": Path(moving), "fixed": Path(fixed)}
+    units, meshes = _meshes(files)
+    pair = Pair.of(meshes["moving"], meshes["fixed"])
+    meeting = meeting_of(pair)
+    regions = regions_of(pair, meeting)
+    joint = joint_of(pair, meeting, regions, kind)
+    frame = frame_of(pair, meeting, regions, joint, side, axes)
+    made_of = material or ("cartilage" if meeting.together else "polyethylene")
+    tables = first_tables(pair, meeting, regions, joint, frame, files, units, MATERIALS[made_of], name)
+    told = [f"both files are in {units}", *frame.told]
+    because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
+    untold = [*frame.untold, f"the material's stiffness and thickness: taken as {made_of}{because} (--material)"]
+    told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
+    shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
+    if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
+        tables["material"]["thickness"] = round(sum(layers), 1)
+        told.append(
+            f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
+        )
+    if (thinnest := min(shells.values())) < THIN_MM:
+        tables["geometry"] |= {"spacing": round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)}
+    if shells["moving"] < THIN_MM:
+        tables["geometry"]["shell"] = "whole"
+    scene = Scene.from_tables(tables)
+    model = ElasticFoundation(scene)
+    pose, reason = rest_pose(model, joint)
+    if reason:
+        untold.append(f"a pose at rest under 300 N a patch: {reason}")
+        pose = scene.start_pose
+    tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
+    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction_of(joint, frame, meeting))
+    tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_N)
+    poses, _ = _reference(tables, cycles=_TEST_CYCLES)
+    if (overlap := float(-model.gaps(poses).min())) > 0.5 * shells["moving"]:
+        tables["geometry"]["shell"] = "outer"
+        told.append(f"overlaps reach {overlap:.2g} mm, more than half the moving shell: its outer side alone counts")
+        model = ElasticFoundation(Scene.from_tables(tables))
+    tables["tolerances"] = _tolerances(model, poses)
+    convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
+    tables["grids"] = convergence.grids
+    (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
+    poses, settled = _reference(tables)
+    final = ElasticFoundation(Scene.from_tables(tables))
+    untold += edges_reached(final, poses)
+    return Proposal(Scene.from_tables(tables), joint, pose, poses, len(settled), told, untold)
+
+
+def _meshes(files: Mapping[str, Path]) -> tuple[str, dict[str, TriangleMesh]]:
+    """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]."""
+    errors = []
+    for unit in ("mm", *(unit for unit in MM_PER_UNIT if unit != "mm")):
+        try:
+            return unit, {body: load_mesh(path, unit) for body, path in files.items()}
+        except ValueError as error:
+            errors.append(str(error))
+    raise ValueError(next((error for error in errors if "mm across" not in error), errors[0]))
+
+
+def _sampling(joint: Joint) -> dict[str, Any]:
+    if joint.kind == "knee":
+        return {"d3_minimum_widths": {"tz": 3.0, "ry": 0.3}}
+    return {"counts": {"D5": 6000, "D7": 3000}, "liftoff_mm": 0.4}
+
+
+def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, np.ndarray]:
+    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and which settled (frames,)."""
+    scene = Scene.from_tables(tables)
+    model = ElasticFoundation(scene, scene.grids["settle"])
+    poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles])
+    settled = report.converged.ravel()
+    return poses.reshape(-1, 6)[settled], settled
+
+
+def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:
+    """1 % of the largest force in the reference motion for every force; of the largest torque, or of that force at a
+    least lever, for every torque."""
+    largest = dict(zip(model.load_names, np.abs(model(poses)).max(axis=0).tolist(), strict=True))
+    of_kind = {kind: max(size for name, size in largest.items() if name[0] == kind) for kind in "FT"}
+    of_kind["T"] = max(of_kind["T"], _LEAST_LEVER_MM * of_kind["F"])
+    return {name: float(f"{_TOLERANCE * of_kind[name[0]]:.2g}") for name in model.load_names}

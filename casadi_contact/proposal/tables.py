@@ -1,0 +1,120 @@
+"""The tables of a proposed scene, from what was found out about its meshes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.geometry.mesh_elements import DOWN
+from casadi_contact.proposal.frame import Frame
+from casadi_contact.proposal.joint import Joint
+from casadi_contact.proposal.meeting import Meeting
+from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.regions import Regions
+
+MATERIALS: Mapping[str, Mapping[str, Any]] = {
+    "polyethylene": {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": "linear"},
+    # Both layers together, as of Smith et al. 2018 (OpenSim JAM).
+    "cartilage": {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": "linear"},
+}
+REFERENCE_LOAD_N = 1000.0
+_BOX_MARGIN_MM = 8.0
+_BOX_SHARE = 0.7  # of the fixed mesh's extent: a patch that reaches farther is not bounded
+_ROUGH_GRID = (60, 60)
+
+
+def first_tables(
+    pair: Pair,
+    meeting: Meeting,
+    regions: Regions,
+    joint: Joint,
+    frame: Frame,
+    files: Mapping[str, Path],
+    units: str,
+    material: Mapping[str, Any],
+    name: str,
+) -> dict[str, Any]:
+    """A scene's tables with everything that the meshes tell; grids, tolerances and gap slope are placeholders."""
+    placement: dict[str, Any] = {}
+    for body, offset in frame.offsets_mm.items():
+        placed = ({"mirror": frame.mirror} if frame.mirror else {}) | ({"offset": list(offset)} if any(offset) else {})
+        placement |= {body: placed} if placed else {}
+    geometry: dict[str, Any] = {body: str(path.resolve()) for body, path in files.items()}
+    geometry |= {"units": units, "axes": list(frame.axes), "elements": "grid"}
+    pressing = direction_of(joint, frame, meeting)
+    if pressing != list(DOWN):
+        geometry["pressing"] = pressing
+    geometry["start_pose"] = _start_pose(meeting, frame)
+    if placement:
+        geometry["placement"] = placement
+    geometry["patches"] = _patches(pair, regions, joint, frame)
+    return {
+        "format": 1,
+        "name": name,
+        "shape": "mesh",
+        "geometry": geometry,
+        "material": dict(material),
+        "grids": {grid: list(_ROUGH_GRID) for grid in ("fine", "coarse", "settle", "teacher")},
+        "loads": {
+            "names": joint.loads,
+            "sensitive": joint.sensitive,
+            "sensitive_pose": joint.sensitive_pose,
+            "reference_load": REFERENCE_LOAD_N,
+            "gap_slope": 5.0,
+            "boundary_load": 5.0,
+        },
+        "tolerances": dict.fromkeys(joint.loads, 1.0),
+    }
+
+
+def direction_of(joint: Joint, frame: Frame, meeting: Meeting) -> list[float]:
+    """The scene's pressing: an axis where the joint is pressed along one, else as the surfaces face."""
+    if joint.pressing:
+        sign = -1.0 if joint.pressing[0] == "-" else 1.0
+        return [sign * (axis == joint.pressing[1]) + 0.0 for axis in "xyz"]
+    return [float(v) for v in frame.directions(meeting.pressing).round(3)]
+
+
+def _start_pose(meeting: Meeting, frame: Frame) -> list[float]:
+    moving, fixed = (np.array(frame.offsets_mm[body]) for body in ("moving", "fixed"))
+    return [*(frame.directions(meeting.translation_mm) + fixed - moving).round(3).tolist(), 0.0, 0.0, 0.0]
+
+
+def _patches(pair: Pair, regions: Regions, joint: Joint, frame: Frame) -> dict[str, Any]:
+    """Box and anchor of each patch, by falling coordinate: cuts between neighbours, and bounds [mm] about what comes
+    near where that is little of the mesh."""
+    points, anchors = frame.points(pair.points_mm, "fixed"), frame.points(regions.anchors_mm, "moving")
+    numbers = regions.patch_of(pair.points_mm)
+    low, high = points.min(axis=0), points.max(axis=0)
+    order, axis = list(range(len(anchors))), None
+    cuts: list[float] = []
+    if regions.axis is not None:
+        unit = frame.directions(np.eye(3)[regions.axis])
+        axis = int(np.abs(unit).argmax())
+        at = np.zeros((len(regions.cuts_mm), 3))
+        at[:, regions.axis] = regions.cuts_mm
+        cuts = sorted(frame.points(at, "fixed")[:, axis].round(1).tolist(), reverse=True)
+        order = order[::-1] if unit[axis] > 0.0 else order
+    found = {}
+    for k, (name, number) in enumerate(zip(joint.patches, order, strict=True)):
+        near = points[(regions.weight > 0.0) & (numbers == number)]
+        box: dict[str, Any] = {}
+        for a, letter in enumerate("xyz"):
+            ends = [float(near[:, a].min()) - _BOX_MARGIN_MM, float(near[:, a].max()) + _BOX_MARGIN_MM]
+            ends = [max(ends[0], float(low[a]) - 1.0), min(ends[1], float(high[a]) + 1.0)]
+            bounded = ends[1] - ends[0] < _BOX_SHARE * (high[a] - low[a])
+            if a == axis:
+                ends = [cuts[k] if k < len(cuts) else ends[0], cuts[k - 1] if k else ends[1]]
+            if (bounded and joint.pressing[1:] != letter) or a == axis:
+                box[letter] = [round(end, 1) for end in ends]
+        found[name] = {**box, "anchor": anchors[number].round(1).tolist()}
+    return found
+
+
+def relative(path: Path, folder: Path) -> str:
+    """The path as a scene file in the folder names it."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

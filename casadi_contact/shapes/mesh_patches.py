@@ -1,0 +1,128 @@
+"""The patches of a mesh scene's fixed body: their triangles, what is wrong with them, and where they are cut off."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from casadi_contact.conventions import Array, rotation
+from casadi_contact.geometry.distance_field import DistanceField
+from casadi_contact.geometry.elements import Cells
+from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
+from casadi_contact.shapes.shape import Geometry
+
+_LEAST_AREA_MM2 = 4.0  # of a patch: a smaller spot is no joint's
+_SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
+_NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
+_BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
+_ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
+_NEAR_OPEN_EDGE = 1.5  # cells
+
+
+def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
+    """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box.
+
+    Where the scene states `pressing`, only those that face the moving body.
+    """
+    mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
+    if "pressing" not in geometry or reaching:
+        return mesh
+    facing = mesh.area_vectors_mm2 @ geometry["pressing"] < 0.0
+    return mesh.part(facing)
+
+
+def check_patches(geometry: Geometry) -> None:
+    """Raise ValueError for a patch of hardly any surface, and for two that share some: it would count twice."""
+    mesh = body_mesh(geometry, "fixed")
+    centres, area = mesh.corners_mm.mean(axis=1), np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    inside = {}
+    for patch in geometry["patches"]:
+        low, high = patch_box(geometry, patch)
+        inside[patch] = np.all((centres >= low) & (centres < high), axis=1)
+        if (found := area[inside[patch]].sum()) < _LEAST_AREA_MM2:
+            sides = (high - low)[np.isfinite(high - low)]
+            metres = bool(len(sides)) and sides.max() < 1.0
+            cure = "are its bounds in m? They are in mm" if metres else f"the mesh reaches {mesh.extent}: check them"
+            raise ValueError(
+                f"scene: geometry.patches.{patch} holds {found:.2g} mm² of the mesh {mesh.name} within its bounds, "
+                f"expected {_LEAST_AREA_MM2:g} mm² at least: {cure}"
+            )
+    for one, other in itertools.combinations(inside, 2):
+        if (shared := area[inside[one] & inside[other]].sum()) > 0.0:
+            raise ValueError(
+                f"scene: geometry.patches.{one} and {other} share {shared:.3g} mm² of the mesh {mesh.name}, which "
+                "would carry load twice: let one begin where the other ends"
+            )
+
+
+def check_side(geometry: Geometry, patch: str, cells: Cells) -> None:
+    """Raise ValueError where a patch's grid lies on the far side of a shell (the back of a cup): in the start pose the
+    moving body is nearer to the shell's other side, and everything near it faces away."""
+    centres, normals = (values[cells[2] > 0.0] for values in cells[:2])
+    position = np.array(geometry.get("start_pose", np.zeros(6)))
+    R = rotation(position[3:])
+    distance, slope = body_field(geometry, "moving")((centres - position[:3]) @ R)
+    near = np.abs(distance) < _NEAR_MM
+    away = np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0
+    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or away[near].mean() < _MOSTLY:
+        return
+    mesh = body_mesh(geometry, "fixed")
+    through, _ = RayCaster(mesh).first_hits(centres[near] - _BELOW_MM * normals[near], -normals[near])
+    behind = centres[near] - np.minimum(through, _LARGEST_SHELL_MM)[:, None] * normals[near]
+    nearer = body_field(geometry, "moving")((behind - position[:3]) @ R)[0] < distance[near]
+    if (nearer & (through < _LARGEST_SHELL_MM)).mean() > _MOSTLY:
+        raise ValueError(
+            f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
+            f"body in its start pose: say where to it presses, as geometry.pressing = {_opposite(normals[near])}"
+        )
+
+
+def _opposite(normals: Array) -> list[float]:
+    """The signed axis nearest to these normals: seen from the other side, where to a body presses."""
+    mean = normals.mean(axis=0)
+    axis = int(np.abs(mean).argmax())
+    return [float(np.sign(mean[axis])) if k == axis else 0.0 for k in range(3)]
+
+
+def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:
+    """True (nx, nz) for cells beside which the surface goes on in no patch, or the mesh was cut open: contact that
+    reaches them may be larger than the model knows. At a rim of the part contact ends indeed.
+    """
+    centres, normals, areas = cells
+    mesh, cut = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool)
+    ends = mesh.vertices_mm[mesh.boundary_edges].mean(axis=1)
+    open_edges = cKDTree(ends) if len(ends) and geometry["open_edges"] == "cut" else None
+    others = [patch_box(geometry, other) for other in geometry["patches"] if other != patch]
+    for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        lacking = areas > 0.0
+        beside = np.roll(areas, -step, axis) > 0.0
+        at_end = [slice(None), slice(None)]
+        at_end[axis] = slice(-1, None) if step > 0 else slice(0, 1)
+        beside[tuple(at_end)] = False
+        rows = np.nonzero(lacking & ~beside)
+        here, normal, width = centres[rows], normals[rows], np.sqrt(areas[rows])
+        sideways = step * _along(centres, areas, axis)
+        tangent = sideways - (normal @ sideways)[:, None] * normal
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        beyond = here + width[:, None] * tangent
+        distance, slope = field(beyond)
+        rolls_over = np.einsum("nk,nk->n", slope, tangent) > _ROLLING_OVER
+        goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~rolls_over
+        for low, high in others:
+            goes_on &= ~np.all((beyond >= low) & (beyond < high), axis=1)
+        if open_edges is not None:
+            goes_on |= open_edges.query(here)[0] < _NEAR_OPEN_EDGE * width
+        cut[rows] |= goes_on
+    return cut
+
+
+def _along(centres: Array, areas: Array, axis: int) -> Array:
+    """Unit vector (3,) from a cell's centre to that of its neighbour along an axis of the grid, all in all."""
+    both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)
+    steps = np.diff(centres, axis=axis)[both]
+    mean = steps.sum(axis=0) if len(steps) else np.eye(3)[2 * axis]
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-300))

@@ -1,0 +1,45 @@
+"""The first touch: where a body meets the other one on its way into contact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import Array
+
+_ABOVE_MM = 1000.0
+_TOUCH_MM = 1e-3
+_STEPS = 200
+
+
+def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
+    """Poses (n, 6) moved towards the patches until the first touch: from far away along the direction in which these
+    are pressed, or, where a normal load has none, from where they are along the wanted force (n,) by load names.
+
+    Steps of the smallest gap do not pass the surface (sphere tracing); where a gap that is only estimated from far away
+    led too deep, the overlap is taken back. Raises ValueError for a model without gaps
+    and for a scene without direction whose force is not among the wanted loads.
+    """
+    gaps = getattr(model, "gaps", None)
+    if gaps is None:
+        raise ValueError("this contact model has no gaps(poses), expected a start pose in contact")
+    poses = poses.copy()
+    normal = model.scene.normal_loads[0]
+    if normal.direction is not None:
+        along: Array = np.tile(normal.direction, (len(poses), 1))
+        axis = int(np.abs(normal.direction).argmax())
+        poses[:, axis] = -_ABOVE_MM * normal.direction[axis]
+    else:
+        missing = [name for name in normal.loads if name not in wanted]
+        if missing:
+            raise ValueError(f"there is no load {', '.join(missing)}, expected the force that presses the patch")
+        along = np.stack([wanted[name] for name in normal.loads], axis=1)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    for _ in range(_STEPS):
+        gap = gaps(poses).min(axis=1)
+        if np.abs(gap).max() < _TOUCH_MM:
+            break
+        poses[:, :3] += np.where(gap < -_TOUCH_MM, gap, np.maximum(gap, 0.0))[:, None] * along
+    return poses

@@ -1,0 +1,151 @@
+"""CasADi functions of a surrogate: loads, root loads, validity and expected error of a pose, with their derivatives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from casadi_contact.structures.trust import Trust
+from casadi_contact.transcription import function_with_derivatives
+from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
+from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
+
+
+class SurrogateFunctions(ABC):
+    """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use."""
+
+    patch_names: tuple[str, ...]
+
+    @abstractmethod
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all); ValueError where one is unknown or lacks a network."""
+
+    @abstractmethod
+    def require_trust(self) -> Trust:
+        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
+
+    @abstractmethod
+    def check_roots(self) -> None:
+        """Raise ValueError where a network of the root loads is missing."""
+
+    @abstractmethod
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        """The same in CasADi, with derivatives up to order 0, 1 or 2."""
+
+    @abstractmethod
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        """The same in C."""
+
+    def _root_count(self) -> int:
+        """Number of root loads that `_expressions` and `_kernel` give."""
+        return len(self.patch_names)
+
+    def _patch_roots(self, roots: ca.MX) -> ca.MX:
+        """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
+        return roots
+
+    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Validity (1) and expected errors (L) of a pose (6)."""
+        return self.require_trust().expressions(pose, self.root_function()(pose))
+
+    def validity_function(self, name: str = "contact_validity") -> ca.Function:
+        """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
+
+        As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
+        """
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"])
+
+    def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
+        """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"])
+
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), with exact, explicit first and second derivatives.
+
+        Only the networks that the loads need are in it. Works in ``map`` and in nlpsol. compiled: a C kernel instead
+        of a CasADi graph, compiled once and kept in the user's cache folder; where that fails, one warning and the
+        graph. It has no third derivatives, and is not for `save_function` (the library lies in the cache). batch:
+        pose (6 x batch) -> loads (L x batch), in one call.
+        """
+        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+
+    def root_function(
+        self, name: str = "contact_roots", *, compiled: bool = False, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
+        self.check_roots()
+        return self._function(name, (), ("roots",), compiled, batch)
+
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads_and_roots",
+        *,
+        compiled: bool = False,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
+        names = self.check_loads(loads)
+        self.check_roots()
+        return self._function(name, names, ("loads", "roots"), compiled, batch)
+
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if batch is not None and batch < 1:
+            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
+        if "roots" not in wanted or self._root_count() == len(self.patch_names):
+            return self._transcription(name, loads, wanted, compiled, batch)
+        of_parts = self._transcription(f"{name}_of_parts", loads, wanted, compiled, batch)
+        pose = ca.MX.sym("pose", 6, batch or 1)
+        outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
+        roots = self._patch_roots(outputs["roots"])
+        outputs["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
+        return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
+
+    def _transcription(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if compiled:
+            sizes = {"loads": len(loads), "roots": self._root_count()}
+            kernel = self._kernel(loads, roots="roots" in wanted)
+            try:
+                return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
+            except CompilerError as error:
+                warn_once(f"{error}; using the CasADi graph, which is slower")
+        pose = ca.MX.sym("pose", 6)
+        function = function_with_derivatives(name, pose, self._outputs(pose, loads, wanted))
+        return function if batch is None else function.map(batch)
+
+    def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
+        pose = ca.MX.sym("pose", 6)
+        both = self._graph(pose, self.check_loads(loads), 1).loads
+        inputs: list[Any] = [pose]
+        return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
+
+    def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        return nan_if_not_finite(pose, self._expressions(pose, loads, order))
+
+    def _outputs(
+        self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
+    ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
+        """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
+        graphs = [self._graph(pose, loads, order) for order in range(3)]
+        outputs = {}
+        for key in wanted:
+            value, jacobian, second = (getattr(graph, key) for graph in graphs)
+            outputs[key] = (value.value, jacobian.jacobian, second.second)
+        return outputs

@@ -1,0 +1,83 @@
+"""A surrogate's validity and expected error as C (``trust.h``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.structures.trust import Trust
+from casadi_contact.transcription.kernel.networks import padded
+from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.kernel.tables import table
+
+# Root loads come from those of the kernel, and nothing else claims contact.
+OWN_ROOTS = """\
+INLINE void trust_inputs(const double *pose, const double *parts, double *roots, double *claims) {
+  (void)pose, (void)claims;
+  patch_roots(first_part, parts, roots, 0);
+}
+"""
+
+
+def trust_source(trust: Trust, inputs: str, load_names: Sequence[str], loads: Sequence[str]) -> str:
+    """C function trust_at(pose, parts, errors) -> validity, for a kernel of `loads`.
+
+    inputs: defines trust_inputs(pose, parts, roots, claims), that is the root loads [-] and claimed normal loads [N]
+    of the patches from the pose and the kernel's root loads. load_names: those of the trust; a load without has NaN.
+    """
+    known = [load_names.index(load) if load in load_names else None for load in loads]
+    unknown = np.full(1, np.nan)
+
+    def picked(rows: Array) -> Array:
+        return np.stack([np.broadcast_to(unknown, rows.shape[1:]) if k is None else rows[k] for k in known])
+
+    box, border, confirmation = trust.box, trust.border, trust.confirmation
+    counts = {
+        "CENTRES": len(trust.centres),
+        "DENSE": len(trust.dense_centres),
+        "BOX": 0 if box is None else len(box.columns),
+        "BORDER": 0 if border is None else len(border.scale),
+        "CONFIRMATION": int(confirmation is not None),
+    }
+    numbers = {
+        "BANDWIDTH": trust.bandwidth,
+        "SHARPNESS": trust.sharpness,
+        "EDGE": trust.edge,
+        "DENSE_BANDWIDTH": trust.dense_bandwidth,
+        "DENSE_START": trust.dense_start,
+        "BOUNDARY_ROOT": trust.boundary_root,
+        "GROWTH_START": trust.growth_start or 0.0,
+    }
+    tables: dict[str, np.ndarray] = {
+        "trust_scales": trust.scales,
+        "centres": _by_coordinate(trust.centres),
+        "dense_centres": _by_coordinate(trust.dense_centres),
+        "trust_levels": _filled_up(picked(trust.levels.T)),
+        "trust_shares": picked(trust.shares),
+        "growth_loads": picked(trust.growth_loads),
+        **{name: getattr(trust, name) for name in ("root_low", "root_high", "margin_low", "margin_high")},
+    }
+    for name, part in (("box", box), ("border", border), ("confirmation", confirmation)):
+        if part is not None:
+            kinds = {"columns": int}
+            tables |= {f"{name}_{key}": np.asarray(value, kinds.get(key, float)) for key, value in vars(part).items()}
+    return "\n".join(
+        [
+            *(f"#define {name} ({value!r})" for name, value in counts.items()),
+            *(f"#define {name} ({float(value)!r})" for name, value in numbers.items()),
+            *(table(name, np.asarray(values)) for name, values in tables.items()),
+            inputs,
+            c_text("trust.h", __package__),
+        ]
+    )
+
+
+def _filled_up(rows: Array) -> Array:
+    """Rows filled up with zeros, as vectors of the kernel want them."""
+    return np.pad(rows, ((0, 0), (0, padded(rows.shape[1]) - rows.shape[1])))
+
+
+def _by_coordinate(centres: Array) -> Array:
+    return _filled_up(np.asarray(centres).T)

@@ -1,0 +1,58 @@
+"""The contact that a problem runs on: a surrogate, or the foundation of a scene, with nothing trained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated
+
+import typer
+
+import casadi_contact as cc
+from casadi_contact.contact import SymbolicContact
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.sampling import found_sensitive_pose
+
+SurrogateOption = Annotated[
+    str | None, typer.Option("--surrogate", help="a ready surrogate or the path of a .h5 file; knee if left out")
+]
+SceneOption = Annotated[
+    str | None, typer.Option("--scene", help="no surrogate but the foundation of this ready scene or scene .toml")
+]
+
+
+@dataclass(frozen=True)
+class ContactSource:
+    """Where a contact model comes from, by name or path: small enough to be sent to a worker, which loads it once."""
+
+    surrogate: str | None = None
+    scene: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.surrogate is None) == (self.scene is None):
+            raise ValueError("got both --surrogate and --scene, expected one of them")
+
+    @classmethod
+    def of(cls, surrogate: str | None, scene: str | None) -> ContactSource:
+        """As a command line says; the ready surrogate `knee` where it says nothing."""
+        return cls("knee" if surrogate is None and scene is None else surrogate, scene)
+
+    @property
+    def kind(self) -> str:
+        """What pictures and tables call it."""
+        return "surrogate" if self.scene is None else "foundation"
+
+    def load(self) -> SymbolicContact:
+        """The contact model; raises ValueError for an unknown name and for a scene that no foundation fits."""
+        return _load(self)
+
+
+@cache
+def _load(source: ContactSource) -> SymbolicContact:
+    if source.scene is None:
+        return cc.load_surrogate(str(source.surrogate))
+    model = cc.foundation(source.scene)
+    if model.scene.sensitive_pose:
+        return model
+    found = found_sensitive_pose(model, reference_motion_cycles(model.scene, ()))
+    return cc.foundation(model.scene.with_sensitive_pose(found))

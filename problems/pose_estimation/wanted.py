@@ -1,0 +1,111 @@
+"""What is wanted of the contact in every frame, loads and centres of pressure by name, and how far a pose misses it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.conventions import LEVER_MM, Array
+from casadi_contact.quantities import FORCE, LENGTH, TORQUE, quantity
+from casadi_contact.scenes import Scene
+from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of_pressure
+
+FORCE_TOLERANCE_N = 1.0
+COP_TOLERANCE_MM = 0.1
+TOLERANCES = {FORCE: FORCE_TOLERANCE_N, TORQUE: FORCE_TOLERANCE_N * LEVER_MM, LENGTH: COP_TOLERANCE_MM}
+
+
+@dataclass(frozen=True)
+class WantedLoads:
+    """values: wanted by name, each (n,); load_names: the named loads that they are made of, in the scene's order."""
+
+    scene: Scene
+    values: Mapping[str, Array]
+    load_names: tuple[str, ...]
+    centres: Mapping[str, CentreOfPressure]
+
+    @classmethod
+    def of(cls, scene: Scene, values: Mapping[str, Array]) -> WantedLoads:
+        """Raises ValueError for a name that is neither a load of the scene nor a centre of pressure that it has."""
+        centres, needed = {}, set()
+        for name in values:
+            centre = centre_of_pressure(name, scene.normal_loads)
+            if centre is None:
+                needed.add(name)
+                continue
+            centres[name] = centre
+            parts = [{load for load in scene.load_names if load.partition("_")[0] == of} for of in centre.made_of]
+            if not all(parts):
+                raise ValueError(f"{name} needs {' and '.join(centre.made_of)}, scene {scene.name} lacks one of them")
+            needed |= parts[0] | parts[1]
+        unknown = needed - set(scene.load_names)
+        if unknown:
+            raise ValueError(
+                f"scene {scene.name} has no load {', '.join(sorted(unknown))}, expected {', '.join(scene.load_names)}"
+            )
+        return cls(scene, dict(values), tuple(name for name in scene.load_names if name in needed), centres)
+
+    @property
+    def tolerances(self) -> Array:
+        """How far off each may be in a frame that counts as solved [N, N·mm, mm]."""
+        return np.array([TOLERANCES[quantity(name).kind] for name in self.values])
+
+    @property
+    def loaded(self) -> np.ndarray:
+        """True (n,) where something presses: without load there is neither a centre of pressure nor a pose to find."""
+        named = [name for name in self.values if quantity(name).kind == FORCE]
+        count = len(next(iter(self.values.values())))
+        return np.any([self.values[name] != 0.0 for name in named], axis=0) if named else np.ones(count, dtype=bool)
+
+    @property
+    def pressing(self) -> dict[str, Array]:
+        """The wanted loads that the patches' normal loads are made of, of patches that have them all."""
+        normals = [n for n in self.scene.normal_loads if set(n.loads) <= set(self.values)]
+        return {name: self.values[name] for normal in normals for name in normal.loads}
+
+    def got(self, loads: Array) -> Array:
+        """The same quantities (n, wanted) of loads (n, L) as in load_names; NaN for a centre without load."""
+        return np.column_stack([self._one(name, loads) for name in self.values])
+
+    def errors(self, loads: Array) -> Array:
+        """What is got minus what is wanted (n, wanted)."""
+        return self.got(loads) - np.column_stack(list(self.values.values()))
+
+    def carried(self, errors: Array) -> np.ndarray:
+        """True (n,) where every error (n, wanted) is within its tolerance; False without load."""
+        return np.asarray((np.abs(errors) <= self.tolerances).all(axis=1))
+
+    def targets(self) -> dict[str, Array] | None:
+        """The same as named loads alone, as `settle` takes them; None where a centre's force is not wanted itself."""
+        targets = {name: curve for name, curve in self.values.items() if name not in self.centres}
+        for name, centre in self.centres.items():
+            parts = [load for load in self.scene.load_names if load.partition("_")[0] == centre.force]
+            if centre.torque not in self.scene.load_names or not set(parts) <= set(targets):
+                return None
+            force = np.sum([self.values[part] for part in parts], axis=0)
+            targets[centre.torque] = centre.sign * self.values[name] * force
+        return targets
+
+    def _one(self, name: str, loads: Array) -> Array:
+        if name not in self.centres:
+            return loads[:, self.load_names.index(name)]
+        centre = self.centres[name]
+        force, torque = (self._total(component, loads) for component in centre.made_of)
+        pressed = np.sign(self.scene.normal_loads[0].sign) * force > 0.0
+        return centre.sign * np.where(pressed, torque, np.nan) / np.where(pressed, force, np.nan)
+
+    def _total(self, component: str, loads: Array) -> Array:
+        columns = [i for i, load in enumerate(self.load_names) if load.partition("_")[0] == component]
+        return np.asarray(loads[:, columns].sum(axis=1))
+
+
+def off_by(names: Mapping[str, Array], errors: Array) -> str:
+    """Errors (wanted,) of one frame in words, the largest of each kind."""
+    words = []
+    for kind, what in ((FORCE, "forces off by"), (TORQUE, "torques by"), (LENGTH, "centre of pressure by")):
+        of_kind = [abs(error) for name, error in zip(names, errors, strict=True) if quantity(name).kind == kind]
+        if of_kind:
+            words.append(f"{what} {max(of_kind):.3g} {kind.unit}")
+    return ", ".join(words)

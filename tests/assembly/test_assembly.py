@@ -1,0 +1,190 @@
+"""Assemblies: the same loads as their contacts one by one, sparse exact derivatives, balance of forces, equilibrium."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import casadi_contact as cc
+from casadi_contact.assembly import Assembly, Ligament, Pull, Spring
+from casadi_contact.assembly.settle import settle_assembly
+from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.conventions import rotation
+from tests.support.compiler import needs_compiler
+
+FREE = {"femur": ("tx", "ty", "tz", "rx", "ry"), "patella": ("tx", "ty", "tz", "rx", "ry", "rz")}
+PRESSED = {"femur": [0.0, -700.0, 0.0, 0.0, 0.0, 0.0]}
+QUADRICEPS_N = 400.0
+
+
+@pytest.fixture(scope="module")
+def knee():
+    """A surrogate for one contact, a foundation for the other."""
+
+    def contact(scene):
+        return cc.load_surrogate("knee") if scene.name == "knee" else PolarFoundation(scene, Rays(24, 3))
+
+    return cc.load_assembly("knee_with_patella", contact)
+
+
+def at_flexion(knee, degrees, poses):
+    poses = poses.copy()
+    poses[0, 5] = -np.deg2rad(degrees)
+    return settle_assembly(knee, poses, FREE, PRESSED, [QUADRICEPS_N])
+
+
+@pytest.fixture(scope="module")
+def held(knee):
+    """In equilibrium at 20 degrees of flexion."""
+    found = at_flexion(knee, 20.0, knee.start_poses())
+    assert found.converged, found
+    return found.poses
+
+
+def transform(pose):
+    return rotation(pose[3:]), np.asarray(pose[:3])
+
+
+def after(first, second):
+    """The frame `second`, given in `first`, where `first` is."""
+    return first[0] @ second[0], first[1] + first[0] @ second[1]
+
+
+@needs_compiler
+def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
+    function, rng = knee.function(), np.random.default_rng(3)
+    for _ in range(5):
+        poses = held + rng.uniform(-1.0, 1.0, held.shape) * [0.2, 0.02, 0.1, 0.01, 0.02, 0.05]
+        loads = dict(zip(knee.load_names, np.asarray(function(poses.T)).ravel(), strict=True))
+        bodies = {"tibia": np.zeros(6), **dict(zip(knee.bodies, poses, strict=True))}
+        for contact in knee.contacts:
+            (R_f, t_f), (R_m, t_m) = (
+                after(transform(bodies[body]), transform(frame))
+                for body, frame in ((contact.fixed, contact.fixed_frame), (contact.moving, contact.moving_frame))
+            )
+            angles = Rotation.from_matrix(R_f.T @ R_m).as_euler("XYZ")
+            alone = contact.model(np.concatenate([R_f.T @ (t_m - t_f), angles]))
+            together = [loads[f"{contact.name}_{name}"] for name in contact.model.load_names]
+            usual = [1000.0 if name.startswith("F") else 25_000.0 for name in contact.model.load_names]
+            np.testing.assert_allclose(np.divide(together, usual), np.divide(alone, usual), rtol=0.0, atol=1e-12)
+
+
+@needs_compiler
+def test_derivatives_are_sparse_and_equal_differences(knee, held):
+    x = ca.MX.sym("x", 12)
+    loads = knee.function()(ca.reshape(x, 6, 2))
+    jacobian = ca.jacobian(loads, x)
+    assert jacobian[:7, 6:].nnz() == 0, "the patella does nothing to the tibiofemoral contact"
+    assert jacobian.nnz() == 7 * 6 + 7 * 12 + 6
+    weights = ca.DM([1e-3 if "_F" in name or "_T" not in name else 4e-5 for name in knee.load_names])
+    slope = ca.Function("slope", [x], [ca.gradient(ca.dot(weights, loads), x)])
+    hessian = ca.Function("hessian", [x], [ca.hessian(ca.dot(weights, loads), x)[0]])
+    at = held.ravel()
+    exact, differences = np.asarray(hessian(at)), np.empty((12, 12))
+    for j, step in enumerate(np.tile([1e-5] * 3 + [4e-7] * 3, 2)):
+        move = step * np.eye(12)[j]
+        ends = [np.asarray(slope(at + k * move)).ravel() for k in (-2, -1, 1, 2)]
+        differences[:, j] = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
+    np.testing.assert_allclose(exact, differences, rtol=0.0, atol=1e-6 * np.abs(exact).max())
+
+
+def test_in_a_chain_of_bodies_derivatives_know_neighbours_only():
+    points = (np.ones(3), np.array([3.0, -2.0, 1.0]))
+    ends = [("a", "b"), ("b", "c"), ("c", "d")]
+    bands = [Ligament("".join(bodies), bodies, points, 1000.0, 1.0) for bodies in ends]
+    start = {body: 10.0 * k * np.ones(6) for k, body in enumerate("abcd")}
+    x = ca.MX.sym("x", 24)
+    loads = Assembly("chain", "earth", start, ligaments=bands).function()(ca.reshape(x, 6, 4))
+    assert ca.jacobian(loads, x).nnz() == 3 * 12
+    hessian = ca.hessian(ca.sum1(loads), x)[0]
+    for k in range(4):
+        for j in range(4):
+            block = hessian[6 * k : 6 * k + 6, 6 * j : 6 * j + 6]
+            assert (block.nnz() > 0) == (abs(k - j) <= 1)
+
+
+def test_a_line_does_on_both_bodies_what_its_length_says():
+    """Virtual work: Q = -tension·∂length/∂q; a ligament's tension follows its toe and its straight part."""
+    points = (np.array([10.0, 0.0, 3.0]), np.array([-5.0, 2.0, 0.0]))
+    ligament = Ligament("band", ("upper", "lower"), points, 1000.0, 50.0)
+    pull = Pull("rope", ("upper", "earth"), points)
+    start = {"upper": np.zeros(6), "lower": np.zeros(6)}
+    assembly = Assembly("two", "earth", start, ligaments=[ligament], pulls=[pull])
+    x = ca.MX.sym("x", 12)
+    poses = ca.reshape(x, 6, 2)
+    lengths = []
+    for line in (ligament, pull):
+        ends = []
+        for body, point in zip(line.bodies, line.points_mm, strict=True):
+            pose = poses[:, assembly.bodies.index(body)] if body != "earth" else ca.MX.zeros(6)
+            sx, sy, sz, cx, cy, cz = *(ca.sin(pose[i]) for i in (3, 4, 5)), *(ca.cos(pose[i]) for i in (3, 4, 5))
+            Rx = ca.vertcat(ca.horzcat(1, 0, 0), ca.horzcat(0, cx, -sx), ca.horzcat(0, sx, cx))
+            Ry = ca.vertcat(ca.horzcat(cy, 0, sy), ca.horzcat(0, 1, 0), ca.horzcat(-sy, 0, cy))
+            Rz = ca.vertcat(ca.horzcat(cz, -sz, 0), ca.horzcat(sz, cz, 0), ca.horzcat(0, 0, 1))
+            ends.append(pose[:3] + Rx @ Ry @ Rz @ ca.DM(point))
+        lengths.append(ca.norm_2(ends[0] - ends[1]))
+    slopes = ca.Function("slopes", [x], [ca.gradient(length, x) for length in lengths])
+    at = np.array([0.0, 50.0, 4.0, 0.1, -0.2, 0.3, 1.0, -2.0, 0.0, -0.3, 0.2, 0.1])
+    (tension,) = np.asarray(assembly.function()(at.reshape(2, 6).T)).ravel()
+    assert tension > 0.0
+    band, rope = (np.asarray(part).ravel() for part in slopes(at))
+    found = np.asarray(assembly.forces()(at.reshape(2, 6).T, 30.0)).T.ravel()
+    np.testing.assert_allclose(found, -tension * band - 30.0 * rope, rtol=1e-12, atol=1e-9)
+    for length, expected in ((49.0, 0.0), (51.5, 1000.0 * 0.03**2 / 0.12), (55.0, 1000.0 * 0.07)):
+        assert float(ca.DM(ligament.tension(ca.DM(length)))) == pytest.approx(expected)
+
+
+@needs_compiler
+def test_the_patella_rides_in_its_groove_from_0_to_70_degrees_of_flexion(knee, held):
+    """The quadriceps pulls harder than the tendon the more the knee bends, and presses the patella harder."""
+    function, found, poses = knee.function(), {}, held
+    for degrees in (20, 45, 70):
+        result = at_flexion(knee, degrees, poses)
+        assert result.converged, (degrees, result.residual)
+        poses = result.poses
+        found[degrees] = dict(zip(knee.load_names, np.asarray(function(poses.T)).ravel(), strict=True))
+    straight = at_flexion(knee, 0.0, at_flexion(knee, 10.0, held).poses)
+    assert straight.converged
+    tendon = [found[d]["patellar_tendon"] for d in (20, 45, 70)]
+    assert QUADRICEPS_N > tendon[0] > tendon[1] > tendon[2] > 0.5 * QUADRICEPS_N
+    backwards = [f["patellofemoral_Fx_med"] + f["patellofemoral_Fx_lat"] for f in found.values()]
+    pressed = np.hypot(backwards, [f["patellofemoral_Fy"] for f in found.values()])
+    assert pressed[0] < pressed[1] < pressed[2]
+
+
+@needs_compiler
+def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
+    """Nothing is left on the patella, and on the femur what is applied and the moment about its locked flexion."""
+    forces = np.asarray(knee.forces()(held.T, QUADRICEPS_N)).T
+    np.testing.assert_allclose(forces[1], 0.0, atol=1e-4)
+    np.testing.assert_allclose(forces[0, :5] + PRESSED["femur"][:5], 0.0, atol=1e-4)
+    assert abs(forces[0, 5]) > 1e3, "flexion is locked: the quadriceps extends the knee"
+    assert forces[0, 5] > 0.0
+
+
+def test_a_spring_pulls_back_to_its_rest():
+    spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
+    assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
+    assert assembly.load_names == ()
+    found = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx", "tz", "rz")})
+    np.testing.assert_allclose(found.poses, [[1.0, 0.0, 1.0, 0.0, 0.0, 1.0]], atol=1e-6)
+
+
+def test_what_is_not_there_is_refused_by_name(tmp_path):
+    start = {"body": np.zeros(6)}
+    rope = Pull("rope", ("body", "moon"), (np.zeros(3), np.ones(3)))
+    with pytest.raises(ValueError, match="rope acts on moon, expected different ones of earth, body"):
+        Assembly("one", "earth", start, pulls=[rope])
+    with pytest.raises(ValueError, match="names that differ"):
+        Assembly("one", "body", start)
+    with pytest.raises(ValueError, match="unknown assembly 'elbow', expected one of knee_with_patella"):
+        cc.load_assembly("elbow")
+    with pytest.raises(FileNotFoundError, match=r"none\.toml does not exist"):
+        cc.load_assembly(tmp_path / "none.toml")
+    text = 'format = 1\nname = "a"\nground = "g"\n[bodies.b]\npose = [0, 0, 0, 0, 0]\n'
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(ValueError, match=r"bodies\.b\.pose.*expected 6 numbers"):
+        cc.load_assembly(tmp_path / "a.toml")
+    (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + "[ropes]\n")
+    with pytest.raises(ValueError, match="ropes"):
+        cc.load_assembly(tmp_path / "a.toml")

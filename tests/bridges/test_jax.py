@@ -1,0 +1,49 @@
+"""Contact inside JAX: values, Jacobians and Hessians are the model's own, under jit and vmap too."""
+
+import pytest
+
+jax = pytest.importorskip("jax", reason="the bridge needs casadi_contact[jax]")
+
+from casadi_contact.bridges.jax import contact_loads  # noqa: E402
+from tests.bridges.oracle import POSES, SURROGATE, graph_derivatives  # noqa: E402
+from tests.support.agreement import close  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", False)
+
+
+@pytest.mark.parametrize("transformed", [lambda f: f, jax.jit], ids=["plain", "jit"])
+def test_values_first_and_second_derivatives_are_those_of_the_surrogate(transformed):
+    loads = contact_loads(SURROGATE)
+    values, slopes, bends = graph_derivatives(SURROGATE, POSES)
+    close(transformed(loads)(POSES), values, 12)
+    close(transformed(jax.vmap(loads))(POSES), values, 12)
+    for order in (jax.jacfwd, jax.jacrev):
+        close(transformed(jax.vmap(order(loads)))(POSES), slopes, 12)
+    close(transformed(jax.vmap(jax.hessian(loads)))(POSES), bends, 12)
+    close(transformed(jax.vmap(jax.jacrev(jax.jacrev(loads))))(POSES), bends, 12)
+
+
+def test_a_gradient_through_other_operations_is_the_chain_rule():
+    loads = contact_loads(SURROGATE)
+    value, slope, _ = graph_derivatives(SURROGATE, POSES[:1])
+    gradient = jax.grad(lambda pose: (loads(2.0 * pose) ** 2).sum())(POSES[0] / 2.0)
+    close(gradient, 4.0 * value[0] @ slope[0], 12)
+
+
+def test_single_precision_and_other_shapes_are_refused():
+    loads = contact_loads(SURROGATE)
+    with pytest.raises(ValueError, match=r"poses has shape \(12, 5\), expected \(..., 6\)"):
+        loads(POSES[:, :5])
+    with pytest.raises(ValueError, match=r"poses is float32, expected float64: jax\.config\.update"):
+        loads(POSES.astype("float32"))
+
+
+def test_a_third_derivative_is_refused():
+    loads = contact_loads(SURROGATE)
+    with pytest.raises(ValueError, match="callback"):
+        jax.jacfwd(jax.hessian(loads))(POSES[0])

@@ -1,0 +1,134 @@
+"""The foundation of a ball in a cup: closed forms, the rim, the element grid, derivatives, the choice of points."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from tests.contact.test_joints import in_cup, pole
+from tests.contact.test_polar import check_jacobian
+from tests.support.compiler import needs_compiler
+
+# Displacements of the ball along the pole and across it [mm]: deep, cut by the rim, pressed on the rim from beyond it,
+# and free.
+PLACES = {
+    "hip": ([0.45, 0.02], [0.2, 0.44], [-0.05, 0.52], [0.1, -0.2]),
+    "glenohumeral": ([6.1, 0.4], [5.6, 2.6], [5.1, 3.9], [5.5, 0.3]),
+}
+
+
+def placed(scene, displacements):
+    along = pole(scene)
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across /= np.linalg.norm(across)
+    aside = np.cross(along, across)
+    return in_cup(scene, [a * along + b * (0.8 * across + 0.6 * aside) for a, b in displacements])
+
+
+@pytest.fixture(scope="module", params=PLACES)
+def model(request):
+    return cc.CupFoundation(cc.load_scene(request.param), 32, compiled=False)
+
+
+@pytest.mark.parametrize(
+    ("cup_radius", "overlap", "force"), [(45.0, 0.1, 749.0413), (45.0, 0.2, 2966.6461), (33.0, 0.1, 2652.6872)]
+)
+def test_a_shallow_cup_gives_the_reference_forces_of_a_dish(cup_radius, overlap, force):
+    scene = cc.load_scene("hip", ball_radius=30.0, cup_radius=cup_radius, cup_half_angle_deg=25.0)
+    along = pole(scene)
+    got = cc.CupFoundation(scene, 8, compiled=False)(in_cup(scene, (cup_radius - 30.0 + overlap) * along))[0, :3]
+    np.testing.assert_allclose(got, force * along, atol=1e-6 * force)
+
+
+def test_it_agrees_with_a_fine_element_grid_inside_the_rim_and_cut_by_it(model):
+    poses = placed(model.scene, PLACES[model.scene.name])
+    grid = cc.ElasticFoundation(model.scene, (500, 500))
+    wrenches = grid.wrenches(poses)
+    np.testing.assert_allclose(model.wrenches(poses), wrenches, atol=3e-5 * np.abs(wrenches).max())
+    np.testing.assert_allclose(model.gaps(poses), grid.gaps(poses), atol=0.01)
+    np.testing.assert_array_equal(model.at_edge(poses), grid.at_edge(poses))
+    np.testing.assert_array_equal(model.at_edge(poses)[:, 0], [False, True, True, False])
+
+
+def test_half_a_spot_at_the_rim_carries_half_the_force(model):
+    scene, cup = model.scene, model.cup
+    reach = cup.radius - cup.ball_radius + 0.002  # a spot small against the rim's own curvature
+    angle = np.deg2rad(scene.geometry["cup_half_angle_deg"])
+    middle, at_rim = placed(scene, [[reach, 0.0], [reach * np.cos(angle), reach * np.sin(angle)]])
+    whole, half = (np.linalg.norm(model.wrenches(pose)[0, :3]) for pose in (middle, at_rim))
+    assert half == pytest.approx(0.5 * whole, rel=0.03)
+
+
+def test_out_of_contact_loads_are_zero_and_the_gap_is_the_distance_to_the_cup_or_its_rim(model):
+    scene, cup = model.scene, model.cup
+    clearance = cup.radius - cup.ball_radius
+    poses = in_cup(scene, np.outer([0.0, 0.5 * clearance, -clearance], pole(scene)))
+    assert not model.wrenches(poses).any()
+    down = np.array([-np.cos(cup.half_angle), np.sin(cup.half_angle)])
+    to_rim = np.hypot(cup.radius * down[0] - clearance, cup.radius * down[1]) - cup.ball_radius
+    np.testing.assert_allclose(model.gaps(poses)[:, 0], [clearance, 0.5 * clearance, to_rim], rtol=1e-12)
+    assert np.isfinite(model.root_loads(poses)[1]).all()
+    np.testing.assert_allclose(model.root_loads(poses[0])[1][0, :3], scene.gap_slope * pole(scene), rtol=1e-12)
+
+
+def test_jacobians_of_loads_and_roots_are_the_derivatives_of_the_values(model):
+    check_jacobian(model, placed(model.scene, PLACES[model.scene.name]), 2e-6)
+
+
+def test_the_choice_meets_the_tolerances_with_the_fewest_points():
+    found = cc.foundation("hip", compiled=False)
+    assert isinstance(found, cc.CupFoundation)
+    for name, tolerance in found.scene.tolerances.items():
+        assert found.record["rms"][name] <= tolerance
+        assert found.record["largest"][name] <= 3.0 * tolerance
+    strict = found.scene.with_overrides(**{name: 1e-4 * t for name, t in found.scene.tolerances.items()})
+    assert cc.foundation(strict, compiled=False).points > found.points
+    with pytest.raises(ValueError, match="relax the scene's tolerances"):
+        cc.foundation(found.scene.with_overrides(Fx=1e-12), compiled=False)
+
+
+def test_another_shape_and_another_number_of_points_are_refused():
+    with pytest.raises(ValueError, match="knee has the shape knee, expected ball_in_cup"):
+        cc.CupFoundation(cc.load_scene("knee"))
+    with pytest.raises(ValueError, match="multiple of 4"):
+        cc.CupFoundation(cc.load_scene("hip"), 10)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("name", "law"), [("hip", "linear"), ("glenohumeral", "log")])
+def test_the_kernel_in_c_is_the_same_formulas_and_its_hessian_the_derivative_of_its_jacobian(name, law):
+    scene = cc.load_scene(name, law=law)
+    compiled, plain = (cc.CupFoundation(scene, 32, compiled=c) for c in (True, False))
+    assert compiled._library is not None, "else NumPy is compared with itself"
+    poses = placed(scene, PLACES[name])
+    for a, b in zip(compiled.jacobian(poses), plain.jacobian(poses), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(b).max())
+    np.testing.assert_allclose(compiled.gaps(poses), plain.gaps(poses), atol=1e-12)
+    np.testing.assert_array_equal(compiled.at_edge(poses), plain.at_edge(poses))
+    x = ca.MX.sym("pose", 6)
+    for output in compiled.load_and_root_function()(x):
+        total = ca.dot(ca.linspace(ca.DM(0.5), ca.DM(1.5), output.numel()) if output.numel() > 1 else 1.0, output)
+        hessian = ca.Function("hessian", [x], [ca.hessian(total, x)[0]])
+        gradient = ca.Function("gradient", [x], [ca.gradient(total, x)])
+        for pose in poses:
+            moves = 1e-6 * np.eye(6)
+            differences = np.column_stack([np.array(gradient(pose + m) - gradient(pose - m))[:, 0] for m in moves])
+            scale = np.abs(differences).max() + 1e-3
+            np.testing.assert_allclose(np.array(hessian(pose)), differences / 2e-6, atol=1e-5 * scale / 1e-6)
+
+
+@needs_compiler
+def test_ipopt_finds_the_pose_of_a_hip_under_a_wanted_force_from_the_cups_centre():
+    """The magnitude of the force has no derivative out of contact: root loads lead there, named loads then hold."""
+    model = cc.foundation("hip")
+    start, report = cc.settle(
+        model, model.scene.start_pose[None], ("tx", "ty", "tz"), {"Fx": -80.0, "Fy": 1500.0, "Fz": 300.0}
+    )
+    assert report.converged.all()
+    f, x = model.function(), ca.MX.sym("t", 3)
+    problem = {"x": x, "f": ca.sumsqr(x - start[0, :3]), "g": f(ca.vertcat(x, ca.DM.zeros(3)))[:3]}
+    solver = ca.nlpsol("pressed", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False})
+    wanted = [-100.0, 1650.0, 350.0]
+    found = solver(x0=start[0, :3], lbg=wanted, ubg=wanted)
+    assert solver.stats()["success"]
+    np.testing.assert_allclose(model(np.append(np.array(found["x"]).ravel(), np.zeros(3)))[:3], wanted, atol=1e-5)

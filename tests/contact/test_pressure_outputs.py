@@ -1,0 +1,144 @@
+"""Area, mean and peak pressure, centre of pressure and penetration: closed forms, derivatives, other contact models."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Rays
+from casadi_contact.contact.pressure import layer_modulus
+from tests.contact.test_cup import PLACES, placed
+from tests.contact.test_elastic_foundation import at
+from tests.contact.test_polar import KNEE
+from tests.support.compiler import needs_compiler
+
+GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
+LIFTED = [2.0, 27.4, 0.3, 0.01, 0.02, -0.9]  # off laterally
+
+
+def by_name(model, pose):
+    return dict(zip(model.pressure_names, model.pressures(pose)[0], strict=True))
+
+
+@pytest.mark.parametrize("depth", [0.05, 0.2])
+def test_a_sphere_on_a_plane_has_the_closed_forms_of_an_elastic_foundation(depth):
+    """Depth d - (R - √(R² - r²)): area π(2Rd - d²), force π(K/h)d²(R - d/3), peak K d/h at the centre of the circle."""
+    scene = cc.load_scene("sphere_on_plane")
+    model = cc.PolarFoundation(scene, Rays(12, 3), compiled=False)
+    got, R = by_name(model, at(30.0 - depth, tx=1.0, tz=-2.0)[0]), 30.0
+    stiffness = layer_modulus(scene.material) / scene.material.thickness
+    area = np.pi * (2.0 * R * depth - depth**2)
+    assert got["contact_area"] == pytest.approx(area, rel=1e-4)
+    assert got["mean_pressure"] == pytest.approx(np.pi * stiffness * depth**2 * (R - depth / 3.0) / area, rel=1e-4)
+    assert got["peak_pressure"] == pytest.approx(stiffness * depth, rel=1e-12)
+    assert got["penetration"] == pytest.approx(depth, rel=1e-12)
+    np.testing.assert_allclose([got[f"cop_{axis}"] for axis in "xyz"], [1.0, 0.0, -2.0], atol=1e-12)
+
+
+def test_a_ball_deep_in_a_cup_has_the_closed_forms_of_its_cap():
+    """Area 2πR²(1 - x) up to the edge at angle arccos x; peak at the deepest point, along the displacement."""
+    scene = cc.load_scene("hip")
+    model = cc.CupFoundation(scene, compiled=False)
+    pose = placed(scene, [[0.45, 0.1]])[0]
+    b = pose[:3] - model.cup.centre
+    length, R, r = np.linalg.norm(b), model.cup.radius, model.cup.ball_radius
+    edge = (R**2 + length**2 - r**2) / (2.0 * R * length)
+    got = by_name(model, pose)
+    assert got["contact_area"] == pytest.approx(2.0 * np.pi * R**2 * (1.0 - edge), rel=1e-12)
+    assert got["penetration"] == pytest.approx(length + r - R, rel=1e-9)
+    stiffness = layer_modulus(scene.material) / scene.material.thickness
+    assert got["peak_pressure"] == pytest.approx(stiffness * (length + r - R), rel=1e-9)
+    along = np.array([got[f"cop_{axis}"] for axis in "xyz"]) - model.cup.centre
+    np.testing.assert_allclose(np.cross(along, b), 0.0, atol=1e-9)
+    assert 0.5 * (1.0 + edge) * R < np.linalg.norm(along) < R
+
+
+MODELS = {
+    "knee": (lambda c: cc.PolarFoundation(cc.load_scene("knee"), Rays(24, 4), compiled=c), [KNEE, LIFTED]),
+    "groove": (lambda c: cc.PolarFoundation(cc.load_scene("patellofemoral"), Rays(24, 4), compiled=c), [GROOVE]),
+    "hip": (lambda c: cc.CupFoundation(cc.load_scene("hip"), 24, compiled=c), None),
+}
+
+
+@pytest.fixture(params=MODELS)
+def case(request):
+    """Makes the model, compiled or not; poses."""
+    make, poses = MODELS[request.param]
+    model = make(False)
+    return make, model, placed(model.scene, PLACES["hip"]) if poses is None else np.array(poses)
+
+
+def test_they_agree_with_a_fine_element_grid(case):
+    _, model, poses = case
+    fine, found = (m.summary(poses) for m in (cc.ElasticFoundation(model.scene, (400, 300)), model))
+    np.testing.assert_allclose(found.area_mm2, fine.area_mm2, rtol=0.01)
+    np.testing.assert_allclose(found.mean_mpa, fine.mean_mpa, rtol=0.01)
+    np.testing.assert_allclose(found.largest_mpa, fine.largest_mpa, rtol=0.02, atol=0.01)
+    np.testing.assert_allclose(found.penetration_mm, fine.penetration_mm, rtol=0.02, atol=1e-4)
+    np.testing.assert_allclose(found.centre_mm, fine.centre_mm, atol=0.05)
+
+
+def test_jacobians_are_the_derivatives_of_the_outputs(case):
+    """An angle counts 25 mm to the radian; each output against its own largest slope."""
+    _, model, poses = case
+    steps = 1e-5 / np.repeat([1.0, 25.0], 3)
+    loaded = np.isfinite(model.pressures(poses)[0])
+    slopes = model.pressures(poses)[1]
+    for k, step in enumerate(steps):
+        move = step * np.eye(6)[k]
+        differences = (model.pressures(poses + move)[0] - model.pressures(poses - move)[0]) / (2.0 * step)
+        size = np.abs(slopes / np.repeat([1.0, 25.0], 3)).max(axis=-1) * (25.0 if k > 2 else 1.0)
+        off = np.abs(slopes[..., k] - differences)[loaded] / (size[loaded] + 1e-9)
+        assert off.max() < 2e-3
+
+
+def test_out_of_contact_they_are_zero_and_there_is_no_centre():
+    model = cc.PolarFoundation(cc.load_scene("knee"), compiled=False)
+    got = by_name(model, LIFTED)
+    assert got["contact_area_lat"] == got["mean_pressure_lat"] == got["peak_pressure_lat"] == 0.0
+    assert got["penetration_lat"] == 0.0
+    assert np.isnan(got["cop_x_lat"])
+    assert got["contact_area_med"] > 10.0
+
+
+def test_names_are_checked():
+    model = cc.PolarFoundation(cc.load_scene("knee"), compiled=False)
+    with pytest.raises(ValueError, match=r"pressures peak_pressure, expected some of contact_area_med"):
+        model.pressures(KNEE, ["peak_pressure"])
+
+
+@needs_compiler
+def test_c_and_numpy_are_the_same_formulas(case):
+    make, plain, poses = case
+    assert make(True)._pressure_library is not None, "else NumPy is compared with itself"
+    for a, b in zip(make(True).pressure_moments(poses), plain.pressure_moments(poses), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
+
+
+@needs_compiler
+def test_ipopt_lowers_the_peak_pressure_of_a_knee_that_carries_its_loads():
+    """Both sides' peaks as small as they go under the same forces: pressure outputs are constraints as loads are."""
+    model = cc.PolarFoundation(cc.load_scene("knee"))
+    x, top = ca.MX.sym("pose", 6), ca.MX.sym("top")
+    peaks = model.pressure_function(["peak_pressure_med", "peak_pressure_lat"])(x)
+    forces = model.function(["Fy_med", "Fy_lat"])(x)
+    problem = {"x": ca.vertcat(x, top), "f": top, "g": ca.vertcat(forces, peaks - top)}
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.hessian_approximation": "limited-memory"}
+    solver = ca.nlpsol("gentle", "ipopt", problem, options)
+    before = by_name(model, KNEE)["peak_pressure_med"]
+    reach = np.array([3.0, 0.5, 1.0, 0.02, 0.1, 0.05])
+    low, high = np.subtract(KNEE, reach), np.add(KNEE, reach)
+    wanted = np.array(model.function(["Fy_med", "Fy_lat"])(KNEE)).ravel()
+    found = solver(
+        x0=[*KNEE, before],
+        lbx=[*low, 0.0],
+        ubx=[*high, 100.0],
+        lbg=[*wanted, -np.inf, -np.inf],
+        ubg=[*wanted, 0.0, 0.0],
+    )
+    assert solver.stats()["success"]
+    assert float(found["f"]) < 0.999 * before
+    pose = np.array(found["x"]).ravel()[:6]
+    assert max(by_name(model, pose)[f"peak_pressure_{side}"] for side in ("med", "lat")) == pytest.approx(
+        float(found["f"]), rel=1e-6
+    )

@@ -1,0 +1,141 @@
+"""Problems on any scene and any contact model: the foundation in the surrogate's place, other joints than the knee."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import CupFoundation, PolarFoundation, Rays
+from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.verification import judge, own_model
+from problems import pose_estimation, static_equilibrium
+from problems.common.contact import ContactSource
+from problems.pose_estimation import __main__
+from problems.pose_estimation.starts import moved
+from tests.support.compiler import needs_compiler
+
+
+def few_frames(cycle, every=20):
+    curves = [{name: curve[::every] for name, curve in part.items()} for part in (cycle.pose, cycle.loads)]
+    return JointCycle(cycle.name, cycle.time_s[::every], *curves)
+
+
+@pytest.fixture(scope="module")
+def patellofemoral():
+    return PolarFoundation(cc.load_scene("patellofemoral"), Rays(16, 3))
+
+
+@needs_compiler
+def test_poses_on_the_foundation_are_those_on_the_surrogate_that_learned_it():
+    cycle = reference_cycle(frames=5)
+    learned = pose_estimation.solve(pose_estimation.build(cc.load_surrogate("knee"), cycle))
+    foundation = PolarFoundation(cc.load_scene("knee"), Rays(12, 3))
+    problem = pose_estimation.build(foundation, cycle)
+    result = pose_estimation.solve(problem)
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(result.poses[:, [1, 3]], learned.poses[:, [1, 3]], atol=0.002)
+    np.testing.assert_allclose(result.poses, learned.poses, atol=0.05)
+    teacher = own_model(foundation.scene)
+    assert judge(foundation, result.poses, result.converged, teacher, problem.wanted.load_names).exit_code == 0
+    assert cc.verify(foundation, result.poses, teacher).passed
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("name", "model", "pressing"),
+    [("hip", CupFoundation, None), ("glenohumeral", CupFoundation, ("tz",)), ("patellofemoral", PolarFoundation, None)],
+)
+def test_every_joint_s_own_motion_is_found_again_from_random_starts(name, model, pressing):
+    scene = cc.load_scene(name)
+    foundation = model(scene if pressing is None else scene.with_sensitive_pose(pressing))
+    cycle = few_frames(scene_cycles(scene)[0])
+    problem = pose_estimation.build(foundation, cycle)
+    assert problem.free == tuple(n for n in ("tx", "ty", "tz", "rx", "ry", "rz") if n not in cycle.pose)
+    result = pose_estimation.solve(problem)
+    assert result.converged.all(), result.reason
+    verdict = judge(foundation, result.poses, result.converged, own_model(scene), problem.wanted.load_names)
+    assert verdict.exit_code == 0, verdict
+    for seed in range(3):
+        again = pose_estimation.solve(problem, moved(problem, result.poses, np.random.default_rng(seed)))
+        assert again.converged.all(), again.reason
+        np.testing.assert_allclose(again.poses, result.poses, atol=1e-4)
+
+
+@needs_compiler
+def test_a_centre_of_pressure_tells_a_pose_parameter_that_was_not_measured(patellofemoral):
+    """Force on one facet, and where the total crosses x = 0, stand for the forces on both.
+
+    The groove's own axis carries no torque, so that cop_y does not exist."""
+    cycle = few_frames(scene_cycles(patellofemoral.scene)[0], every=50)
+    known = pose_estimation.solve(pose_estimation.build(patellofemoral, cycle)).poses
+    loads = dict(zip(patellofemoral.load_names, patellofemoral(known).T, strict=True))
+    with pytest.raises(ValueError, match="cop_y needs Fx and Tz, scene patellofemoral lacks one of them"):
+        pose_estimation.build(patellofemoral, replace(cycle, centres={"cop_y": np.zeros(3)}))
+    across = loads["Ty"] / (loads["Fx_med"] + loads["Fx_lat"])
+    one_side = {"Fx_med": cycle.loads["Fx_med"]}
+    result = pose_estimation.solve(
+        pose_estimation.build(patellofemoral, replace(cycle, loads=one_side, centres={"cop_z": across})), known
+    )
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(result.poses, known, atol=1e-3)
+
+
+def test_a_cycle_file_holds_any_loads_and_centres_of_a_scene(tmp_path, patellofemoral):
+    text = "time_s,rz_rad,Fx_med_N,Fx_lat_N,cop_z_mm\n0,-0.3,200,300,2\n0.5,-0.4,210,320,1\n"
+    (tmp_path / "squat.csv").write_text(text)
+    cycle = read_joint_cycle(tmp_path / "squat.csv", patellofemoral.scene)
+    assert list(cycle.wanted()) == ["Fx_med", "Fx_lat", "cop_z"]
+    assert list(cycle.targets()) == ["Fx_med", "Fx_lat"]
+    with pytest.raises(ValueError, match=r"3 loads \(Fx_med, Fx_lat, cop_z\) cannot tell 5 pose parameters"):
+        pose_estimation.build(patellofemoral, cycle)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"Fy_med": [0.0, -1.0]}, "scene patellofemoral has no load Fy_med, expected Fx_med"),
+        ({"cop_ml": [0.0, 1.0]}, "unknown centre of pressure 'cop_ml'"),
+    ],
+)
+def test_a_scene_that_cannot_do_it_says_why(patellofemoral, values, said):
+    wanted = {name: np.array(curve) for name, curve in values.items()}
+    with pytest.raises(ValueError, match=said):
+        pose_estimation.WantedLoads.of(patellofemoral.scene, wanted)
+
+
+@needs_compiler
+def test_settling_under_six_loads_ends_at_the_same_poses_on_the_foundation():
+    loads = np.tile([-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0], (2, 1))
+    foundation = PolarFoundation(cc.load_scene("knee"), Rays(12, 3))
+    found = []
+    for model in (cc.load_surrogate("knee"), foundation):
+        rest = np.zeros((2, 6))
+        rest[:, 1], rest[:, 5] = 27.0, [0.0, -0.5]
+        result = static_equilibrium.solve(static_equilibrium.build(model, loads, rest=rest, about="moving"))
+        assert result.converged.all(), result.reason
+        found.append(result.poses)
+    np.testing.assert_allclose(found[1], found[0], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--scene", "sphere_on_plane"), r"scene sphere_on_plane has no \[motion\]"),
+        (("--scene", "none"), "unknown scene 'none'"),
+        (("--scene", "knee", "--surrogate", "knee"), "got both --surrogate and --scene, expected one of them"),
+    ],
+)
+def test_a_scene_without_a_motion_or_contact_is_one_line(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["pose_estimation", *arguments, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match=said):
+        __main__.main()
+
+
+def test_a_contact_source_is_loaded_once_and_says_what_it_is():
+    source = ContactSource.of(None, None)
+    assert source == ContactSource(surrogate="knee")
+    assert source.load() is ContactSource(surrogate="knee").load()
+    assert (source.kind, ContactSource(scene="knee").kind) == ("surrogate", "foundation")

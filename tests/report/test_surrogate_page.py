@@ -1,0 +1,121 @@
+"""The report page: one offline file, and a verdict that `verify` would give on the same samples."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from casadi_contact.dataset import TEST, write_samples
+from casadi_contact.dataset.errors import domain_errors
+from casadi_contact.report.surrogate_page import surrogate_page, write_report
+from casadi_contact.structures import PatchSurrogate
+from casadi_contact.verification import verify
+from casadi_contact.verification.fitness import Fitness, fitness
+from tests.support.random_surrogates import random_network
+from tests.support.random_trust import random_trust
+from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples
+
+SAMPLES = smooth_samples(300)
+
+
+class Tags(HTMLParser):
+    """Names and attributes of all elements."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    """An untrained surrogate with the record of its errors on the samples, and a trust of random numbers."""
+    rng = np.random.default_rng(0)
+    networks = {
+        name: random_network(rng, CENTRE, SPREAD, (5,), "algebraic", 0.05)
+        for name in PatchSurrogate.network_inputs(SPHERE)
+    }
+    made = PatchSurrogate(SPHERE, networks)
+    record = {
+        "test_errors": domain_errors(made, SAMPLES),
+        "pose_range": {name: [-1.0, 1.0] for name in ("tx", "ty", "tz", "rx", "ry", "rz")},
+        "command": "<script>alert('got you')</script>",
+        "coverage": {"D1": {"valid": 0.5, "Fy": 0.25}},
+    }
+    return PatchSurrogate(SPHERE, networks, record, random_trust(1, len(made.load_names)))
+
+
+def on_the_samples(poses, load_names):
+    """A model that knows the samples' own loads."""
+
+    class Known:
+        def __init__(self):
+            self.load_names, self.patch_names, self.scene = load_names, SPHERE.patch_names, SPHERE
+
+        def __call__(self, asked):
+            rows = [int(np.argmin(np.abs(poses - pose).sum(axis=1))) for pose in asked]
+            return SAMPLES.select(role=TEST).loads(load_names)[rows]
+
+    return Known()
+
+
+def test_the_verdict_on_a_domain_is_that_of_verify_on_its_held_back_samples(surrogate):
+    verdict, test = fitness(surrogate), SAMPLES.select(role=TEST)
+    model = on_the_samples(test.poses, surrogate.load_names)
+    checked = {}
+    for domain in verdict.errors:
+        verified = verify(surrogate, SAMPLES.select(domain, TEST).poses, model)
+        np.testing.assert_allclose(list(verdict.errors[domain].values()), verified.rms, rtol=1e-12)
+        checked[domain] = bool((verified.rms <= verified.tolerances).all())
+    assert set(verdict.fit) == {domain for domain, passed in checked.items() if passed}
+    assert len(checked) == 2
+    generous = Fitness(verdict.errors, dict.fromkeys(verdict.tolerances, 1e9))
+    assert generous.fit == list(checked)
+
+
+def test_the_verdict_names_what_is_within_and_what_is_off():
+    tolerances = {"Fy": 1.0, "Tz": 25.0}
+    within, off = {"Fy": 0.5, "Tz": 20.0}, {"Fy": 0.9, "Tz": 50.0}
+    assert str(Fitness({"D1": within}, tolerances)) == (
+        "fit for use within 0.5 N and 20 N·mm (RMS of held-back samples) in D1"
+    )
+    both = str(Fitness({"D1": within, "D4": off}, tolerances))
+    assert both.endswith("in D1; not in D4: Tz is off by 50 N·mm, tolerance 25")
+    assert str(Fitness({"D4": off}, tolerances)).startswith("not fit for use: D4: Tz")
+    assert str(Fitness({}, tolerances)).startswith("not judged")
+
+
+def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp_path):
+    write_samples(tmp_path / "samples.h5", SAMPLES)
+    path = write_report({"patch": surrogate}, tmp_path, tmp_path / "report.html")
+    text = path.read_text("utf-8")
+    elements = Tags(text).elements
+    assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in elements}
+    sources = [attributes["src"] for _, attributes in elements if "src" in attributes]
+    assert sources, "the scene's picture"
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert not re.search(r"https?://", text)
+    assert "&lt;script&gt;alert" in text
+    assert str(fitness(surrogate)) in text
+    assert [path.name for path in tmp_path.glob("report*")] == ["report.html"]
+
+
+def test_what_a_file_does_not_record_is_said(surrogate):
+    bare = PatchSurrogate(SPHERE, surrogate.networks)
+    text = surrogate_page({"patch": bare})
+    for said in ("not judged", "does not record the sampled poses", "never calibrated", "No samples lie beside"):
+        assert said in text
+    with pytest.raises(ValueError, match="no surrogate to report"):
+        surrogate_page({})
+
+
+def test_errors_above_their_tolerance_stand_out(surrogate):
+    text = surrogate_page({"patch": surrogate})
+    verdict = fitness(surrogate)
+    expected = sum(len(verdict.failing(domain)) for domain in verdict.errors)
+    assert expected > 0
+    assert text.count('class="high"') == expected
