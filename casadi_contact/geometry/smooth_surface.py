@@ -65,7 +65,8 @@ class SmoothSurface:
             (zero.sum(axis=1) == 2) & ((share > 0.5) & self._open_corner[face]).any(axis=1)
         )
         rounded = np.sqrt(aside2 + (height + EDGE_RADIUS_MM) ** 2) - EDGE_RADIUS_MM
-        return np.where(edge & (height > -EDGE_RADIUS_MM), rounded, distance)
+        beside = (height > -EDGE_RADIUS_MM) | (aside2 > height**2)  # else behind the surface, where no edge matters
+        return np.where(edge & beside, rounded, distance)
 
     def _patch(self, face: np.ndarray, share: Array) -> tuple[Array, Array]:
         """Point and unit normal of each face's PN patch at barycentric shares (n, 3)."""

@@ -28,6 +28,7 @@ from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
 _TOLERANCE = 0.01  # of the largest load
 _LARGEST_N = 1500.0  # of a patch, in a made-up motion
+_SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
 
@@ -79,6 +80,8 @@ def propose(
         told.append(
             f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
         )
+    if (thinnest := min(shells.values())) < THIN_MM:
+        tables["geometry"] |= {"spacing": round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)}
     if shells["moving"] < THIN_MM:
         tables["geometry"]["shell"] = "whole"
     scene = Scene.from_tables(tables)

@@ -21,6 +21,7 @@ _COMMENTS = {
     "start_pose": "tx, ty, tz [mm], rx, ry, rz [rad]: at rest under 300 N a patch",
     "open_edges": 'the fixed mesh\'s open edges: "cut" of a larger part, or "rim" of the part, which contact may reach',
     "shell": 'of the moving mesh: "outer" counts its side away from the anchors alone, "whole" all of it',
+    "spacing": "of the distance fields' nodes [mm], as fine as thin shells need",
     "anchor": "on the moving body [mm]: the middle of its curvature where it touches this patch",
     "mirror": "a left joint becomes a right one",
     "offset": "of the mesh in its frame [mm]",

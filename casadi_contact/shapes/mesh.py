@@ -39,9 +39,9 @@ class Mesh(Shape):
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The moving mesh's field, which faces every patch."""
-        from casadi_contact.shapes.mesh_bodies import body_field, refuse_thin_shell
+        from casadi_contact.shapes.mesh_bodies import body_field, check_shells
 
-        refuse_thin_shell(geometry)
+        check_shells(geometry)
         field = body_field(geometry, "moving")
         return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
 
@@ -57,10 +57,10 @@ class Mesh(Shape):
 
         check_patches(geometry)
         field, pressing = body_field(geometry, "fixed"), geometry.get("pressing", DOWN)
-        found = [
-            grid_on_mesh(patch_mesh(geometry, patch, reaching=True), field, grid, patch_box(geometry, patch), pressing)
-            for patch in geometry["patches"]
-        ]
+        found = []
+        for patch in geometry["patches"]:
+            mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
+            found.append(grid_on_mesh(mesh, field, grid, box, pressing))
         for patch, cells in zip(geometry["patches"], found, strict=True):
             check_side(geometry, patch, cells)
         return found

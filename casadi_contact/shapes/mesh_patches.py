@@ -19,6 +19,7 @@ _LEAST_AREA_MM2 = 4.0  # of a patch: a smaller spot is no joint's
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
 _BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
+_ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
 _NEAR_OPEN_EDGE = 1.5  # cells
 
 
@@ -106,8 +107,11 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         here, normal, width = centres[rows], normals[rows], np.sqrt(areas[rows])
         sideways = step * _along(centres, areas, axis)
         tangent = sideways - (normal @ sideways)[:, None] * normal
-        beyond = here + width[:, None] * tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-        goes_on = np.abs(field(beyond)[0]) < _SAME_SURFACE * width
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        beyond = here + width[:, None] * tangent
+        distance, slope = field(beyond)
+        rolls_over = np.einsum("nk,nk->n", slope, tangent) > _ROLLING_OVER
+        goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~rolls_over
         for low, high in others:
             goes_on &= ~np.all((beyond >= low) & (beyond < high), axis=1)
         if open_edges is not None:

@@ -1,0 +1,103 @@
+"""What two meshes tell of a joint: how the bodies meet, where patches part, which axis is which."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.conventions import rotation
+from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.proposal.frame import frame_of
+from casadi_contact.proposal.joint import joint_of
+from casadi_contact.proposal.meeting import meeting_of
+from casadi_contact.proposal.pair import Pair, centre_of_normals
+from casadi_contact.proposal.regions import regions_of
+from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
+from tests.support.shared_data import shared_file
+
+POLE = unit(np.array([0.2, 0.8, 0.5]))
+
+
+def seen(moving, fixed, **known):
+    """Meeting, regions, joint and frame of two meshes, as a proposal finds them one after another."""
+    pair = Pair.of(moving, fixed)
+    meeting = meeting_of(pair)
+    regions = regions_of(pair, meeting)
+    joint = joint_of(pair, meeting, regions)
+    return meeting, regions, joint, frame_of(pair, meeting, regions, joint, **known)
+
+
+def ball_in_cup(move=lambda points: points):
+    ball, cup = ball_mesh(16.0, 2.5), shell_mesh(16.4, 22.0, 2.0, 1.3, POLE)
+    return [checked_mesh(name, move(v), f) for name, (v, f) in (("ball", ball), ("cup", cup))]
+
+
+def button_on_groove(height=22.0):
+    (button, faces), valley = cap_mesh(22.0, 1.5, 0.7), sheet_mesh(40.0, 2.0, groove)
+    return checked_mesh("button", button + [0.0, height, 0.0], faces), checked_mesh("groove", *valley)
+
+
+@pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])
+def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lies(far):
+    meeting, regions, joint, frame = seen(*ball_in_cup(lambda points: points + far))
+    assert meeting.together
+    assert meeting.pressing @ POLE > np.cos(np.radians(3.0))
+    assert (joint.kind, joint.patches, joint.sensitive) == ("hip", ("contact",), ["F"])
+    np.testing.assert_allclose(regions.anchors_mm[0], far, atol=0.5)  # the ball's centre
+    assert frame.axes == ("x", "y", "z")
+    centre = frame.points(far[None], "moving")[0]
+    np.testing.assert_allclose(centre, 0.0, atol=0.6)
+
+
+def test_a_turned_scan_is_turned_back():
+    """z up and x forwards in the file, as scanners have it: superior is the file's z."""
+    to_file = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    frame = seen(*ball_in_cup(lambda points: points @ to_file.T))[3]
+    assert frame.axes == ("y", "z", "x")
+    np.testing.assert_allclose(frame.directions(to_file @ POLE), POLE, atol=1e-12)
+
+
+def test_a_left_ball_and_cup_are_mirrored_into_right_ones():
+    mirrored = [checked_mesh(m.name, m.vertices_mm * [1.0, 1.0, -1.0], m.faces[:, ::-1]) for m in ball_in_cup()]
+    frame = seen(*mirrored, side="left")[3]
+    assert frame.mirror == "z"
+    np.testing.assert_allclose(frame.directions(POLE * [1.0, 1.0, -1.0]), POLE, atol=1e-12)
+
+
+@pytest.mark.parametrize("height", [22.0, 60.0])
+def test_a_button_rests_on_both_facets_of_its_groove(height):
+    """Whether the files place the bodies together, or each about its own origin."""
+    meeting, regions, joint, frame = seen(*button_on_groove(height))
+    assert meeting.together == (height == 22.0)
+    np.testing.assert_allclose(meeting.pressing, [0.0, -1.0, 0.0], atol=0.02)
+    assert (joint.kind, joint.patches, joint.pressing) == ("patella", ("med", "lat"), "+x")
+    assert regions.axis == 2
+    np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=1.0)
+    np.testing.assert_allclose(frame.directions(meeting.pressing), [1.0, 0.0, 0.0], atol=0.02)
+
+
+def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():
+    normals = rotation(np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3)))[:, :, 1]
+    centre = np.array([3.0, -2.0, 1.0])
+    np.testing.assert_allclose(centre_of_normals(centre + 20.0 * normals, normals, np.ones(200)), centre, atol=0.3)
+    flat = np.random.default_rng(1).uniform(-5.0, 5.0, (200, 3)) * [1.0, 0.0, 1.0]
+    up = np.tile([0.0, 1.0, 0.0], (200, 1))
+    np.testing.assert_allclose(centre_of_normals(flat, up, np.ones(200)), flat.mean(axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("moving", "fixed", "axes", "together"),
+    [
+        ("dm_tka/femoral_component.stl", "dm_tka/tibial_insert.stl", ("x", "y", "z"), False),
+        ("jam/femur_cartilage.obj", "jam/tibia_cartilage.stl", ("-x", "y", "-z"), True),
+    ],
+)
+def test_real_knees_have_two_patches_and_flex_backwards(moving, fixed, axes, together):
+    """Axes as the files' sources state them: implant as ours, natural knee anterior, superior, lateral."""
+    meshes = [load_mesh(shared_file(f"data/{name}"), "m") for name in (moving, fixed)]
+    meeting, regions, joint, frame = seen(*meshes, side="right")
+    assert meeting.together == together
+    assert (joint.kind, joint.patches, joint.sensitive) == ("knee", ("med", "lat"), ["-Fy_med", "-Fy_lat"])
+    assert frame.axes == axes
+    assert len(regions.cuts_mm) == 1
+    assert abs(regions.cuts_mm[0]) < 3.0
+    anchors = frame.points(regions.anchors_mm, "moving")
+    assert np.abs(np.abs(anchors[:, 2]) - 22.0).max() < 5.0  # condyles, medial and lateral

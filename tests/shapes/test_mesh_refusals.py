@@ -1,0 +1,130 @@
+"""Mesh scenes that would give wrong loads in silence are refused with the cure; rims of a part are no cuts."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, shell_mesh, write_obj
+
+POLE = [0.0, 1.0, 0.0]
+
+
+def scene_of(folder, moving, fixed, extra="", grid=(30, 30)):
+    write_obj(folder / "moving.obj", *moving)
+    write_obj(folder / "fixed.obj", *fixed)
+    (folder / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", extra=extra, grid=grid))
+    return cc.load_scene(folder / "scene.toml")
+
+
+def plate(side=14.0, thickness=4.0):
+    """A closed slab with its top at y = 0."""
+    import trimesh
+
+    box = trimesh.creation.box((side, thickness, side)).subdivide_to_size(2.0)
+    return box.vertices - [0.0, 0.5 * thickness, 0.0], box.faces
+
+
+BALL = cap_mesh(20.0, 3.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("patches", "said"),
+    [
+        ("[geometry.patches.a]\nx = [-6, 1]\n[geometry.patches.b]\nx = [0, 6]", "a and b share .* carry load twice"),
+        ("[geometry.patches.a]\nx = [-0.006, 0.006]\nz = [-0.006, 0.006]", r"holds 0 mm².*are its bounds in m\?"),
+        ("[geometry.patches.a]\nx = [6.0, 6.4]\nz = [6.0, 6.4]", r"a holds 0 mm².*expected 4 mm² at least"),
+    ],
+)
+def test_patches_that_overlap_or_hold_hardly_any_surface(tmp_path, patches, said):
+    text = patches.replace("[geometry.patches.a]", "[geometry.patches.a]")
+    scene = None
+    names = [line.split(".")[-1].rstrip("]") for line in text.splitlines() if line.startswith("[")]
+    write_obj(tmp_path / "moving.obj", *BALL)
+    write_obj(tmp_path / "fixed.obj", *sheet_mesh(14.0, 0.5))
+    scene_text = mesh_scene_text("moving.obj", "fixed.obj", extra=text)
+    sensitive = ", ".join(f'"Fy_{name}"' for name in names)
+    scene_text = scene_text.replace('sensitive = ["Fy"]', f"sensitive = [{sensitive}]")
+    scene_text = scene_text.replace('names = ["Fx", "Fy",', f'names = ["Fx", {sensitive},')
+    scene_text = scene_text.replace("\nFy = 1.0", "".join(f"\nFy_{name} = 1.0" for name in names))
+    (tmp_path / "scene.toml").write_text(scene_text)
+    scene = cc.load_scene(tmp_path / "scene.toml")
+    with pytest.raises(ValueError, match=said):
+        cc.ElasticFoundation(scene)
+
+
+def test_a_surface_that_faces_z_is_told_to_be_turned(tmp_path):
+    vertices, faces = sheet_mesh(14.0, 2.0)
+    scene = scene_of(tmp_path, BALL, (vertices[:, [2, 0, 1]], faces))
+    with pytest.raises(ValueError, match=r"its surface faces \+z: turn it to the moving body with geometry\.axes"):
+        cc.ElasticFoundation(scene)
+
+
+def test_a_grid_on_the_back_of_a_cup_is_refused_and_one_on_its_inside_carries_load(tmp_path):
+    """The head lies below, in a cup that opens downwards: a ray from above meets the back first."""
+    head, cup = ball_mesh(16.0, 2.5), shell_mesh(16.4, 20.0, 2.0, 1.2, POLE)
+    with pytest.raises(ValueError, match=r"faces away from the moving body.*pressing = \[0\.0, 1\.0, 0\.0\]"):
+        cc.ElasticFoundation(scene_of(tmp_path, head, cup))
+    inside = cc.ElasticFoundation(scene_of(tmp_path, head, cup, "pressing = [0.0, 1.0, 0.0]"))
+    assert inside([0.0, 0.6, 0.0, 0.0, 0.0, 0.0])[1] > 100.0
+
+
+def test_a_thin_closed_shell_says_which_of_its_sides_counts(tmp_path):
+    """Pressed by more than half its thickness a whole shell yields; its outer side alone pushes back harder."""
+    points, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, POLE)
+    shell = (points * [1.0, -1.0, 1.0], faces[:, ::-1])  # opens upwards: its outside is below
+    with pytest.raises(ValueError, match=r"closed shell about 1\.5 mm thick.*geometry\.shell to 'outer'"):
+        cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0)))
+    forces = {}
+    for kind in ("outer", "whole"):
+        model = cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0), f'shell = "{kind}"'))
+        poses = np.zeros((2, 6))
+        poses[:, 1] = 16.0 - np.array([0.3, 1.4])
+        forces[kind] = -model(poses)[:, 1]
+    assert forces["outer"][0] == pytest.approx(forces["whole"][0], rel=0.02)
+    exact = np.pi * 267.5728 * 1.4**2 * (16.0 - 1.4 / 3.0)
+    assert forces["outer"][1] == pytest.approx(exact, rel=0.02)
+    assert forces["whole"][1] < 0.9 * exact
+
+
+@pytest.mark.parametrize(
+    ("fixed", "extra", "cut"),
+    [
+        (sheet_mesh(14.0, 2.0), "", True),  # an open edge may be a cut of a larger part
+        (sheet_mesh(14.0, 2.0), 'open_edges = "rim"', False),
+        (plate(), "", False),  # the slab ends there
+        (plate(), "[geometry.patches.contact]\nx = [-7.0, 4.0]", True),  # the patch ends, the slab goes on
+    ],
+)
+def test_contact_that_reaches_the_rim_of_a_part_is_complete_and_that_which_reaches_a_cut_is_not(
+    tmp_path, fixed, extra, cut
+):
+    model = cc.ElasticFoundation(scene_of(tmp_path, BALL, fixed, extra))
+    poses = np.zeros((2, 6))
+    poses[:, 1] = 19.8
+    poses[1, 0] = 5.0
+    assert (model(poses)[:, 1] < -10.0).all()
+    assert model.at_edge(poses)[:, 0].tolist() == [False, cut]
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ("pressing = [0.0, 0.0, 0.0]", "geometry.pressing = .* expected a direction"),
+        ("pressing = [0.0, -1.0]", "geometry.pressing = .* expected 3 numbers"),
+        ("start_pose = [1.0]", "geometry.start_pose = .* expected 6 numbers tx, ty, tz"),
+        ('open_edges = "torn"', "geometry.open_edges = 'torn', expected cut or rim"),
+        ('shell = "inner"', "geometry.shell = 'inner', expected outer or whole"),
+        (
+            '[geometry.placement.moving]\nmirror = "w"',
+            r"geometry\.placement\.moving\.mirror = 'w', expected x or y or z",
+        ),
+        (
+            "[geometry.placement.moving]\noffset = 3.0",
+            r"geometry\.placement\.moving\.offset = 3\.0, expected 3 numbers",
+        ),
+        ("[geometry.placement.femur]\noffset = [1, 2, 3]", r"unknown key geometry\.placement\.femur"),
+    ],
+)
+def test_a_bad_value_is_named(tmp_path, lines, said):
+    with pytest.raises(ValueError, match=said):
+        scene_of(tmp_path, BALL, sheet_mesh(14.0, 2.0), lines)
