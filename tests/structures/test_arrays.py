@@ -1,6 +1,7 @@
 """Arrays of poses: the compiled kernel on all cores equals NumPy, whatever the number of poses and of cores."""
 
 import pickle
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -110,6 +111,18 @@ def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
     with pytest.warns(RuntimeWarning, match="NumPy, which is slower"):
         np.testing.assert_array_equal(kernel(POSES), plain(POSES))
     np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
+
+
+@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low"])
+def test_a_trust_whose_numbers_are_too_few_is_refused_before_c_could_read_beyond_them(field):
+    made = random_surrogate(scene_called("knee"), "patch")
+    trust, (part, _, name) = random_trust(2, 7), field.partition("/")
+    owner = getattr(trust, part) if name else trust
+    short = replace(owner, **{name or part: getattr(owner, name or part)[:1]})
+    trust = replace(trust, **{part: short}) if name else short
+    damaged = type(made)(made.scene, made.networks, {}, trust, compiled=True)
+    with pytest.raises(ValueError, match=f"trust: {field} has shape"):
+        damaged.validity(POSES)
 
 
 def test_weights_of_another_shape_are_refused():
