@@ -12,6 +12,7 @@ __version__ = "0.2.0.dev0"
 __all__ = [
     "Assembly",
     "CallableModel",
+    "CellFoundation",
     "ContactFrames",
     "ContactInOpti",
     "CupFoundation",
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from casadi_contact.benchmark import choose
     from casadi_contact.contact import (
         CallableModel,
+        CellFoundation,
         CupFoundation,
         ElasticFoundation,
         PolarFoundation,
@@ -54,7 +56,7 @@ else:
         "assembly": ("Assembly", "load_assembly"),
         "benchmark": ("choose",),
         "contact": (
-            *("CallableModel", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
+            *("CallableModel", "CellFoundation", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
             *("RayCastFoundation", "foundation"),
         ),
         "optimisation": ("ContactFrames", "ContactInOpti"),

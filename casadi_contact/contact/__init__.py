@@ -1,5 +1,6 @@
 """Contact models: pose of the moving body in, loads on the fixed body out."""
 
+from casadi_contact.contact.cells import CellFoundation, Cells
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
@@ -11,6 +12,8 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 
 __all__ = [
     "CallableModel",
+    "CellFoundation",
+    "Cells",
     "ContactModel",
     "CupFoundation",
     "ElasticFoundation",

@@ -12,9 +12,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.callback import check_loads, model_callback
+from casadi_contact.contact.callback import check_loads, contact_callback, model_callback
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
+from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel, export_c
@@ -129,13 +130,35 @@ class CompiledFoundation(ABC):
         *,
         compiled: bool = True,
         batch: int | None = None,
+        parameters: Iterable[str] = (),
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with first and second derivatives; batch: (6 x batch) -> (L x batch).
 
-        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences. Raises
-        ValueError for a load that is not the scene's.
+        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences.
+        parameters: some of `parameters.PARAMETERS`, a second input (m) in their order: the layer's material, and where
+        the fixed body lies in the scene's frame, which pose and loads then refer to. Raises ValueError for a load that
+        is not the scene's, and like `check_parameters`.
         """
-        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+        wanted = check_parameters(parameters, self.scene.material)
+        if not wanted:
+            return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
+        function = parametric_function(
+            check_name(name), wanted, self.scene.material, self._rows(loads), self._wrench_function(compiled)
+        )
+        return function if batch is None else function.map(batch)
+
+    def _wrench_function(self, compiled: bool) -> ca.Function:
+        """casadi.Function pose (6) -> wrenches of all patches (6·P)."""
+        name, names = "patch_wrenches", wrench_names(self.patch_names)
+        path = self._kernel(name, names, ("loads",)) if compiled else None
+        if path is not None:
+            return ca.external(name, str(path))
+
+        def wrenches(poses: Array) -> tuple[Array, Array]:
+            values, slopes, _ = self._wrenches(poses, slopes=True)
+            return values.reshape(len(poses), -1), slopes.reshape(len(poses), -1, 6)
+
+        return contact_callback(name, [("loads", len(names), wrenches)])
 
     def root_function(
         self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None

@@ -192,7 +192,10 @@ def field_hessian(parameters, x, y, z):
     for a in range(4):
         for b in range(4):
             at = _HEAD + ((i + a) * ny + j + b) * nz + k
-            lines = weights[2] @ parameters[at : at + 4]
+            lines = np.zeros(3)
+            for order in range(3):
+                for c in range(4):
+                    lines[order] += weights[2, order, c] * parameters[at + c]
             wx, wy = weights[0, :, a], weights[1, :, b]
             found[4] += wx[2] * wy[0] * lines[0]
             found[5] += wx[1] * wy[1] * lines[0]

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.distance_field import field_hessian
+from casadi_contact.geometry.distance_field import field_distances, field_hessian
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, MESH_FIELD, MovingSurface
 
 
@@ -28,6 +28,14 @@ def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, 
     slopes = offset / distance[:, None]
     hessians = (np.diag(across) - slopes[:, :, None] * slopes[:, None, :]) / distance[:, None, None]
     return distance - radius, slopes, hessians
+
+
+def distance_slopes(surface: MovingSurface, points: Array) -> tuple[Array, Array]:
+    """g (n,) and ∇g (n, 3), as of `distance_derivatives`, in a fraction of its time."""
+    if surface.family != MESH_FIELD:
+        return distance_derivatives(surface, points)[:2]
+    values = field_distances(surface.parameters, np.ascontiguousarray(points))
+    return values[:, 0], values[:, 1:]
 
 
 def round_body(surface: MovingSurface) -> tuple[Array, Array, float]:

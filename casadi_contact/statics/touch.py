@@ -18,7 +18,8 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
     """Poses (n, 6) moved towards the patches until the first touch: from far away along the direction in which these
     are pressed, or, where a normal load has none, from where they are along the wanted force (n,) by load names.
 
-    Steps of the smallest gap can never pass the surface (sphere tracing). Raises ValueError for a model without gaps
+    Steps of the smallest gap do not pass the surface (sphere tracing); where a gap that is only estimated from far away
+    led too deep, the overlap is taken back. Raises ValueError for a model without gaps
     and for a scene without direction whose force is not among the wanted loads.
     """
     gaps = getattr(model, "gaps", None)
@@ -38,7 +39,7 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     for _ in range(_STEPS):
         gap = gaps(poses).min(axis=1)
-        if gap.max() < _TOUCH_MM:
+        if np.abs(gap).max() < _TOUCH_MM:
             break
-        poses[:, :3] += np.maximum(gap, 0.0)[:, None] * along
+        poses[:, :3] += np.where(gap < -_TOUCH_MM, gap, np.maximum(gap, 0.0))[:, None] * along
     return poses

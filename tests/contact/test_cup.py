@@ -99,6 +99,7 @@ def test_another_shape_and_another_number_of_points_are_refused():
 def test_the_kernel_in_c_is_the_same_formulas_and_its_hessian_the_derivative_of_its_jacobian(name, law):
     scene = cc.load_scene(name, law=law)
     compiled, plain = (cc.CupFoundation(scene, 32, compiled=c) for c in (True, False))
+    assert compiled._library is not None, "else NumPy is compared with itself"
     poses = placed(scene, PLACES[name])
     for a, b in zip(compiled.jacobian(poses), plain.jacobian(poses), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(b).max())

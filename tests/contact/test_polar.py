@@ -115,7 +115,7 @@ def test_more_rays_converge_and_the_choice_meets_the_tolerances_with_the_fewest(
 
 def test_a_shape_without_a_smooth_spot_is_refused_with_the_cure():
     with pytest.raises(ValueError, match=r"punch_on_plane.*expected one of .*ElasticFoundation"):
-        cc.foundation("punch_on_plane")
+        polar("punch_on_plane")
     with pytest.raises(ValueError, match="multiple of 4"):
         polar("knee", Rays(10, 3))
 

@@ -201,7 +201,7 @@ def test_what_a_killed_compilation_left_is_cleared(cache):
     code = (
         "import os, signal, subprocess\n"
         "from casadi_contact.transcription.kernel import compiler\n"
-        "compiler._run = lambda command: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "compiler._run = lambda *given: os.kill(os.getpid(), signal.SIGKILL)\n"
         f"compiler._compiler_version = lambda command: 'any'\ncompiler.shared_library({SOURCE!r})"
     )
     subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
@@ -102,7 +103,8 @@ def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_
 
 @pytest.mark.parametrize("scene", ["knee", "hip", "sphere_on_plane"])
 def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_bear(scene, tmp_path):
-    model = cc.foundation(scene)
+    # Cubic cells, which the sphere gets here, keep their tables in a file of their own.
+    model = CellFoundation(cc.load_scene(scene)) if scene == "sphere_on_plane" else cc.foundation(scene)
     away = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     nearest = model.scene.start_pose + np.outer(np.linspace(30.0, -30.0, 601), away)
     pressed = nearest[np.flatnonzero(model.gaps(nearest).min(axis=1) < -0.1)[0]]

@@ -8,18 +8,15 @@ INLINE double fade_of(double force, double *slope, double *bend) {
 }
 
 /* The node within the rim that lies nearest to the body, or deepest in it */
-INLINE int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  static const double nowhere[3] = {0.0, 0.0, 0.0};
-  double least[MOST_BLOCKS + BLOCK], best = INFINITY;
+FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+  double least[MOST_BLOCKS], found[BLOCK], best = INFINITY;
+  const double *points[BLOCK];
   int nearest = 0, first_block = 0;
   for (int b = 0; b < p->block_count; b += BLOCK) {
-    const double *points[BLOCK];
-    double known[BLOCK][4], concavity[BLOCK];
     for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[b + l < p->block_count ? b + l : b].middle;
-    distances(points, pose, frame, known, concavity);
+    distances(points, pose, frame, found);
     for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
-      least[b + l] = least_distance(known[l], concavity[l], nowhere, p->blocks[b + l].half);
-      if (known[l][0] < 0.0) least[b + l] = known[l][0] - steepest_reach(p->blocks[b + l].half);
+      least[b + l] = found[l] - steepest_reach(p->blocks[b + l].half);
       if (least[b + l] < least[first_block]) first_block = b + l;
     }
   }
@@ -31,19 +28,17 @@ INLINE int nearest_of(const Patch *p, const double *pose, const Frame *frame, Sc
     for (int c = p->blocks[b].first; c < p->blocks[b].last; c++) want_corners(s, p->cells + c);
     for (int i = s->nodes; i % BLOCK; i++) s->ids[i] = s->ids[s->nodes - 1];
     for (int i = 0; i < s->nodes; i += BLOCK) {
-      const double *points[BLOCK];
-      double found[BLOCK][4], unused[BLOCK];
       for (int l = 0; l < BLOCK; l++) points[l] = p->nodes[s->ids[i + l]].c;
-      distances(points, pose, frame, found, unused);
+      distances(points, pose, frame, found);
       for (int l = 0; l < BLOCK; l++) {
-        if (found[l][0] < best && p->known[s->ids[i + l]]) best = found[l][0], nearest = s->ids[i + l];
+        if (found[l] < best && p->known[s->ids[i + l]]) best = found[l], nearest = s->ids[i + l];
       }
     }
   }
   return nearest;
 }
 
-INLINE void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
+FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
   const int nearest = nearest_of(p, pose, frame, s);
   double place[3], by_twist[6];
   Lanes q[3], twist[6];
@@ -66,13 +61,22 @@ INLINE void gap_loads(const Patch *p, const double *pose, const Frame *frame, in
   }
 }
 
-/* Everything that carries load, with loads not yet faded; returns how many cells are full. */
-INLINE int contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
+/* Loads not yet faded, with order 2 their derivatives; returns how many of the cells are full. */
+FUNCTION int contact_value(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
   int full;
   choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, order, s);
+  fill_nodes(p, pose, frame, 1, s);
   full = sort_cells(p, s);
-  sum_cells(p, s, full, order, sums);
+  sum_cells(p, s, full, 1, sums);
+  return full;
+}
+
+FUNCTION int contact_first(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
+  int full;
+  choose_cells(p, pose, frame, s);
+  fill_nodes(p, pose, frame, 2, s);
+  full = sort_cells(p, s);
+  sum_cells(p, s, full, 2, sums);
   return full;
 }
 
@@ -84,7 +88,8 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
   double slope, bend, fade, by[7][6];
   int full = 0;
   memset(out, 0, sizeof *out);
-  if (order != GAPS) full = contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
+  if (order == VALUE) full = contact_value(p, pose, frame, s, &sums);
+  else if (order != GAPS) full = contact_first(p, pose, frame, s, &sums);
   if (order == GAPS || !(sums.loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;

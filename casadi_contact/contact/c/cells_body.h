@@ -6,9 +6,12 @@ typedef struct {
 } Distance;
 
 #if BODY_FIELD
-typedef float Row __attribute__((vector_size(4 * BLOCK), aligned(4)));
+typedef struct {
+  float g, slope[3], bow;
+} Tangent; /* of the field at a node */
 
-INLINE Lanes row_of(const float *c) { return __builtin_convertvector(*(const Row *)c, Lanes); }
+typedef double Row __attribute__((vector_size(8 * BLOCK), aligned(8))); /* four coefficients along z, wherever */
+INLINE Lanes row_of(const double *c) { return *(const Row *)c; }
 INLINE Lanes weigh(const Lanes w, const Lanes rows[4]) {
   return (w[0] * rows[0] + w[1] * rows[1]) + (w[2] * rows[2] + w[3] * rows[3]);
 }
@@ -51,7 +54,7 @@ INLINE void field_at(const double place[3], int lane, int order, Distance *out) 
   Lanes x[4], y[4], z[4], v[10] = {{0.0}};
   const int i = place_on(place[0], FIELD_X, share, beyond), j = place_on(place[1], FIELD_Y, share + 1, beyond + 1);
   const int k = place_on(place[2], FIELD_Z, share + 2, beyond + 2);
-  const float *c = FIELD_COEFFICIENTS + ((long long)i * FIELD_Y + j) * FIELD_Z + k;
+  const double *c = FIELD_COEFFICIENTS + ((long long)i * FIELD_Y + j) * FIELD_Z + k;
   spline_weights(share[0], order, x);
   spline_weights(share[1], order, y);
   spline_weights(share[2], order, z);
@@ -87,31 +90,51 @@ INLINE void field_at(const double place[3], int lane, int order, Distance *out) 
   if (beyond[0] != 0.0 || beyond[1] != 0.0 || beyond[2] != 0.0) leave_grid(beyond, lane, order, out);
 }
 
-INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
+INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   const double s = 1.0 / FIELD_SPACING;
   const Lanes place[3] = {(q[0] - field_origin[0]) * s, (q[1] - field_origin[1]) * s, (q[2] - field_origin[2]) * s};
-  for (int l = 0; l < BLOCK; l++) {
+  KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
     const double at[3] = {place[0][l], place[1][l], place[2][l]};
     field_at(at, l, order, out);
   }
 }
 
-/* Node nearest to a point, or -1 outside the grid */
-INLINE long long nearest_node(const double q[3]) {
-  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
-  long long at = 0;
-  for (int i = 0; i < 3; i++) {
-    const double node = (q[i] - field_origin[i]) / FIELD_SPACING + 0.5;
-    if (!(node >= 1.0 && node < counts[i] - 1.0)) return -1;
-    at = at * counts[i] + (int)node;
-  }
-  return at;
+/* One function for each order, not inlined: compiling is quick. */
+FUNCTION void field_first(const Lanes q[3], Distance *out) { fields_at(q, 1, out); }
+FUNCTION void field_second(const Lanes q[3], Distance *out) { fields_at(q, 2, out); }
+FUNCTION void field_third(const Lanes q[3], Distance *out) { fields_at(q, 3, out); }
+
+INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
+  if (order == 1) field_first(q, out);
+  if (order == 2) field_second(q, out);
+  if (order == 3) field_third(q, out);
 }
 
-/* M with eigenvalues of the second derivatives above -M around q, while outside; negative: unknown */
-INLINE double concavity_at(const double q[3]) {
-  const long long node = nearest_node(q);
-  return node < 0 ? -1.0 : FIELD_CONCAVITY[node];
+/* Whether the body may come within TOUCH of a box about a point, sides in the fixed frame: by value, slope and bow of
+ * the field at the node nearest to the point (see contact/cells/tangents.py), without a look at the spline. */
+INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
+  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
+  const double size = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+  double away[3], way = 0.0, least, turned[3];
+  const Tangent *at;
+  long long node = 0;
+  for (int i = 0; i < 3; i++) {
+    const double place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    const double within = place < 0.0 ? 0.0 : (place > counts[i] - 1.0 ? counts[i] - 1.0 : place);
+    const int nearest = (int)(within + 0.5);
+    away[i] = (place - nearest) * FIELD_SPACING, way += away[i] * away[i];
+    node = node * counts[i] + nearest;
+  }
+  if (FIELD_INDEX[node] < 0) return FIELD_COEFFICIENTS[node] <= 0.0;
+  at = FIELD_TANGENTS + FIELD_INDEX[node];
+  way = sqrt(way) + size;
+  if (way > BOW_REACH) return at->g - STEEPEST * way <= TOUCH;
+  least = at->g - 0.5 * at->bow * way * way;
+  for (int i = 0; i < 3; i++) {
+    turned[i] = frame->r[i][0] * at->slope[0] + frame->r[i][1] * at->slope[1] + frame->r[i][2] * at->slope[2];
+    least += at->slope[i] * away[i] - fabs(turned[i]) * half[i];
+  }
+  return least <= TOUCH;
 }
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
@@ -135,7 +158,6 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
     }
   }
 }
-INLINE double concavity_at(const double q[3]) { return 0.0 * q[0]; }
 #else
 /* All that lies at y >= 0 of the moving frame */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -144,5 +166,14 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   out->slope[1] = all(-1.0);
   (void)order;
 }
-INLINE double concavity_at(const double q[3]) { return 0.0 * q[0]; }
+#endif
+
+#if !BODY_FIELD
+INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
+  const Lanes at[3] = {all(q[0]), all(q[1]), all(q[2])};
+  Distance found;
+  distance_at(at, 1, &found);
+  (void)frame;
+  return found.g[0] - sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) <= TOUCH;
+}
 #endif

@@ -162,7 +162,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
 }
 
 /* After `contact_sums` with slopes in the same pose */
-INLINE void contact_curvature(const Patch *p, const double *pose, const Frame *frame, int full, const double weights[7],
+FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame *frame, int full, const double weights[7],
                               Scratch *s, double out[6][6]) {
   Lanes h[6][2];
   Curvature sum;

@@ -39,55 +39,17 @@ INLINE void place_of(const double point[3], const double *pose, const Frame *fra
   }
 }
 
-/* Distance and gradient (fixed frame) at up to four points: gradient[l] is (g, G). */
-INLINE void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK][4],
-                      double concavity[BLOCK]) {
+/* Distance at four points of the fixed frame */
+FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK]) {
   Lanes q[3];
   Distance at;
   for (int l = 0; l < BLOCK; l++) {
     double place[3];
     place_of(points[l], pose, frame, place);
-    concavity[l] = concavity_at(place);
     for (int i = 0; i < 3; i++) q[i][l] = place[i];
   }
   distance_at(q, 1, &at);
-  for (int l = 0; l < BLOCK; l++) {
-    found[l][0] = at.g[l];
-    for (int i = 0; i < 3; i++) {
-      found[l][1 + i] = frame->r[i][0] * at.slope[0][l] + frame->r[i][1] * at.slope[1][l] + frame->r[i][2] * at.slope[2][l];
-    }
-  }
-}
-
-/* What g is at least over a box `half` about `offset` from a point where it is known: by its slope there and the bound
- * on its concavity (see geometry/distance_field.py), or by its steepest slope anywhere. */
-INLINE double least_distance(const double known[4], double concavity, const double offset[3], const double half[3]) {
-  double reach[3], tangent = known[0], away = 0.0, farthest;
-  for (int i = 0; i < 3; i++) {
-    reach[i] = fabs(offset[i]) + half[i];
-    tangent += known[1 + i] * offset[i] - fabs(known[1 + i]) * half[i];
-    away += reach[i] * reach[i];
-  }
-  farthest = known[0] - STEEPEST * sqrt(away);
-  tangent -= 0.5 * concavity * away;
-  return concavity < 0.0 || away > CURVATURE_REACH * CURVATURE_REACH || farthest > tangent ? farthest : tangent;
-}
-
-/* Blocks whose cells may come within `margin` of the body, by one number of the field each where there is one. */
-INLINE int near_blocks(const Patch *p, const double *pose, const Frame *frame, double margin, int *found) {
-  int count = 0;
-  for (int b = 0; b < p->block_count; b++) {
-#if BODY_FIELD
-    double place[3];
-    long long node;
-    place_of(p->blocks[b].middle, pose, frame, place);
-    node = nearest_node(place);
-    if (node >= 0 && FIELD_COEFFICIENTS[node] - NODE_REACH - steepest_reach(p->blocks[b].half) > margin) continue;
-#endif
-    found[count++] = b;
-  }
-  (void)pose, (void)frame, (void)margin;
-  return count;
+  for (int l = 0; l < BLOCK; l++) found[l] = at.g[l];
 }
 
 INLINE void want_corners(Scratch *s, const Cell *cell) {
@@ -99,29 +61,20 @@ INLINE void want_corners(Scratch *s, const Cell *cell) {
 }
 
 /* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
-INLINE void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  static const double nowhere[3] = {0.0, 0.0, 0.0};
-  int blocks[MOST_BLOCKS + BLOCK];
-  const int count = near_blocks(p, pose, frame, TOUCH, blocks);
+FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   s->nodes = s->cells = 0;
   if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
-  for (int k = count; k % BLOCK; k++) blocks[k] = blocks[count - 1];
-  for (int first = 0; first < count; first += BLOCK) {
-    const double *points[BLOCK];
-    double known[BLOCK][4], concavity[BLOCK];
-    for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[blocks[first + l]].middle;
-    distances(points, pose, frame, known, concavity);
-    for (int l = 0; l < BLOCK && first + l < count; l++) {
-      const Block *block = p->blocks + blocks[first + l];
-      if (least_distance(known[l], concavity[l], nowhere, block->half) > TOUCH) continue;
-      for (int c = block->first; c < block->last; c++) {
-        const Cell *cell = p->cells + c;
-        const double offset[3] = {cell->middle[0] - block->middle[0], cell->middle[1] - block->middle[1],
-                                  cell->middle[2] - block->middle[2]};
-        if (least_distance(known[l], concavity[l], offset, cell->half) > TOUCH) continue;
-        want_corners(s, cell);
-        s->chosen[s->cells++] = c;
-      }
+  for (int b = 0; b < p->block_count; b++) {
+    const Block *block = p->blocks + b;
+    double place[3];
+    place_of(block->middle, pose, frame, place);
+    if (!may_touch(place, block->half, frame)) continue;
+    for (int c = block->first; c < block->last; c++) {
+      const Cell *cell = p->cells + c;
+      place_of(cell->middle, pose, frame, place);
+      if (!may_touch(place, cell->half, frame)) continue;
+      want_corners(s, cell);
+      s->chosen[s->cells++] = c;
     }
   }
 }
@@ -145,7 +98,7 @@ INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, i
 
 /* Keep only cells whose interpolated depth can exceed -WIDTH: those all of whose sub-points exceed WIDTH come first.
  * Between its corners a cubic lies within a quarter of the slopes of the corners' values. Returns how many are full. */
-INLINE int sort_cells(const Patch *p, Scratch *s) {
+FUNCTION int sort_cells(const Patch *p, Scratch *s) {
   int kept = 0, full = 0;
   for (int k = 0; k < s->cells; k++) {
     const Cell *cell = p->cells + s->chosen[k];

@@ -17,7 +17,6 @@ typedef struct {
   Lanes e_000, e_001, e_011, e_022, e_111, e_122;
 } Moments;
 
-INLINE double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double clipped(double x) { return x < -1.0 ? -1.0 : (x > 1.0 ? 1.0 : x); }
 

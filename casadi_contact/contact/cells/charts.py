@@ -57,8 +57,11 @@ def patch_charts(scene: Scene) -> list[Chart]:
         return [MeshChart(scene, patch) for patch in scene.patch_names]
     if scene.shape == "ball_in_cup":
         return [CupChart(scene)]
+    g = scene.geometry
+    if scene.shape == "punch_on_plane":
+        return [PlaneChart(g["area"] ** 0.5, g["area"] ** 0.5)]
     if scene.shape in CELL_SHAPES:
-        return [PlaneChart(0.5 * float(scene.geometry["patch_side"]))]
+        return [PlaneChart(g["patch_side"], g.get("length", g["patch_side"]))]
     raise ValueError(
         f"scene {scene.name} has the shape {scene.shape}, which cubic cells do not cover: expected one of "
         f"{', '.join(CELL_SHAPES)}; others take cc.ElasticFoundation"
@@ -66,17 +69,19 @@ def patch_charts(scene: Scene) -> list[Chart]:
 
 
 class PlaneChart:
-    """The square y = 0 about the origin."""
+    """The rectangle y = 0 about the origin."""
 
-    def __init__(self, half_side: float) -> None:
-        self.low, self.high = np.full(2, -half_side), np.full(2, half_side)
+    def __init__(self, length: float, width: float) -> None:
+        self.high = 0.5 * np.array([length, width])
+        self.low = -self.high
 
     def present(self, u: Array, v: Array) -> np.ndarray:
+        """Everywhere."""
         return np.ones((len(u), len(v)), dtype=bool)
 
     def surface(self, u: Array, v: Array) -> Surface:
-        zero = np.zeros(len(u))
-        return _height_surface(u, v, np.zeros((len(u), 6)), zero == 0.0)
+        """Flat."""
+        return _height_surface(u, v, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
 
 
 class CupChart:
@@ -95,6 +100,7 @@ class CupChart:
         self.second = np.cross(self.pole, self.first)
 
     def present(self, u: Array, v: Array) -> np.ndarray:
+        """Within the rim's circle."""
         return np.asarray(u[:, None] ** 2 + v[None, :] ** 2 <= self.rim**2)
 
     def surface(self, u: Array, v: Array) -> Surface:
@@ -134,6 +140,7 @@ class MeshChart:
         self.high = np.minimum(high, self._box[1])[[0, 2]]
 
     def present(self, u: Array, v: Array) -> np.ndarray:
+        """Where a ray from above meets the mesh inside the box, and no wall."""
         points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box)
         present = areas > 0.0
         self._heights, self._present = points[..., 1], present

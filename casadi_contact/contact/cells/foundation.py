@@ -14,7 +14,6 @@ from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
 
 CELLS = Cells(1.2, 0.75)
@@ -32,12 +31,7 @@ class CellFoundation(CompiledFoundation):
         if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
             raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")
         self.cells = cells
-        law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
-        fade_n = FADE_SHARE * scene.boundary_load
-        self.patches = [
-            Quadrature(lay_cells(chart, cells), cells, _in_single_precision(surface), law, fade_n)
-            for chart, surface in zip(patch_charts(scene), scene.surfaces(), strict=True)
-        ]
+        self.patches = cell_patches(scene, cells)
 
     def __repr__(self) -> str:
         return f"CellFoundation({self.scene.name}, {self.cells})"
@@ -59,10 +53,9 @@ class CellFoundation(CompiledFoundation):
         return wrench, stiffness, gap, gap_slope, cut
 
 
-def _in_single_precision(surface: MovingSurface) -> MovingSurface:
-    """A field's coefficients as the kernel in C holds them: 1e-7 mm at most from what they were near the surface."""
-    if surface.family != MESH_FIELD:
-        return surface
-    parameters = surface.parameters.copy()
-    parameters[7:] = parameters[7:].astype(np.float32)
-    return MovingSurface(MESH_FIELD, parameters)
+def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
+    """The scene's patches in cells of this size."""
+    law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+    body, charts = scene.surfaces()[0], patch_charts(scene)  # one body faces every patch
+    fade_n = FADE_SHARE * scene.boundary_load
+    return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts]

@@ -10,7 +10,7 @@ from casadi_contact.contact.cells.basis import Cells, middles
 from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.conventions import Array
 
-BLOCK = 4  # cells along the edge of a block
+BLOCK_MM = 2.4  # about the edge of a block of cells
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     shares = np.moveaxis(present, 1, 2).reshape(nu, nv, -1).astype(float)
     whole = np.pad((shares == 1.0).all(axis=-1), 1)
     rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
-    held = shares.any(axis=-1)
-    order, blocks = _in_blocks(held)
+    held = np.asarray(shares.any(axis=-1))
+    order, blocks = _in_blocks(held, np.maximum(np.round(BLOCK_MM / step), 1).astype(int))
     i, j = order.T
     numbers = np.stack([(i + a) * (nv + 1) + j + b for a in (0, 1) for b in (0, 1)], 1)
     used, corners = np.unique(numbers, return_inverse=True)
@@ -77,12 +77,12 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     )
 
 
-def _in_blocks(held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (k, 2) of the cells held, block by block, and the first cell of each block (b + 1,)."""
+def _in_blocks(held: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (k, 2) of the cells held, block by block of `side` cells, and the first cell of each block (b + 1,)."""
     order, sizes = [], []
-    for i in range(0, held.shape[0], BLOCK):
-        for j in range(0, held.shape[1], BLOCK):
-            cells = np.argwhere(held[i : i + BLOCK, j : j + BLOCK]) + [i, j]
+    for i in range(0, held.shape[0], side[0]):
+        for j in range(0, held.shape[1], side[1]):
+            cells = np.argwhere(held[i : i + side[0], j : j + side[1]]) + np.array([i, j])
             if len(cells):
                 order.append(cells)
                 sizes.append(len(cells))

@@ -19,11 +19,12 @@ import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
+from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.contact.kernels import point_distances
 from casadi_contact.contact.pressure import pressure, pressure_slopes
 from casadi_contact.conventions import Array
 from casadi_contact.geometry import MovingSurface
-from casadi_contact.geometry.field_derivatives import distance_derivatives
+from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
@@ -63,86 +64,126 @@ class Quadrature:
         nearest = int(np.argmin(np.where(p.known, distance, np.inf)))
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
         gap_slope = -_twist(R @ slope[0], p.c[nearest] - t)
-        near = (distance[p.corners] < self._reach_mm()).any(axis=1)
-        wrench, stiffness, cut = self._contact(R, t, np.flatnonzero(near))
-        return PatchLoads(wrench, stiffness, float(gap[0]), gap_slope, cut)
-
-    def _reach_mm(self) -> float:
-        """Distance of a corner within which a cell may touch: its diagonal, at the field's steepest."""
-        return TOUCH_MM + 1.1 * float(np.linalg.norm(self.patch.tangents, axis=2).sum(axis=1).max())
-
-    def _contact(self, R: Array, t: Array, cells: np.ndarray) -> tuple[Array, Array, bool]:
-        p = self.patch
-        used, corners = np.unique(p.corners[cells], return_inverse=True)
-        corners = corners.reshape(-1, 4)
-        depths, slopes = self._nodes(R, t, used)
-        functions, shares = hermite_functions(self.cells), corner_shares(self.cells)
-        at_corners = depths[corners].reshape(-1, 12)
-        depth, by_depth = ramp(at_corners @ functions, WIDTH_MM)
-        cut = bool(((depth > 0.0) & (p.present[cells] > 0.0) & p.rim[cells, None]).any())
-        force, stiff = _pressures(self.law, depth)
-        force, stiff = force * p.present[cells], stiff * by_depth * p.present[cells]
-        weights = np.zeros((len(used), 1))
-        np.add.at(weights, corners.ravel(), (force @ shares.T).reshape(-1, 1))
-        by_twist = np.zeros((len(used), 6))
-        rates = np.einsum("kr,jr,kja->kra", stiff, functions, slopes[corners].reshape(-1, 12, 6))
-        np.add.at(by_twist, corners.ravel(), np.einsum("cr,kra->kca", shares, rates).reshape(-1, 6))
-        total, by_total = -p.loads[used].T @ weights[:, 0], -p.loads[used].T @ by_twist
+        touch = self._touch(R, t, distance)
+        total, by_total = touch.total, self._by_twist(touch)
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
         wrench, stiffness = total[:6], by_total[:6]
-        return fade * wrench, fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n, cut
+        stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
+        return PatchLoads(fade * wrench, stiffness, float(gap[0]), gap_slope, touch.cut)
 
-    def _nodes(self, R: Array, t: Array, used: np.ndarray) -> tuple[Array, Array]:
-        """d, d_u, d_v (m, 3) of the nodes and their derivatives by twist (m, 3, 6)."""
+    def wrench(self, R: Array, t: Array) -> Array:
+        """The patch's wrench (6,) alone."""
+        total = self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t)).total
+        return np.asarray(smooth_step(-total[6] / self.fade_n)[0] * total[:6])
+
+    def reaches_rim(self, R: Array, t: Array) -> bool:
+        """Whether contact reaches the rim."""
+        return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t)).cut
+
+    def depths(self, R: Array, t: Array) -> Array:
+        """Depth of every sub-point (cells, sub-points) [mm], zero where it does not touch."""
+        values = self._nodes(R, t, np.arange(len(self.patch.c))).values[self.patch.corners].reshape(-1, 12)
+        return np.maximum(ramp(values @ hermite_functions(self.cells), WIDTH_MM)[0], 0.0) * self.patch.present
+
+    def _touch(self, R: Array, t: Array, distance: Array) -> _Touch:
+        """What touches in a pose, with the distances (m,) of the nodes from the body."""
+        p = self.patch
+        diagonal = np.linalg.norm(p.tangents, axis=2).sum(axis=1).max()
+        cells = np.flatnonzero((distance[p.corners] < TOUCH_MM + STEEPEST_FIELD * diagonal).any(axis=1))
+        used, corners = np.unique(p.corners[cells], return_inverse=True)
+        nodes, corners = self._nodes(R, t, used), corners.reshape(-1, 4)
+        depth, by_depth = ramp(nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells), WIDTH_MM)
+        cut = bool(((depth > 0.0) & (p.present[cells] > 0.0) & p.rim[cells, None]).any())
+        force, stiffness = _pressures(self.law, depth)
+        weights = np.zeros(len(used))
+        np.add.at(weights, corners.ravel(), (force * p.present[cells] @ corner_shares(self.cells).T).ravel())
+        return _Touch(nodes, corners, stiffness * by_depth * p.present[cells], -p.loads[used].T @ weights, cut)
+
+    def _by_twist(self, touch: _Touch) -> Array:
+        """Derivatives (7, 6) of the total by the twist of the moving body."""
+        corners, nodes = touch.corners, touch.nodes
+        slopes = self._slopes(nodes)[corners].reshape(-1, 12, 6)
+        rates = np.einsum("kr,jr,kja->kra", touch.stiffness, hermite_functions(self.cells), slopes, optimize=True)
+        by_twist = np.zeros((len(nodes.used), 6))
+        shared = np.einsum("cr,kra->kca", corner_shares(self.cells), rates)
+        np.add.at(by_twist, corners.ravel(), shared.reshape(-1, 6))
+        return np.asarray(-self.patch.loads[nodes.used].T @ by_twist)
+
+    def _nodes(self, R: Array, t: Array, used: np.ndarray) -> _Nodes:
         p = self.patch
         c, n = p.c[used], p.n[used]
-
-        g, G, _ = self._body_at(R, t, c)
-        sigma = -np.einsum("ij,ij->i", G, n)
+        g, slope = distance_slopes(self.body, (c - t) @ R)
+        sigma = -np.einsum("ij,ij->i", slope @ R.T, n)
         first = np.where(sigma > FLATTEST + FLATTEST_WIDTH, -g / positive_floor(sigma)[0], 0.0)
         start = np.clip(first, -HIGHEST_START_MM, DEEPEST_START_MM)
-        moves = (start == first) & (first != 0.0)  # the second evaluation's point goes along with the depth
+        moves = (start == first) & (first != 0.0)
         x = c - start[:, None] * n
-        g, G, H = self._body_at(R, t, x)
+        g, slope = distance_slopes(self.body, (x - t) @ R)
+        G = slope @ R.T
+        m = positive_floor(-np.einsum("ij,ij->i", G, n))[0]
+        d = start - g / m
+        near, near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)
+        along, bend = (np.einsum("ij,iaj->ia", G, w[used]) for w in (p.tangents, p.bends))
+        values = np.column_stack([near - FAR_MM, near_slope[:, None] * (d[:, None] * bend - along) / m[:, None]])
+        return _Nodes(used, R, t, x, start, moves, G, d, values)
+
+    def _slopes(self, nodes: _Nodes) -> Array:
+        """Derivatives by twist (m, 3, 6) of the nodes' values."""
+        p, used, d, G = self.patch, nodes.used, nodes.d, nodes.G
+        n, rho = p.n[used], nodes.x - nodes.t
+        H = nodes.R @ distance_derivatives(self.body, rho @ nodes.R)[2] @ nodes.R.T
         m, m_slope = positive_floor(-np.einsum("ij,ij->i", G, n))
-        d, rho, bent_n = start - g / m, x - t, np.einsum("nij,nj->ni", H, n)
+        bent_n = np.einsum("nij,nj->ni", H, n)
 
         def along(w: Array) -> tuple[Array, Array]:
             """G·w and its derivatives by twist where x stays."""
             bent = np.einsum("nij,nj->ni", H, w)
             return np.einsum("ij,ij->i", G, w), np.concatenate([-bent, np.cross(G, w) - np.cross(rho, bent)], 1)
 
-        def moving(by: Array, w: Array) -> Array:
-            """Derivatives of G·w where x goes along."""
-            return np.asarray(by - (moves * np.einsum("ij,ij->i", w, bent_n))[:, None] * by_d)
+        def moving(w: Array) -> tuple[Array, Array]:
+            """The same where x goes along with the depth."""
+            value, by = along(w)
+            return value, by - (nodes.moves * np.einsum("ij,ij->i", w, bent_n))[:, None] * by_d
 
-        _, by_n = along(n)
-        by_d = (_twist(G, rho) + ((d - start) * m_slope)[:, None] * by_n) / m[:, None]
-        by_m = -m_slope[:, None] * moving(by_n, n)
-        near, near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)
+        by_d = (_twist(G, rho) + ((d - nodes.start) * m_slope)[:, None] * along(n)[1]) / m[:, None]
+        by_m = -m_slope[:, None] * moving(n)[1]
+        near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
         near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM
-        values, slopes = [near - FAR_MM], [near_slope[:, None] * by_d]
+        slopes = [near_slope[:, None] * by_d]
         for axis in (0, 1):
-            a, by_a = along(p.tangents[used, axis])
-            b, by_b = along(p.bends[used, axis])
-            by_a, by_b = moving(by_a, p.tangents[used, axis]), moving(by_b, p.bends[used, axis])
+            (a, by_a), (b, by_b) = moving(p.tangents[used, axis]), moving(p.bends[used, axis])
             slope = (d * b - a) / m
             by_slope = (b[:, None] * by_d + d[:, None] * by_b - by_a - slope[:, None] * by_m) / m[:, None]
-            values.append(near_slope * slope)
             slopes.append(near_slope[:, None] * by_slope + (near_bend * slope)[:, None] * by_d)
-        return np.stack(values, 1), np.stack(slopes, 1)
+        return np.stack(slopes, 1)
 
-    def _body_at(self, R: Array, t: Array, points: Array) -> tuple[Array, Array, Array]:
-        """g (m,), its gradient (m, 3) and second derivatives (m, 3, 3), fixed frame."""
-        g, slope, bend = distance_derivatives(self.body, (points - t) @ R)
-        return g, slope @ R.T, R @ bend @ R.T
 
-    def depths(self, R: Array, t: Array) -> Array:
-        """Smoothed depth of every sub-point (cells, sub-points) [mm], for pictures."""
-        values, _ = self._nodes(R, t, np.arange(len(self.patch.c)))
-        return np.maximum(
-            ramp(values[self.patch.corners].reshape(-1, 12) @ hermite_functions(self.cells), WIDTH_MM)[0], 0.0
-        )
+@dataclass(frozen=True)
+class _Nodes:
+    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; whether that point goes along with
+    the depth; G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
+
+    used: np.ndarray
+    R: Array
+    t: Array
+    x: Array
+    start: Array
+    moves: np.ndarray
+    G: Array
+    d: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class _Touch:
+    """Cells that touch: corners (k, 4) among the nodes, d(force)/d(depth) (k, sub-points), the total of the loads
+    (7,), and whether the rim is reached."""
+
+    nodes: _Nodes
+    corners: np.ndarray
+    stiffness: Array
+    total: Array
+    cut: bool
 
 
 def positive_floor(sigma: Array) -> tuple[Array, Array]:

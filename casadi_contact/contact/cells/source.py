@@ -1,4 +1,4 @@
-"""The cubic cells of a scene's patches as C (``contact/c/cells.h``), and the tables it takes from its library's data."""
+"""The cubic cells of a scene's patches as C (``contact/c/cells.h``), and the tables that it reads."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
+from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_parts
+from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.field_derivatives import round_body
 from casadi_contact.geometry.moving_surface import HALF_SPACE, MESH_FIELD, MovingSurface
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
@@ -75,7 +75,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
         "TOUCH": quadrature.TOUCH_MM,
         "FADE": patches[0].fade_n,
         "STEEPEST": STEEPEST_FIELD,
-        "CURVATURE_REACH": CURVATURE_REACH_MM,
+        "BOW_REACH": BOW_REACH_MM,
     }
     arrays = {"hermite[SUB_POINTS][12]": functions, "share[SUB_POINTS][4]": shares, "whole[4][12]": whole}
     text = [
@@ -102,27 +102,17 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"#define ROUND_RADIUS {radius!r}\nstatic const double round_axes[3] = {braces(axes)};\n"
             f"static const double round_centre[3] = {braces(centre)};"
         )
-    origin, spacing, coefficients, concavity = field_parts(surface.parameters)
-    off = (coefficients - ndimage.correlate(coefficients, _AT_NODES, mode="mirror"))[coefficients < _NEAR_MM]
+    origin, spacing, coefficients, _ = field_parts(surface.parameters)
+    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
-        # g anywhere within half a spacing of a node is at least its coefficient less this
-        "NODE_REACH": STEEPEST_FIELD * np.sqrt(0.75) * spacing + max(float(off.max(initial=0.0)), 0.0),
-        "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
-        "FIELD_CONCAVITY": f"((const float *)(cells_data + {tables.place(_rounded_up(concavity))}))",
+        "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
+        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
+        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
-
-
-_NEAR_MM = 10.0
-_ONE = np.array([1.0, 4.0, 1.0]) / 6.0  # a cubic B-spline at the nodes around
-_AT_NODES = _ONE[:, None, None] * _ONE[:, None] * _ONE
-
-
-def _rounded_up(values: Array) -> np.ndarray:
-    return np.nextafter(values.astype(np.float32), np.float32(np.inf))
 
 
 def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:

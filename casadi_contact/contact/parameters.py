@@ -1,0 +1,91 @@
+"""Material and placement of the fixed body as inputs of a contact function, with derivatives by CasADi's chain rule.
+
+Loads are proportional to K(E, ν) and, under the linear law, to 1/h: material inputs are factors on the scene's own
+loads. The fixed body placed at (t_f, R_f) in the scene's frame is met by the moving body at R_fᵀ(t - t_f), R_fᵀR; its
+wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame, about its origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import casadi as ca
+
+from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.scenes import Material
+
+PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)
+PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)
+
+
+def check_parameters(parameters: Iterable[str], material: Material) -> tuple[str, ...]:
+    """The parameters (E [MPa], ν, h [mm], placement [mm, rad]) asked for.
+
+    Raises ValueError for an unknown or repeated one, and for a thickness that is no factor of the loads.
+    """
+    names = tuple([parameters] if isinstance(parameters, str) else parameters)
+    unknown = [name for name in names if name not in PARAMETERS]
+    if unknown or len(set(names)) < len(names):
+        raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(PARAMETERS)}, each once")
+    if "thickness" in names and material.law != "linear":
+        raise ValueError(f"thickness is no factor of the loads under the law {material.law!r}, expected the law linear")
+    return names
+
+
+def parametric_function(
+    name: str,
+    parameters: Sequence[str],
+    material: Material,
+    selection: Array,
+    wrenches: Callable[[ca.MX], ca.MX],
+) -> ca.Function:
+    """Function pose (6), parameters (m) -> loads (L).
+
+    selection (L, P, 6) picks loads from wrenches(pose) -> (6·P), those of the scene's own material in the fixed body's
+    frame, patch after patch.
+    """
+    pose, given = ca.MX.sym("pose", 6), ca.MX.sym("parameters", len(parameters))
+    value = dict(zip(parameters, ca.vertsplit(given), strict=True))
+    placed = any(key in value for key in PLACEMENT)
+    place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
+    turn, shift = _rotation(place[3:]), place[:3]
+    forces = ca.reshape(wrenches(_relative(pose, turn, shift) if placed else pose), 6, selection.shape[1])
+    parts = []
+    for p in range(selection.shape[1]):
+        force, torque = forces[:3, p], forces[3:, p]
+        if placed:
+            force = turn @ force
+            torque = turn @ torque + ca.cross(shift, force)
+        parts.append(ca.DM(selection[:, p]) @ ca.vertcat(force, torque))
+    loads = _stiffness_ratio(value, material) * sum(parts[1:], parts[0])
+    return ca.Function(name, [pose, given], [loads], ["pose", "parameters"], ["loads"])
+
+
+def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
+    """(K/h) over that of the scene's material."""
+    E, nu = value.get("youngs_modulus", material.youngs_modulus), value.get("poissons_ratio", material.poissons_ratio)
+    modulus = (1.0 - nu) * E / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    return ca.MX(modulus / layer_modulus(material)) * material.thickness / value.get("thickness", material.thickness)
+
+
+def _rotation(angles: ca.MX) -> ca.MX:
+    """Rx·Ry·Rz, see `conventions.rotation`."""
+    (sx, sy, sz), (cx, cy, cz) = (ca.vertsplit(function(angles)) for function in (ca.sin, ca.cos))
+    return ca.vertcat(
+        ca.horzcat(cy * cz, -cy * sz, sy),
+        ca.horzcat(cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy),
+        ca.horzcat(sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy),
+    )
+
+
+def _relative(pose: ca.MX, turn: ca.MX, shift: ca.MX) -> ca.MX:
+    """The moving body's pose in the frame of a body that is turned and shifted itself."""
+    R = turn.T @ _rotation(pose[3:])
+    angles = (ca.atan2(-R[1, 2], R[2, 2]), ca.asin(R[0, 2]), ca.atan2(-R[0, 1], R[0, 0]))
+    return ca.vertcat(turn.T @ (pose[:3] - shift), *angles)
+
+
+def wrench_names(patch_names: Sequence[str]) -> list[str]:
+    """Fx_med, ..., Tz_lat: six of each patch."""
+    return [f"{component}_{patch}" for patch in patch_names for component in WRENCH_NAMES]
