@@ -16,6 +16,7 @@ from problems.pose_estimation.march import march
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import off_by
 
+_SETTLED_N = 0.01
 _FRAME_ITERATIONS = 100  # of a frame alone
 # IPOPT scales by the gradient at the start: begun at the solution, it then asks for the impossible. With this scale
 # and its tolerance gradients end below 1e-5 N², residuals below about 1e-7 N.
@@ -80,6 +81,7 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
 
     Settling needs the range: outside it s may have another root, from which IPOPT does not come back. Poses from which
     it fails, such as a ball beyond the rim of its cup, settle from `PoseEstimation.start_poses` at the first touch.
+    On a foundation, whose many spots of contact make IPOPT's way long, all free parameters settle, frame by frame.
     """
     model, columns = problem.model, problem.contact.columns
     low, high = pose_bounds(model)
@@ -97,6 +99,10 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
         begin = touching(model, problem.start_poses()[left], problem.free, forces)
         again, report = settle(model, begin, sensitive, forces, tolerance=0.1, max_iterations=30)
         poses[left[report.converged]] = again[report.converged]
+    targets = problem.wanted.targets()
+    if not problem.learned and targets:
+        found, report = settle(model, poses, problem.free, targets, tolerance=_SETTLED_N, max_iterations=60)
+        poses[report.converged] = found[report.converged]
     return poses
 
 
