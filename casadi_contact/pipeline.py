@@ -249,6 +249,7 @@ def report(project: Project) -> Path:
     return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
 
 
+@alone
 def chart(
     project: Project,
     *,
