@@ -6,6 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
+from casadi_contact.contact.cells.choice import cell_foundation
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
@@ -117,11 +118,11 @@ def test_the_smooth_ramp_joins_its_branches_and_has_no_second_moment():
 
 def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
     scene = cc.load_scene("glenohumeral")
-    model = cc.foundation(scene, compiled=False)
+    model = cell_foundation(scene, compiled=False)
     assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
     for name, tolerance in scene.tolerances.items():
         assert model.record["rms"][name] <= tolerance
-    strict = cc.foundation(scene.with_overrides(Fz=0.02), compiled=False)
+    strict = cell_foundation(scene.with_overrides(Fz=0.02), compiled=False)
     assert strict.cells.u_mm * strict.cells.v_mm < model.cells.u_mm * model.cells.v_mm
 
 

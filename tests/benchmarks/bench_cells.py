@@ -1,0 +1,87 @@
+"""Contact models of a knee implant's meshes in one run on one thread: time per pose, errors, roughness; run on demand:
+
+python -m tests.benchmarks.bench_cells
+
+Needs the meshes that `problems/implant/tka_mesh.toml` names.
+"""
+
+from __future__ import annotations
+
+import platform
+from functools import partial
+
+import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
+from casadi_contact.contact import Cells
+from casadi_contact.machine import machine_record
+from casadi_contact.transcription.kernel.compiler import FLAGS, machine_flags
+from problems.implant import SCENE
+from tests.benchmarks.bench_foundation import roughness
+
+SIZES = (Cells(1.17, 0.71), Cells(1.7, 0.85, 6, 3), Cells(1.76, 0.94))
+GRIDS = ((80, 40), (40, 80), (160, 80))
+REFERENCE = (320, 160)
+SHIFT_MM, YAW_RAD = 3.0, 0.1  # from where the knee stands in walking, of the wide poses
+
+
+def settled_poses(scene: cc.Scene, *, wide: bool, count: int = 200) -> np.ndarray:
+    """Poses over -10 to 70° of flexion, each side under 100 to 1,500 N; wide: shifted and turned, 20 to 2,000 N."""
+    random = np.random.default_rng(1)
+    poses = np.zeros((count, 6))
+    poses[:, 1], poses[:, 5] = 44.0, random.uniform(-1.2, 0.17, count)
+    if wide:
+        poses[:, 0], poses[:, 2] = random.uniform(-SHIFT_MM, SHIFT_MM, (2, count))
+        poses[:, 4] = random.uniform(-YAW_RAD, YAW_RAD, count)
+    low, high = (20.0, 2000.0) if wide else (100.0, 1500.0)
+    forces = {name: -random.uniform(low, high, count) for name in ("Fy_med", "Fy_lat")}
+    poses, report = cc.settle(cc.ElasticFoundation(scene, (80, 80)), poses, ("ty", "rx"), forces, tolerance=1.0)
+    return np.asarray(poses[report.converged])
+
+
+def main() -> None:
+    """Print all of it."""
+    scene = cc.load_scene(SCENE)
+    reference = cc.ElasticFoundation(scene, REFERENCE)
+    models: dict[str, cc.CellFoundation | cc.ElasticFoundation] = {str(c): cc.CellFoundation(scene, c) for c in SIZES}
+    chosen = cc.foundation(scene)
+    models["chosen"] = chosen
+    models |= {f"EF {nx}×{nz}": cc.ElasticFoundation(scene, (nx, nz)) for nx, nz in GRIDS}
+    print(machine_record(), platform.processor(), " ".join((*FLAGS, *machine_flags())))
+    print(f"cc.foundation: {chosen.record}")
+    for wide in (False, True):
+        poses = settled_poses(scene, wide=wide)
+        poses = poses[~reference.at_edge(poses).any(axis=1)]
+        truth = reference(poses)
+        print(f"{len(poses)} {'wide' if wide else 'usual'} poses inside the rim, errors against EF {REFERENCE}:")
+        for name, model in models.items():
+            errors = np.abs(model(poses) - truth)
+            rms, worst = np.sqrt(np.mean(errors**2, axis=0)), errors.max(axis=0)
+            rough, missed = roughness(model, poses[:30])
+            print(f"{name:40s} RMS {np.round(rms, 2)}, largest {np.round(worst, 1)} ({', '.join(scene.load_names)})")
+            print(f"  dN/dty: roughness {rough:.1e} %, against differences of N {missed:.1e} % (medians)")
+        if not wide:
+            times(models, poses)
+
+
+def times(models: dict[str, cc.CellFoundation | cc.ElasticFoundation], poses: np.ndarray) -> None:
+    """Value, Jacobian and Hessian of the kernels, and values of the element grids, in turn."""
+    measures = {}
+    for name, model in models.items():
+        if isinstance(model, cc.ElasticFoundation):
+            measures[name] = partial(time_batch, model, poses)
+            continue
+        function = model.function()
+        weights = np.ones(function.numel_out(0))
+        measures[f"{name}, value"] = partial(time_single_calls, function, poses)
+        measures[f"{name}, Jacobian"] = partial(time_single_calls, jacobian_of(function), poses)
+        measures[f"{name}, Hessian"] = partial(time_single_calls, lagrangian_hessian(function), poses, weights)
+    with one_thread():
+        for name, timing in compare(measures, 15).items():
+            print(f"{name:52s} {timing.median_us:8.1f} µs, at best {timing.low_us:.1f}")
+
+
+if __name__ == "__main__":
+    main()
