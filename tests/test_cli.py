@@ -56,6 +56,9 @@ def test_shell_completion_can_be_installed():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ("scene none.stl cup.stl", "none.stl does not exist"),
+        ("scene a.stl b.stl --side up", "--side is 'up', expected right or left"),
+        ("scene a.stl b.stl --out a.png", "--out is a.png, expected a scene file"),
         ("choose knee --force-tol abc", "Invalid value for '--force-tol'"),
         ("choose knee --force-tol -1 --torque-tol 5", "force tolerance is -1.0"),
         ("choose knee", "no force tolerance given"),

@@ -54,7 +54,7 @@ def body_field(geometry: Geometry, body: str) -> DistanceField:
 
 def check_shells(geometry: Geometry) -> None:
     """Raise ValueError for a moving body that is a thin closed shell, unless the scene says which side of it counts,
-    and for a shell that the distance field's nodes are too far apart for: its surface would be off by tenths of a mm."""
+    and for a shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
     for body in ("moving", "fixed"):
         source = _source(geometry, body)
         if source.about_mm is not None or (thickness := _shell_thickness(source)) > THIN_MM:
@@ -62,8 +62,8 @@ def check_shells(geometry: Geometry) -> None:
         what = f"scene: the {body} mesh {Path(source.path).name} is a closed shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
             raise ValueError(
-                f"{what}: pressed deeper than half of that, its other side would push the wrong way. Set geometry.shell "
-                "to 'outer' to count the side away from the anchors alone, or to 'whole' where overlaps are smaller"
+                f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
+                "'outer' to count the side away from the anchors alone, or to 'whole' where overlaps are far smaller"
             )
         if geometry["spacing"] > _SPACING_SHARE * thickness:
             raise ValueError(

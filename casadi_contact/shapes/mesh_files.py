@@ -8,7 +8,7 @@
     pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
     start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
     shell = "outer"                       # of a moving mesh that is a thin closed shell: only its side away from the
-                                          # anchors counts; or "whole": overlaps stay below half of its thickness
+                                          # anchors counts; or "whole": overlaps stay far below its thickness
     open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
     spacing = 0.75                        # of the distance field's nodes [mm]

@@ -20,6 +20,7 @@ _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
 _BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
 _ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
+_ALONG_EDGE = 9  # points of each open edge
 _NEAR_OPEN_EDGE = 1.5  # cells
 
 
@@ -94,8 +95,10 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
     """
     centres, normals, areas = cells
     mesh, cut = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool)
-    ends = mesh.vertices_mm[mesh.boundary_edges].mean(axis=1)
-    open_edges = cKDTree(ends) if len(ends) and geometry["open_edges"] == "cut" else None
+    ends = mesh.vertices_mm[mesh.boundary_edges]
+    along = np.linspace(0.0, 1.0, _ALONG_EDGE)[:, None, None]
+    points = ((1.0 - along) * ends[:, 0] + along * ends[:, 1]).reshape(-1, 3)
+    open_edges = cKDTree(points) if len(points) else None
     others = [patch_box(geometry, other) for other in geometry["patches"] if other != patch]
     for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
         lacking = areas > 0.0
@@ -115,7 +118,8 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         for low, high in others:
             goes_on &= ~np.all((beyond >= low) & (beyond < high), axis=1)
         if open_edges is not None:
-            goes_on |= open_edges.query(here)[0] < _NEAR_OPEN_EDGE * width
+            near = open_edges.query(here)[0] < _NEAR_OPEN_EDGE * width
+            goes_on = np.where(near, geometry["open_edges"] == "cut", goes_on)
         cut[rows] |= goes_on
     return cut
 

@@ -36,13 +36,15 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
     def picked(rows: Array) -> Array:
         return np.stack([np.broadcast_to(unknown, rows.shape[1:]) if k is None else rows[k] for k in known])
 
-    box, border, confirmation = trust.box, trust.border, trust.confirmation
+    box, border, confirmation, states = trust.box, trust.border, trust.confirmation, trust.states
     counts = {
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
         "BORDER": 0 if border is None else len(border.scale),
         "CONFIRMATION": int(confirmation is not None),
+        "STATES": 0 if states is None else len(states.centres),
+        "STATE_SIZE": 0 if states is None else states.centres.shape[1],
     }
     numbers = {
         "BANDWIDTH": trust.bandwidth,
@@ -66,6 +68,14 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         if part is not None:
             kinds = {"columns": int}
             tables |= {f"{name}_{key}": np.asarray(value, kinds.get(key, float)) for key, value in vars(part).items()}
+    if states is not None:
+        numbers["STATES_BANDWIDTH"] = states.bandwidth
+        tables |= {
+            "states_columns": np.asarray(states.columns, int),
+            "states_scale": states.scale,
+            "states_root_scale": states.root_scale,
+            "states_centres": _by_coordinate(states.centres),
+        }
     return "\n".join(
         [
             *(f"#define {name} ({value!r})" for name, value in counts.items()),

@@ -32,7 +32,7 @@ def ball_in_cup(move=lambda points: points):
 
 def button_on_groove(height=22.0):
     (button, faces), valley = cap_mesh(22.0, 1.5, 0.7), sheet_mesh(40.0, 2.0, groove)
-    return checked_mesh("button", button + [0.0, height, 0.0], faces), checked_mesh("groove", *valley)
+    return checked_mesh("button", button + np.array([0.0, height, 0.0]), faces), checked_mesh("groove", *valley)
 
 
 @pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])

@@ -40,9 +40,7 @@ def test_an_offset_of_the_fixed_mesh_shifts_pose_and_torque(model):
     """Centres of pressure refer to the fixed origin: F stays, T grows by offset × F."""
     offset = np.array([4.0, 0.0, -2.0])
     loads = model().wrenches(POSE)[0]
-    moved = model(f"[geometry.placement.fixed]\noffset = {offset.tolist()}").wrenches(POSE + [*offset, 0.0, 0.0, 0.0])[
-        0
-    ]
+    moved = model(f"[geometry.placement.fixed]\noffset = {offset.tolist()}").wrenches(POSE + np.pad(offset, (0, 3)))[0]
     np.testing.assert_allclose(moved[:3], loads[:3], rtol=1e-3, atol=0.5)
     np.testing.assert_allclose(moved[3:], loads[3:] + np.cross(offset, loads[:3]), rtol=1e-3, atol=5.0)
 

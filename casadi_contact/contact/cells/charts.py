@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.field_derivatives import field_derivatives
-from casadi_contact.geometry.mesh_elements import grid_on_mesh
+from casadi_contact.geometry.mesh_elements import DOWN, grid_on_mesh
 from casadi_contact.scenes import Scene
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
@@ -123,9 +123,15 @@ class MeshChart:
     """The part of a fixed mesh that a patch's box holds, seen from above."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
-        from casadi_contact.shapes.mesh_bodies import body_field
-        from casadi_contact.shapes.mesh_patches import patch_box, patch_mesh
+        from casadi_contact.shapes.mesh_bodies import body_field, patch_box
+        from casadi_contact.shapes.mesh_patches import patch_mesh
 
+        pressing = np.array(scene.geometry.get("pressing", DOWN))
+        if not np.array_equal(pressing / np.linalg.norm(pressing), DOWN):
+            raise ValueError(
+                f"scene {scene.name}: cubic cells lie on what a mesh shows to +y, but geometry.pressing = "
+                f"{pressing.tolist()}: take cc.ElasticFoundation, or turn the meshes so that it is -y"
+            )
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
         self._field = body_field(scene.geometry, "fixed")
         self._box = patch_box(scene.geometry, patch)

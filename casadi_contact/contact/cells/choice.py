@@ -22,8 +22,9 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
 
     Over poses that press each patch within its rim from the scene's boundary load to `convergence.LARGEST_LOAD`
     reference loads, errors against `CONVERGED` have an RMS within the tolerance and are nowhere more than
-    `convergence.WORST` times it, in proportion to the force where that exceeds the reference load. Along each side cells are as large as one of
-    `SIZES_MM`. Raises ValueError where nothing is good enough and where no pose presses the patches.
+    `convergence.WORST` times it, in proportion to the force where that exceeds the reference load. Along each side
+    cells are as large as one of `SIZES_MM`. Raises ValueError where nothing is good enough and where no pose presses
+    the patches.
     """
     range_n = forces_tried(scene)
     tolerances = np.array([scene.tolerances[name] for name in scene.load_names])

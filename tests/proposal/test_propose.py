@@ -1,0 +1,53 @@
+"""A proposed scene needs no editing: it loads, settles its reference motion, and says what was not told."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.cli import app
+from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
+
+POLE = [0.2, 0.8, 0.5]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("proposal")
+    write_obj(folder / "ball.obj", *ball_mesh(16.0, 2.5))
+    write_obj(folder / "cup.obj", *shell_mesh(16.4, 22.0, 2.0, 1.3, POLE))
+    button, faces = cap_mesh(22.0, 1.5, 0.7)
+    write_obj(folder / "button.obj", button + np.array([0.0, 22.0, 0.0]), faces)
+    write_obj(folder / "groove.obj", *sheet_mesh(40.0, 2.0, groove))
+    return folder
+
+
+def proposed(folder, moving, fixed):
+    """The output of the command and the scene it wrote."""
+    path = folder / f"{fixed}.toml"
+    arguments = ["scene", str(folder / f"{moving}.obj"), str(folder / f"{fixed}.obj"), "--out", str(path)]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert path.with_suffix(".png").stat().st_size > 10_000
+    return " ".join(result.output.split()), cc.load_scene(path)
+
+
+def test_a_ball_in_a_cup(folder):
+    said, scene = proposed(folder, "ball", "cup")
+    assert "404 of 404 reference frames settle" in said
+    assert "not told by the meshes: the material" in said
+    assert scene.patch_names == ("contact",)
+    assert unit(np.array(scene.geometry["pressing"])) @ unit(np.array(POLE)) > 0.99
+    model = cc.ElasticFoundation(scene)
+    assert np.linalg.norm(model.wrenches(scene.start_pose)[0, :3]) == pytest.approx(300.0, rel=0.1)
+    larger = cc.ElasticFoundation(scene, (200, 200))(scene.start_pose)
+    off = np.abs(model(scene.start_pose) - larger) / [scene.tolerances[name] for name in scene.load_names]
+    assert off.max() < 2.0  # the grids are fine enough
+
+
+def test_a_button_in_a_groove(folder):
+    said, scene = proposed(folder, "button", "groove")
+    assert "404 of 404 reference frames settle" in said
+    assert scene.patch_names == ("med", "lat")
+    assert scene.load_names[:2] == ("Fx_med", "Fx_lat")
+    loads = cc.ElasticFoundation(scene)(scene.start_pose)
+    np.testing.assert_allclose(loads[:2], 300.0, rtol=0.1)
