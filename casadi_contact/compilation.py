@@ -1,18 +1,43 @@
 """What a first evaluation waits for: numba compiles the loops of the contact models, and keeps them on disk.
 
 Compiled loops lie beside the source (``__pycache__``), or in numba's folder of the user's cache where that cannot be
-written, or in ``$NUMBA_CACHE_DIR``.
+written, or in ``$NUMBA_CACHE_DIR``. Where the disc cannot take them they serve the process that compiled them.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import numba
 from numba.core import event
+from numba.core.caching import FunctionCache
 
 _PACKAGE = __name__.partition(".")[0]
+
+
+class _Cache(FunctionCache):
+    """Compiled loops on disk."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Called after a compilation; numba itself fails on a full disc."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """``numba.njit(cache=True, **options)``, which works where the disc is full."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        dispatcher = numba.njit(**options)(function)
+        dispatcher._cache = _Cache(function)  # as Dispatcher.enable_caching does
+        return dispatcher
+
+    return compiled
 
 
 def announce(what: str, kept: str) -> None:

@@ -5,14 +5,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 # A module of the package with a loop that compiles in no time.
 MODULE = """
-import numba
-from casadi_contact.compilation import announce_compilation
+from casadi_contact.compilation import announce_compilation, njit
 announce_compilation()
 
-@numba.njit(cache=True)
+@njit()
 def doubled(x):
     return 2.0 * x
 """
@@ -37,3 +38,19 @@ def test_a_compilation_is_announced_once_with_its_folder_and_only_where_there_is
     assert line.startswith("casadi_contact: compiling the contact model")
     assert str(tmp_path / "cache") in line
     assert second.stderr == ""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits as POSIX has them")
+def test_where_the_disc_is_full_the_loops_serve_the_process_that_compiled_them(tmp_path):
+    (tmp_path / "example.py").write_text(MODULE)
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, "-c", limit + SCRIPT.format(folder=str(tmp_path))],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    assert done.stdout == "2.0 2.0\n"
+    assert not [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and path.suffix != ".pyc"]

@@ -3,5 +3,16 @@
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.assembly.file import load_assembly, ready_assemblies
+from casadi_contact.assembly.settle import Equilibrium, settle_assembly
 
-__all__ = ["Assembly", "Contact", "Ligament", "Pull", "Spring", "load_assembly", "ready_assemblies"]
+__all__ = [
+    "Assembly",
+    "Contact",
+    "Equilibrium",
+    "Ligament",
+    "Pull",
+    "Spring",
+    "load_assembly",
+    "ready_assemblies",
+    "settle_assembly",
+]

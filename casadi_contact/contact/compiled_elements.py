@@ -39,16 +39,10 @@ class CompiledElements:
             library = shared_library("\n".join(texts))
         except CompilerError:
             return None
-        spans = itertools.pairwise(elements.blocks.tolist())
-        groups = [slice(k, min(k + _GROUP, end)) for start, end in spans for k in range(start, end, _GROUP)]
-        padded = -(-len(groups) // _LANES) * _LANES
-        boxes, members = np.zeros((padded, 12)), np.zeros((padded, 7, _GROUP))
-        columns = np.column_stack([elements.centres_mm, elements.normals, elements.areas_mm2])
-        for b, rows in enumerate(columns[group] for group in groups):
-            boxes[b] = _box(rows[:, :3], rows[:, 3:6])
-            members[b, :, : len(rows)] = rows.T
-        together = boxes.reshape(-1, _LANES, 12).transpose(0, 2, 1).copy()
-        return cls(library, (np.array([padded], dtype=np.int64), surface.parameters.copy(), together, members))
+        members, present = _in_groups(elements)
+        boxes = _boxes(members, present).reshape(-1, _LANES, 12).transpose(0, 2, 1).copy()
+        count = np.array([len(members)], dtype=np.int64)
+        return cls(library, (count, surface.parameters.copy(), boxes, members.transpose(0, 2, 1).copy()))
 
     def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, 6), and d wrench/d twist (n, 6, 6) if asked for (else none), at n poses."""
@@ -61,10 +55,29 @@ class CompiledElements:
         return wrenches, np.empty((0, 6, 6)) if slopes is None else slopes
 
 
-def _box(points: Array, normals: Array) -> Array:
-    """Middle and three half axes (12,) of a box about points (m, 3) of a surface, flat along their mean normal."""
-    normal = normals.sum(axis=0)
-    frame = np.linalg.qr(np.column_stack([normal, np.eye(3)[np.abs(normal).argmin()], np.ones(3)]))[0].T
-    along = points @ frame.T
-    low, high = along.min(axis=0), along.max(axis=0)
-    return np.concatenate([0.5 * (low + high) @ frame, (0.5 * (high - low)[:, None] * frame).ravel()])
+def _in_groups(elements: ElementGrid) -> tuple[Array, np.ndarray]:
+    """c, n and area (groups, _GROUP, 7) of the blocks' elements, a multiple of _LANES groups filled up with zeros, and
+    which of them there are (groups, _GROUP)."""
+    spans = itertools.pairwise(elements.blocks.tolist())
+    groups = [(k, min(_GROUP, end - k)) for start, end in spans for k in range(start, end, _GROUP)]
+    groups += [(0, 0)] * (-len(groups) % _LANES)
+    starts, sizes = np.array(groups).T
+    place = np.arange(_GROUP)
+    present = np.asarray(place < sizes[:, None])
+    columns = np.column_stack([elements.centres_mm, elements.normals, elements.areas_mm2])
+    return columns[np.where(present, starts[:, None] + place, 0)] * present[..., None], present
+
+
+def _boxes(members: Array, present: np.ndarray) -> Array:
+    """Middle and three half axes (groups, 12) of boxes about the elements, flat along their mean normals."""
+    normals = members[..., 3:6].sum(axis=1)
+    across = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    frames = np.linalg.qr(np.stack([normals, across, np.ones_like(normals)], -1))[0]
+    along = members[..., :3] @ frames
+    low = np.where(present[..., None], along, np.inf).min(axis=1)
+    high = np.where(present[..., None], along, -np.inf).max(axis=1)
+    filled = np.any(present, axis=1, keepdims=True)
+    low, high = np.where(filled, low, 0.0), np.where(filled, high, 0.0)
+    middle = np.einsum("gik,gk->gi", frames, 0.5 * (low + high))
+    axes = (0.5 * (high - low))[:, :, None] * np.swapaxes(frames, 1, 2)
+    return np.concatenate([middle, axes.reshape(-1, 9)], 1)

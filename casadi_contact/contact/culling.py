@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from casadi_contact.compilation import njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 from casadi_contact.geometry.surfaces import signed_distance
@@ -12,7 +12,7 @@ from casadi_contact.geometry.surfaces import signed_distance
 STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def to_moving(R, t, x, y, z):
     """q = Rᵀ(p - t)."""
     x -= t[0]
@@ -25,7 +25,7 @@ def to_moving(R, t, x, y, z):
     )
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def tangent_at(family, parameters, R, t, centres, extents, b):
     """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
 
@@ -47,7 +47,7 @@ def tangent_at(family, parameters, R, t, centres, extents, b):
     )
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def block_bound(family, tangent, extents, b):
     """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex.
 
@@ -64,7 +64,7 @@ def block_bound(family, tangent, extents, b):
     return bound
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def point_bound(tangent, dx, dy, dz):
     """Positive only if the point at offset (dx, dy, dz) from a block's centre lies outside the body."""
     g, gx, gy, gz, curvature = tangent

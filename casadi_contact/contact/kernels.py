@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from casadi_contact.compilation import announce_compilation
+from casadi_contact.compilation import announce_compilation, njit
 from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
 from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
@@ -23,7 +23,7 @@ _NEAREST_SURFACE = 0.9  # of -g(c): g rises by 1 over 1 mm, the field of a mesh 
 _STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
     d = start
@@ -42,7 +42,7 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     return d, gx, gy, gz
 
 
-@numba.njit(cache=True)
+@njit()
 def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrench, stiffness, derivatives):
     """Add up one patch's wrench (6,) and, if asked, d wrench / d twist of the moving body about t (6, 6)."""
     centres, normals, areas, blocks, block_centres, block_extents = elements
@@ -92,7 +92,7 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
                         stiffness[i, j] += load_direction[i] * depth_slope[j]
 
 
-@numba.njit(cache=True)
+@njit()
 def _patch_gap(family, parameters, elements, R, t, slope):
     """Smallest g over the elements, and its derivative by the twist of the moving body about t (6,)."""
     centres, _, _, blocks, block_centres, block_extents = elements
@@ -123,7 +123,7 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     return best
 
 
-@numba.njit(cache=True, parallel=True)
+@njit(parallel=True)
 def wrench_many(family, parameters, elements, law, modulus, thickness, rotations, translations, derivatives):
     """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses."""
     count = len(translations)
@@ -149,7 +149,7 @@ def wrench_many(family, parameters, elements, law, modulus, thickness, rotations
     return wrenches, stiffnesses
 
 
-@numba.njit(cache=True, parallel=True)
+@njit(parallel=True)
 def gap_many(family, parameters, elements, rotations, translations):
     """Gaps (n,) of one patch and their derivatives by twist (n, 6) for n poses."""
     count = len(translations)
@@ -160,7 +160,7 @@ def gap_many(family, parameters, elements, rotations, translations):
     return gaps, slopes
 
 
-@numba.njit(cache=True, parallel=True)
+@njit(parallel=True)
 def touches_many(family, parameters, centres, rotations, translations):
     """True (n,) for the poses at which any of the points lies inside the moving body."""
     count = len(translations)
@@ -174,7 +174,7 @@ def touches_many(family, parameters, centres, rotations, translations):
     return touched
 
 
-@numba.njit(cache=True)
+@njit()
 def element_depths(family, parameters, elements, R, t):
     """Depth of every element (m,) of one patch in one pose [mm], zero where it does not touch."""
     centres, normals = elements[0], elements[1]
@@ -189,7 +189,7 @@ def element_depths(family, parameters, elements, R, t):
     return depths
 
 
-@numba.njit(cache=True)
+@njit()
 def point_distances(family, parameters, points, R, t):
     """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
     distances = np.empty(len(points))

@@ -11,6 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from casadi_contact.compilation import njit
 from casadi_contact.conventions import Array
 from casadi_contact.pressure_laws import LAWS, PressureLaw
 from casadi_contact.scenes import Material
@@ -47,7 +48,7 @@ def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
 pressure = compile_laws(list(LAWS.values()))
 
 
-@numba.njit(cache=True)
+@njit()
 def pressures(number, modulus, thickness, depths):
     """p [MPa] at each of the depths (n,) [mm]; zero where there is none (depth <= 0)."""
     values = np.zeros(len(depths))
@@ -63,7 +64,7 @@ def pressure_slopes(number: int, modulus: float, thickness: float, depths: Array
     return values.reshape(depths.shape), slopes.reshape(depths.shape)
 
 
-@numba.njit(cache=True)
+@njit()
 def _slopes(number, modulus, thickness, depths):
     values, slopes = np.zeros(len(depths)), np.zeros(len(depths))
     for n in range(len(depths)):

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy import ndimage
 
+from casadi_contact.compilation import njit
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import TriangleMesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
@@ -113,7 +113,7 @@ def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -
     return ndimage.maximum_filter(concavity, 2 * reach + 1) / spacing_mm**2
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _weights(t):
     """Cubic B-spline weights of the four nodes around share t of a cell, and their derivatives."""
     s = 1.0 - t
@@ -125,7 +125,7 @@ def _weights(t):
     )
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _inside(coordinate, count):
     """Nearest coordinate [nodes] at which all four nodes exist, its first node and its share of the cell."""
     within = min(max(coordinate, 1.0), count - 2.0)
@@ -133,7 +133,7 @@ def _inside(coordinate, count):
     return within, first - 1, within - first
 
 
-@numba.njit(cache=True)
+@njit()
 def field_distance(parameters, x, y, z):
     """g and its gradient (g, gx, gy, gz) at the point (x, y, z) of the field's frame."""
     spacing = parameters[3]
@@ -171,7 +171,7 @@ def field_distance(parameters, x, y, z):
     return g, gx, gy, gz
 
 
-@numba.njit(cache=True)
+@njit()
 def field_hessian(parameters, x, y, z):
     """g, its gradient and its second derivatives xx, xy, xz, yy, yz, zz: none along what leaves the grid."""
     found = np.empty(10)
@@ -213,7 +213,7 @@ def field_hessian(parameters, x, y, z):
     return found
 
 
-@numba.njit(cache=True)
+@njit()
 def field_value(parameters, x, y, z):
     """g alone, as of `field_distance`, in two thirds of its time."""
     ny, nz = int(parameters[5]), int(parameters[6])
@@ -238,7 +238,7 @@ def field_value(parameters, x, y, z):
     return g + np.sqrt((px - u) ** 2 + (py - v) ** 2 + (pz - w) ** 2) * parameters[3]
 
 
-@numba.njit(cache=True)
+@njit()
 def field_curvature(parameters, x, y, z):
     """The curvature bound M [1/mm] of the node nearest to a point; infinite outside the grid."""
     at = 0
@@ -250,7 +250,7 @@ def field_curvature(parameters, x, y, z):
     return parameters[_HEAD + (len(parameters) - _HEAD) // 2 + at]
 
 
-@numba.njit(cache=True)
+@njit()
 def field_distances(parameters, points):
     """`field_distance` of points (n, 3) as rows (n, 4)."""
     values = np.empty((len(points), 4))

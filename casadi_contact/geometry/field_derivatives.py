@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from casadi_contact.compilation import njit
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_distances, field_hessian
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, MESH_FIELD, MovingSurface
@@ -57,7 +57,7 @@ def field_derivatives(parameters: Array, points: Array) -> tuple[Array, Array, A
     return values[:, 0], values[:, 1:4], values[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
 
 
-@numba.njit(cache=True)
+@njit()
 def _field_derivatives(parameters, points):
     values = np.empty((len(points), 10))
     for n in range(len(points)):

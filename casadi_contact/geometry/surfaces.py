@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from casadi_contact.compilation import njit
 from casadi_contact.geometry.distance_field import field_distance, field_value
 from casadi_contact.geometry.moving_surface import CYLINDER, MESH_FIELD, NUMBERS_PER_ARC, SWEPT_ARCS
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def signed_distance(family, parameters, x, y, z):
     """g(q) and its gradient (g, gx, gy, gz) at the point q = (x, y, z) of the moving frame."""
     if family == SWEPT_ARCS:
@@ -38,7 +38,7 @@ def signed_distance(family, parameters, x, y, z):
     return -y, 0.0, -1.0, 0.0
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def signed_distance_value(family, parameters, x, y, z):
     """g(q) alone."""
     if family == MESH_FIELD:

@@ -9,22 +9,24 @@ from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
-AROUND_COUNT = 8000
+AROUND_COUNTS = (4000, 16_000)  # at least, at most; in between a sixth as many as the samples
 
 
-def samples_around(samples: Samples, model: WrenchModel, *, count: int = AROUND_COUNT, seed: int = 12) -> Samples:
-    """Poses of D1 moved by up to 1 mm and 2° in every parameter, and the model's loads there.
+def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = None, seed: int = 12) -> Samples:
+    """Poses of D1 moved by up to 1 mm and 2° in every parameter, and the model's loads there; count by the samples'.
 
-    Half of the moves are uniform, half normal with these deviations, and half of all are shortened at random; rows
-    are validation and test in turn. Poses whose contact runs off the elements are among the dropped ones.
+    Half of the moves are uniform, half normal with these deviations, and a quarter of all are shortened at random;
+    rows are validation and test in turn. Poses whose contact runs off the elements are among the dropped ones.
     """
     rng = np.random.default_rng(seed)
+    if count is None:
+        count = int(np.clip(len(samples) // 6, *AROUND_COUNTS))
     known = samples.select("D1").poses
     if not len(known):
         known = samples.poses
     poses = known[rng.integers(len(known), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
-    shortened = np.where(rng.random((count, 1)) < 0.5, rng.random((count, 1)), 1.0)
+    shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
     poses = poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     wrenches, gaps, edge = evaluated(model, poses, len(samples.scene.parts))

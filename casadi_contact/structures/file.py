@@ -26,6 +26,7 @@ from casadi_contact.files import new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
@@ -142,7 +143,7 @@ def _read_network(group: h5py.Group) -> Network:
     )
 
 
-_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation}
+_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States}
 
 
 def _read_trust(group: h5py.Group) -> Trust:
@@ -150,5 +151,6 @@ def _read_trust(group: h5py.Group) -> Trust:
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
     for name, kind in _PARTS.items():
         if name in group:
-            values[name] = kind(**{field.name: group[name][field.name][()] for field in fields(kind)})
+            parts = {field.name: group[name][field.name][()] for field in fields(kind)}
+            values[name] = kind(**{key: array if array.ndim else float(array) for key, array in parts.items()})
     return Trust(**values)

@@ -1,4 +1,4 @@
-/* Validity and expected error of a pose: the formulas of structures/trust.py and structures/distrust.py. */
+/* Validity and expected error of a pose: the formulas of structures/trust.py, distrust.py and states.py. */
 #define PADDED(count) (((count) + WIDTH - 1) / WIDTH * WIDTH)
 #define FAR 1e8 /* scaled pose parameters are cut off here, so that the square of any finite pose is finite */
 
@@ -27,16 +27,16 @@ INLINE double sum_over(int n, const double *values) {
   return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
 }
 
-/* -log sum_j exp(-|z - c_j|^2/2h^2) over count centres [coordinate][j], and weights proportional to the exponentials,
- * that is `total` times theirs; what fills the centres up has no weight. */
-INLINE double soft_distance(int count, const double *centres, double bandwidth, const double *z, double *weights,
-                            double *total) {
+/* -log sum_j exp(-|z - c_j|^2/2h^2) of a point z (size) over count centres [coordinate][j], and weights proportional to
+ * the exponentials, that is `total` times theirs; what fills the centres up has no weight. */
+INLINE double soft_distance(int size, int count, const double *centres, double bandwidth, const double *z,
+                            double *weights, double *total) {
   const int padded = PADDED(count);
   const double half = 0.5 / (bandwidth * bandwidth);
   double least;
   for (int j = 0; j < padded; j++) {
     double square = 0.0;
-    for (int k = 0; k < 6; k++) {
+    for (int k = 0; k < size; k++) {
       const double off = z[k] - centres[k * padded + j];
       square += off * off;
     }
@@ -103,6 +103,22 @@ INLINE double excess_of(const double *pose, const double *roots, const double *c
   return largest + log(sum);
 }
 
+#if STATES
+#define LEVELS STATES
+/* Weights of the error levels, and their sum. */
+INLINE void level_weights(const double *pose, const double *roots, double *weights, double *total) {
+  double y[STATE_SIZE];
+  for (int i = 0; i < STATE_SIZE - PATCHES; i++) y[i] = cut_off(pose[states_columns[i]] / states_scale[i]);
+  for (int p = 0; p < PATCHES; p++) {
+    const double scale = states_root_scale[p], v = cut_off(roots[p]) + 2.0 * scale;
+    y[STATE_SIZE - PATCHES + p] = 0.5 * (v + sqrt(v * v + scale * scale)) / scale;
+  }
+  (void)soft_distance(STATE_SIZE, STATES, states_centres[0], STATES_BANDWIDTH, y, weights, total);
+}
+#else
+#define LEVELS CENTRES
+#endif
+
 /* parts: the kernel's root loads of the pose. errors may be 0; NaN for a load that was not calibrated. */
 FUNCTION double trust_at(const double *pose, const double *parts, double *errors) {
   double z[6], weights[PADDED(CENTRES)], roots[PATCHES], claims[PATCHES] = {0}, total, excess, validity;
@@ -112,23 +128,29 @@ FUNCTION double trust_at(const double *pose, const double *parts, double *errors
   }
   trust_inputs(pose, parts, roots, claims);
   for (int k = 0; k < 6; k++) z[k] = cut_off(pose[k] / trust_scales[k]);
-  excess = SHARPNESS * (soft_distance(CENTRES, centres[0], BANDWIDTH, z, weights, &total) - EDGE);
+  excess = SHARPNESS * (soft_distance(6, CENTRES, centres[0], BANDWIDTH, z, weights, &total) - EDGE);
   excess = excess_of(pose, roots, claims, excess);
   validity = 0.5 - 0.5 * excess / sqrt(1.0 + excess * excess);
   if (errors) {
     double features[3 + PATCHES], dense[PADDED(DENSE)], dense_total, rare;
     const double out = excess > GROWTH_START ? excess - GROWTH_START : 0.0;
     const double growth = out * (out * out / (1.0 + out * out));
-    rare = soft_distance(DENSE, dense_centres[0], DENSE_BANDWIDTH, z, dense, &dense_total);
+    rare = soft_distance(6, DENSE, dense_centres[0], DENSE_BANDWIDTH, z, dense, &dense_total);
     rare = either(0.0, rare - DENSE_START);
     features[0] = 1.0, features[1] = rare, features[2] = rare * rare;
     for (int p = 0; p < PATCHES; p++) {
       features[3 + p] = 0.5 * (roots[p] + sqrt(roots[p] * roots[p] + BOUNDARY_ROOT * BOUNDARY_ROOT));
     }
+#if STATES
+    double near[PADDED(LEVELS)];
+    level_weights(pose, roots, near, &total);
+#else
+    const double *near = weights;
+#endif
     for (int k = 0; k < LOADS; k++) {
       double share = 0.0;
       for (int i = 0; i < 3 + PATCHES; i++) share += features[i] * trust_shares[k][i];
-      errors[k] = dot(PADDED(CENTRES), trust_levels[k], weights) / total * share + growth * growth_loads[k];
+      errors[k] = dot(PADDED(LEVELS), trust_levels[k], near) / total * share + growth * growth_loads[k];
     }
   }
   return validity;

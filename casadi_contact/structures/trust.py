@@ -20,10 +20,11 @@ The expected error of a load adds what grows without end outside to a bound fitt
 
     e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p) + growth·g(u - u_0)·usual load,   all θ >= 0
 
-level: weighted mean of the errors around each centre c_j; ρ = log(1 + exp(D - D0)), D the smooth squared distance
-from centres as dense as the samples; r_p = (s_p + √(s_p² + s_b²))/2, smooth where the patch lifts off, s_b the root of
-the boundary load (an error of s counts 2·N0·s times in the load); g(v) = max(v, 0)³/(1 + v²), twice continuously
-differentiable and zero where validity is above 0.9 (a half, in files of before).
+level: weighted mean of the errors around each centre of `states` (in files of before: around c_j);
+ρ = log(1 + exp(D - D0)), D the smooth squared distance from centres as dense as the samples;
+r_p = (s_p + √(s_p² + s_b²))/2, smooth where the patch lifts off, s_b the root of the boundary load (an error of s
+counts 2·N0·s times in the load); g(v) = max(v, 0)³/(1 + v²), twice continuously differentiable and zero where validity
+is above 0.9 (a half, in files of before).
 """
 
 from __future__ import annotations
@@ -38,9 +39,13 @@ from scipy.special import logsumexp
 from casadi_contact.conventions import Array
 from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
+from casadi_contact.structures.states import States
 
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
-_POSITIVE = ("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin")
+_POSITIVE = (
+    *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),
+    *("states/scale", "states/root_scale", "states/bandwidth"),
+)
 _NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
 
 
@@ -49,10 +54,10 @@ class Trust:
     """Plain numbers of the formulas above; L loads in the order of the surrogate's load_names, P patches.
 
     scales (6,) [mm, rad]; centres (K, 6) and bandwidth, sharpness, edge of the tube; root_low, root_high and their
-    margins (P,); levels (K, L) [N, N·mm]; dense_centres (M, 6), dense_bandwidth and dense_start D0; boundary_root s_b;
-    shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows is None in
-    files of before, which know no such cause: box, border and confirmation (only for a structure whose loads do not
-    come from its root loads); growth (L,) and growth_start u_0.
+    margins (P,); levels [N, N·mm], a row for each centre of states (without: of the tube); dense_centres (M, 6),
+    dense_bandwidth and dense_start D0; boundary_root s_b; shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows
+    is None in files of before: states; box, border and confirmation (only for a structure whose loads do not come from
+    its root loads); growth (L,) and growth_start u_0.
     """
 
     scales: Array
@@ -76,6 +81,7 @@ class Trust:
     confirmation: Confirmation | None = None
     growth: Array | None = None
     growth_start: float | None = None
+    states: States | None = None
 
     def __post_init__(self) -> None:
         for name, numbers in self.numbers().items():
@@ -133,14 +139,16 @@ class Trust:
         pressed = 0.5 * (roots + np.sqrt(roots**2 + self.boundary_root**2))
         return np.column_stack([np.ones_like(rare), rare, rare**2, pressed])
 
-    def level(self, poses: Array) -> Array:
+    def level(self, poses: Array, roots: Array) -> Array:
         """Mean of the error levels around each pose (n, L) [N, N·mm]."""
+        if self.states is not None:
+            return self.states.mean(poses, roots, self.levels)
         return weighted_mean(self.scaled(poses), self.centres, self.bandwidth, self.levels)
 
     def expected_errors(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
         """e (n, L) [N, N·mm]."""
         outside = self.outside(self.excess(poses, roots, claims))
-        inside = self.level(poses) * (self.features(poses, roots) @ self.shares.T)
+        inside = self.level(poses, roots) * (self.features(poses, roots) @ self.shares.T)
         return inside + outside[:, None] * self.growth_loads
 
     def outside(self, excess: Array) -> Array:
@@ -172,7 +180,11 @@ class Trust:
         rare = ca.logsumexp(ca.vertcat(0.0, dense - self.dense_start))
         pressed = 0.5 * (roots + ca.sqrt(roots**2 + self.boundary_root**2))
         features = ca.vertcat(1.0, rare, rare**2, pressed)
-        inside = ca.mtimes(ca.DM(self.levels.T), weights) * ca.mtimes(ca.DM(self.shares), features)
+        if self.states is None:
+            level = ca.mtimes(ca.DM(self.levels.T), weights)
+        else:
+            level = self.states.mean_expression(pose, roots, self.levels)
+        inside = level * ca.mtimes(ca.DM(self.shares), features)
         errors = inside + _growth(ca.fmax(excess - (self.growth_start or 0.0), 0.0)) * ca.DM(self.growth_loads)
         return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), errors
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import padded
 from casadi_contact.transcription.kernel.source import c_text
@@ -21,25 +22,29 @@ INLINE void trust_inputs(const double *pose, const double *parts, double *roots,
 """
 
 
-def trust_source(trust: Trust, inputs: str, load_names: Sequence[str], loads: Sequence[str]) -> str:
+def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[str], loads: Sequence[str]) -> str:
     """C function trust_at(pose, parts, errors) -> validity, for a kernel of `loads`.
 
     inputs: defines trust_inputs(pose, parts, roots, claims), that is the root loads [-] and claimed normal loads [N]
     of the patches from the pose and the kernel's root loads. load_names: those of the trust; a load without has NaN.
+    Raises ValueError for numbers of other shapes than so many patches and loads have: C would read beyond them.
     """
+    _check_shapes(trust, patches, len(load_names))
     known = [load_names.index(load) if load in load_names else None for load in loads]
     unknown = np.full(1, np.nan)
 
     def picked(rows: Array) -> Array:
         return np.stack([np.broadcast_to(unknown, rows.shape[1:]) if k is None else rows[k] for k in known])
 
-    box, border, confirmation = trust.box, trust.border, trust.confirmation
+    box, border, confirmation, states = trust.box, trust.border, trust.confirmation, trust.states
     counts = {
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
         "BORDER": 0 if border is None else len(border.scale),
         "CONFIRMATION": int(confirmation is not None),
+        "STATES": 0 if states is None else len(states.centres),
+        "STATE_SIZE": 0 if states is None else states.centres.shape[1],
     }
     numbers = {
         "BANDWIDTH": trust.bandwidth,
@@ -63,6 +68,14 @@ def trust_source(trust: Trust, inputs: str, load_names: Sequence[str], loads: Se
         if part is not None:
             kinds = {"columns": int}
             tables |= {f"{name}_{key}": np.asarray(value, kinds.get(key, float)) for key, value in vars(part).items()}
+    if states is not None:
+        numbers["STATES_BANDWIDTH"] = states.bandwidth
+        tables |= {
+            "states_columns": np.asarray(states.columns, int),
+            "states_scale": states.scale,
+            "states_root_scale": states.root_scale,
+            "states_centres": _by_coordinate(states.centres),
+        }
     return "\n".join(
         [
             *(f"#define {name} ({value!r})" for name, value in counts.items()),
@@ -72,6 +85,32 @@ def trust_source(trust: Trust, inputs: str, load_names: Sequence[str], loads: Se
             c_text("trust.h", __package__),
         ]
     )
+
+
+def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
+    centres, box = len(trust.centres), 0 if trust.box is None else np.size(trust.box.columns)
+    border = 0 if trust.border is None else np.size(trust.border.columns)
+    terms = 0 if trust.border is None else cubic_terms(np.zeros((1, border + patches))).shape[1]
+    expected: dict[str, tuple[int, ...]] = {
+        "scales": (6,),
+        "centres": (centres, 6),
+        "dense_centres": (len(trust.dense_centres), 6),
+        "levels": (centres, loads),
+        "shares": (loads, 3 + patches),
+        "usual_loads": (loads,),
+        "growth": (loads,),
+        **dict.fromkeys(("root_low", "root_high", "margin_low", "margin_high"), (patches,)),
+        **dict.fromkeys(("box/columns", "box/low", "box/high", "box/margin"), (box,)),
+        **{"border/columns": (border,), "border/coefficients": (terms,)},
+        **dict.fromkeys(("border/centre", "border/scale"), (border + patches,)),
+        **dict.fromkeys(("confirmation/tolerance", "confirmation/root", "confirmation/width"), (patches,)),
+    }
+    for name, numbers in trust.numbers().items():
+        if np.shape(numbers) != expected.get(name, ()):
+            raise ValueError(
+                f"trust: {name} has shape {np.shape(numbers)}, expected {expected.get(name, ())} for {patches} patches "
+                f"and {loads} loads: build or calibrate the surrogate again"
+            )
 
 
 def _filled_up(rows: Array) -> Array:

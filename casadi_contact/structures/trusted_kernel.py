@@ -51,7 +51,9 @@ class TrustedKernel:
             parts.append(f"#define PATCHES {len(self.first_roots)}")
             parts.append(roots_source(self.first_roots, self.root_count))
         if self.trust is not None:
-            parts.append(trust_source(self.trust, self.trust_inputs, self.calibrated_loads, self.loads))
+            parts.append(
+                trust_source(self.trust, self.trust_inputs, len(self.first_roots), self.calibrated_loads, self.loads)
+            )
         return "\n".join(parts)
 
     def outside(self, pose_range: Mapping[str, Sequence[float]]) -> tuple[str, str]:

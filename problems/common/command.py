@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
+from casadi_contact.files import short
 from casadi_contact.terminal import printable
 from casadi_contact.verification import Verdict
 
@@ -23,8 +24,8 @@ def run_command(app: typer.Typer, name: str) -> None:
     """Run a problem's command: a user's mistake is one line on stderr and exit status 1, never a traceback."""
     try:
         app(prog_name=f"python -m problems.{name}")
-    except (ValueError, OSError, ImportError) as error:
-        sys.exit(f"{name.rpartition('.')[2]}: {printable(str(error))}")
+    except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
+        sys.exit(f"{name.rpartition('.')[2]}: {printable(short(str(error), 2000))}")
 
 
 def end_with(verdict: Verdict, name: str, out: Path) -> None:

@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
-from casadi_contact.optimisation import pose_bounds
-from casadi_contact.structures import Surrogate
-from casadi_contact.verification.verify import LEAST_VALIDITY, loads_on
+from casadi_contact.conventions import Array
+from casadi_contact.verification.verify import loads_on
+from problems.common.learned_range import beyond_learned
 from problems.pose_estimation.march import solve_alone
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm
@@ -26,10 +25,14 @@ from problems.pose_estimation.wanted import COP_TOLERANCE_MM
 
 
 def solve_and_complete(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> PoseResult:
-    """`solve` and `complete`; where model is the reason why there is none (`own_model`), `solve` is all there is."""
-    if isinstance(model, str):
+    """`solve` and `complete`, on a foundation first with itself; where model is the reason why there is none
+    (`own_model`), that is all there is."""
+    if problem.learned and isinstance(model, str):
         return solve(problem, start)
-    return complete(problem, solve(problem, start, alone=False), model)
+    result = solve(problem, start, alone=False)
+    if not problem.learned:
+        result = complete(problem, result, problem.model)
+    return result if isinstance(model, str) else complete(problem, result, model)
 
 
 def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
@@ -48,7 +51,7 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     on_model = left & found.found
     poses, reason = result.poses.copy(), result.reason.copy()
     poses[on_model] = found.poses[on_model]
-    beyond = _beyond(problem, poses)
+    beyond = beyond_learned(problem.model, poses)
     again, iterations = _again(problem, poses, on_model & (beyond == ""))
     on_model &= ~again
     loads = problem.model(poses, wanted.load_names)
@@ -94,20 +97,6 @@ def _searched(problem: PoseEstimation, result: PoseResult, model: ContactModel, 
     near = search(coarse, problem, result.poses, result.converged, left, middle)
     fine = search(model, problem, near.poses, result.converged, left, None)
     return replace(fine, starts=near.starts + fine.starts)
-
-
-def _beyond(problem: PoseEstimation, poses: Array) -> np.ndarray:
-    """How far each pose (n, 6) lies outside of what a surrogate has learned, in words (n,); "" inside."""
-    model, words = problem.model, np.full(len(poses), "", dtype=object)
-    if not isinstance(model, Surrogate):
-        return words
-    low, high = pose_bounds(model)
-    excess = np.maximum(low - poses, poses - high)
-    validity = model.validity(poses)
-    for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
-        named = [f"{POSE_NAMES[i]} by {excess[k, i]:.2g} {POSE_UNITS[i]}" for i in np.flatnonzero(excess[k] > 0.0)]
-        words[k] = f"outside the learned range ({', '.join([*named, f'validity {validity[k]:.2g}'])})"
-    return words
 
 
 def _again(problem: PoseEstimation, poses: Array, rows: np.ndarray) -> tuple[np.ndarray, int]:

@@ -15,6 +15,7 @@ from casadi_contact.optimisation import middle_pose
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
 from problems.static_equilibrium.report import report
 from problems.static_equilibrium.solve import solve
@@ -60,7 +61,9 @@ def run(
 
     problem = on(model)
     result = solve(problem, None if warm is None else solve(on(ContactSource(surrogate=warm).load())).poses)
-    verdict = judge(model, result.poses, result.converged, own_model(model.scene))
+    foundation = own_model(model.scene)
+    result = diagnose(problem, result, foundation)
+    verdict = judge(model, result.poses, result.converged, foundation)
     report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None, source.kind)
     end_with(verdict, NAME, out)
 

@@ -73,16 +73,19 @@ def solve(
     )
 
 
-def on_model(problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel) -> Array:
+def on_model(
+    problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel, rows: np.ndarray | None = None
+) -> Array:
     """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by SciPy's
-    Powell hybrid method with the model's Jacobian; NaN where there was none to begin from or none is found."""
+    Powell hybrid method with the model's Jacobian; NaN where none is found, and but for rows (n,), those solved if
+    left out."""
     columns = problem.columns
     contact = wrench_function(model)
     residual = residual_function(contact, problem.free, problem.about, problem.stiffness)
     q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
     slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
     found = np.full_like(result.poses, np.nan)
-    for row in np.flatnonzero(result.converged):
+    for row in np.flatnonzero(result.converged if rows is None else rows):
         given = (problem.loads[row], problem.rest[row])
         answer = root(
             lambda q, given=given: np.asarray(residual(q, *given)).ravel(),

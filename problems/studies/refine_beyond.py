@@ -28,10 +28,11 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.structures import PatchSurrogate, Surrogate, load_surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
-from casadi_contact.verification import Refinement, Solve, refine
+from casadi_contact.verification import Refinement, Solve, judge, refine
 from casadi_contact.workers import worker_pool
 from problems import pose_estimation
 from problems.common.command import RESULTS, new_app, run_command
+from problems.common.records import pose_columns
 
 WALKING_DOMAINS = ("D1", "D5", "D7")
 WALKING_ONLY_GFLOP = 600.0  # training of each root network
@@ -111,7 +112,7 @@ def run(
         float, typer.Option(help="training at most, for each network in each round [10⁹ operations]")
     ] = 300.0,
     narrow: Annotated[bool, typer.Option("--walking-only", help="begin with what walking alone teaches")] = False,
-    out: Annotated[Path, typer.Option(help="folder for refine_beyond.csv and refined.h5")] = RESULTS / NAME,
+    out: Annotated[Path, typer.Option(help="folder for refine_beyond.csv, frames.csv and refined.h5")] = RESULTS / NAME,
 ) -> None:
     """Solve a cycle outside the learned region, verify the solution, and refine the surrogate until it passes."""
     writable_folder(out)  # before minutes of training
@@ -123,7 +124,11 @@ def run(
     cycle = beyond(reference_cycle(frames), loads, flexion)
     teacher = ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
     result = refine(surrogate, samples, build(cycle, print), teacher, rounds=rounds, gflop=gflop, progress=print)
-    print(result.verifications[-1])
+    check = result.verifications[-1]
+    print(check)
+    verdict = judge(result.surrogate, check.poses, check.solved, teacher)
+    print(verdict)
+    write_columns(out / "frames.csv", {"percent": cycle.percent, **pose_columns(check.poses), "verdict": verdict.words})
     print(f"{cycle.name}: {len(result.added)} rounds, {sum(result.added)} samples, {sum(result.seconds):.0f} s")
     report(result, out / "refine_beyond.csv")
     if result.added:

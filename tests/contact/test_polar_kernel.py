@@ -31,8 +31,8 @@ def pair(request):
     return compiled, plain, np.array(poses)
 
 
-def test_c_and_numpy_are_the_same_formulas(pair):
-    compiled, plain, poses = pair
+def check_same_formulas(compiled, plain, poses):
+    """Of C and NumPy, to rounding."""
     scale = np.abs(plain.jacobian(poses)[1]).max()
     np.testing.assert_allclose(compiled.wrenches(poses), plain.wrenches(poses), atol=1e-12 * scale)
     for a, b in zip(compiled.jacobian(poses), plain.jacobian(poses), strict=True):
@@ -41,6 +41,10 @@ def test_c_and_numpy_are_the_same_formulas(pair):
     np.testing.assert_array_equal(compiled.at_edge(poses), plain.at_edge(poses))
     for a, b in zip(compiled.root_loads(poses), plain.root_loads(poses), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8)
+
+
+def test_c_and_numpy_are_the_same_formulas(pair):
+    check_same_formulas(*pair)
 
 
 def test_jacobians_are_the_derivatives_of_the_values(pair):
@@ -63,16 +67,15 @@ def test_the_casadi_function_gives_the_model_s_values_and_derivatives(pair):
         np.testing.assert_allclose(np.array(slopes(pose)[1]), root_slopes, rtol=1e-9, atol=1e-9)
 
 
-def test_hessians_are_the_derivatives_of_the_jacobians(pair):
+def check_hessians(model, poses, of_loads=2e-3, of_roots=2e-2):
     """Of a weighted sum of loads and of root loads, in contact and out of it; angles count 25 mm to the radian.
 
     Of a root load in contact what is left of two large terms: hence the wider tolerance.
     """
-    model, _, poses = pair
     both = model.load_and_root_function()
     x = ca.MX.sym("pose", 6)
     scales = np.repeat([1.0, 25.0], 3)
-    for output, tolerance in zip(both(x), (2e-3, 2e-2), strict=True):
+    for output, tolerance in zip(both(x), (of_loads, of_roots), strict=True):
         total = ca.dot(ca.linspace(ca.DM(0.5), ca.DM(1.5), output.numel()) if output.numel() > 1 else 1.0, output)
         hessian = ca.Function("hessian", [x], [ca.hessian(total, x)[0]])
         gradient = ca.Function("gradient", [x], [ca.gradient(total, x)])
@@ -84,6 +87,11 @@ def test_hessians_are_the_derivatives_of_the_jacobians(pair):
             scaled = np.array(hessian(pose)) / np.outer(scales, scales)
             np.testing.assert_allclose(scaled, differences, atol=tolerance * np.abs(differences).max() + 1e-6)
             np.testing.assert_allclose(scaled, scaled.T, rtol=1e-9, atol=1e-9 * np.abs(scaled).max())
+
+
+def test_hessians_are_the_derivatives_of_the_jacobians(pair):
+    model, _, poses = pair
+    check_hessians(model, poses)
 
 
 def test_some_loads_a_batch_and_a_pose_that_is_not_a_number():

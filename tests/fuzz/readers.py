@@ -29,9 +29,13 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
 from casadi_contact.training import checkpoint
 from casadi_contact.transcription import load_function, save_function
+from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.muscle import force_capacity
+from problems.muscle_contact.walk import read_length_range, read_walk
 from tests.fuzz.mutations import mutated
 from tests.sampling.test_draw import MOTION
 from tests.support.hdf5_files import unsealed
+from tests.support.muscle_files import write_walk
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples
@@ -167,6 +171,24 @@ def _read_mesh(path: Path) -> Any:
     return len(load_mesh(path, "mm").faces)
 
 
+WALK = example_walk(frames=8)
+
+
+def _muscle_walk(path: Path) -> None:
+    """The file and those that are read with it, beside it."""
+    assert path in write_walk(path.parent, WALK).values()
+
+
+def _read_muscle_walk(path: Path) -> Any:
+    names = {"inverse_dynamics": "walk_inverse_dynamics"}
+    parts = ("rotations", "inverse_dynamics", "muscles", "parameters")
+    walk = read_walk(*(path.parent / f"{names.get(part, part)}.csv" for part in parts))
+    lengths = read_length_range(path.parent / "muscles.csv", walk.muscles.names)
+    capacity = force_capacity(walk.muscles.fitted_to(lengths), walk.lengths_m, walk.velocities_m_per_s)
+    assert np.isfinite([capacity.active_n, capacity.passive_n, capacity.fibre]).all()
+    return capacity.active_n.tolist(), walk.rz.tolist()
+
+
 READERS = {
     "surrogate.h5": Reader(_surrogate, _loads, exact=True),
     "older_surrogate.h5": Reader(_unsealed(_surrogate), _loads, exact=True, slow=True),
@@ -215,6 +237,10 @@ READERS = {
     "poses.sto": Reader(
         lambda path: write_table(poses_table(np.arange(12.0), POSES, "poses"), path), read_opensim_table
     ),
+    "rotations.csv": Reader(_muscle_walk, _read_muscle_walk),
+    "walk_inverse_dynamics.csv": Reader(_muscle_walk, _read_muscle_walk),
+    "muscles.csv": Reader(_muscle_walk, _read_muscle_walk),
+    "parameters.csv": Reader(_muscle_walk, _read_muscle_walk),
     "mesh.stl": Reader(_mesh, _read_mesh),
     "ascii.stl": Reader(_ascii_stl, _read_mesh),
     "mesh.obj": Reader(_mesh, _read_mesh),

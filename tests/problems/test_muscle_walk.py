@@ -1,58 +1,23 @@
 """Input of the muscle problem: CSV and OpenSim files give the same walk, faults are named."""
 
-import csv
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from casadi_contact.motion.opensim import ColumnMap, Table, write_table
 from problems.muscle_contact.example import example_walk
-from problems.muscle_contact.knee_coordinates import coordinate_unit
-from problems.muscle_contact.walk import PARAMETER_COLUMNS, read_length_range, read_walk
+from problems.muscle_contact.walk import read_length_range, read_walk
+from tests.support.muscle_files import write_walk
 from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=41)
 
 
-def write_csv(path, header, rows):
-    with path.open("w", newline="") as file:
-        csv.writer(file).writerows([header, *rows])
-    return path
-
-
 @pytest.fixture
 def files(tmp_path):
     """The example walk as CSV files: arguments of read_walk."""
-    muscles = WALK.muscles
-    table = np.column_stack([getattr(muscles, field.name) for field in fields(muscles) if field.name != "names"])
-    geometry = [
-        [k, name, WALK.lengths_m[k, m], WALK.velocities_m_per_s[k, m], *(WALK.arms[c][k, m] for c in WALK.arms)]
-        for k in range(len(WALK))
-        for m, name in enumerate(muscles.names)
-    ]
-    return {
-        "rotations": write_csv(
-            tmp_path / "rotations.csv",
-            ["time_s", "flexion_rz_rad", "rotation_ry_rad"],
-            zip(WALK.time_s, WALK.rz, WALK.ry, strict=True),
-        ),
-        "inverse_dynamics": write_csv(
-            tmp_path / "walk_inverse_dynamics.csv",
-            ["time_s", *(f"{name}_{coordinate_unit(name)}" for name in WALK.loads)],
-            np.column_stack([WALK.time_s, *WALK.loads.values()]).tolist(),
-        ),
-        "muscles": write_csv(
-            tmp_path / "muscles.csv",
-            ["frame", "muscle", "length_m", "velocity_m_per_s", *(f"arm_{name}" for name in WALK.arms)],
-            geometry,
-        ),
-        "parameters": write_csv(
-            tmp_path / "parameters.csv",
-            ["muscle", *PARAMETER_COLUMNS],
-            [[name, *row] for name, row in zip(muscles.names, table.tolist(), strict=True)],
-        ),
-    }
+    return write_walk(tmp_path, WALK)
 
 
 def assert_same(walk, rtol):

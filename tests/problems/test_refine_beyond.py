@@ -58,6 +58,9 @@ def test_one_and_a_half_times_the_loads_and_20_degrees_need_no_refinement(projec
     (row,) = csv.DictReader((tmp_path / "refine_beyond.csv").open(encoding="utf-8"))
     assert row["passed"] == "True"
     assert float(row["rms_Fy_med"]) < 1.0
+    frames = list(csv.DictReader((tmp_path / "frames.csv").open(encoding="utf-8")))
+    assert [frame["verdict"] for frame in frames] == ["solved and verified"] * 21
+    assert "21 of 21 solved and verified on EF" in done.stdout
 
 
 def test_twice_the_loads_and_40_degrees_are_seen_to_be_beyond(project, tmp_path):

@@ -9,8 +9,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
+from casadi_contact.verification import own_model
 from problems import static_equilibrium
 from problems.static_equilibrium import __main__
+from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.starts import solve_from_lifts
 
 FLEXIONS_DEG = (5.0, 30.0, 75.0)
@@ -96,6 +98,18 @@ def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
     assert result.converged.tolist() == [False, False, True]
     assert "does not press the bodies together" in result.reason[0]
     assert "not found in the learned range" in result.reason[1]
+
+
+def test_the_contact_model_says_whether_an_unsolved_row_lies_outside_of_what_was_learned(knee, rest):
+    loads = np.tile(LOADS, (3, 1))
+    loads[1, WRENCH_NAMES.index("Fz")] = 900.0  # up the side of the dish
+    loads[2, WRENCH_NAMES.index("Tx")] = 90_000.0  # outside both condyles
+    problem = static_equilibrium.build(knee, loads, rest=rest, about="moving")
+    result = diagnose(problem, static_equilibrium.solve(problem), own_model(knee.scene))
+    assert result.reason[0] == ""
+    assert result.reason[1].startswith("outside the learned range (tz by ")
+    assert "finds no equilibrium either" in result.reason[2]
+    assert diagnose(problem, result, "none at hand") is result
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Arrays of poses: the compiled kernel on all cores equals NumPy, whatever the number of poses and of cores."""
 
 import pickle
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -16,12 +17,14 @@ from tests.support.random_trust import random_trust
 POSES = random_poses(BATCH_FROM + 5, seed=1)
 
 
-def surrogates(scene, structure):
-    """The same random surrogate with a random trust, by the kernel and in NumPy."""
+def surrogates(scene, structure, *, older=False):
+    """The same random surrogate with a random trust, as in files of before or not, by the kernel and in NumPy."""
     made = random_surrogate(scene_called(scene), structure)
     confirms = structure == "two_stage"
     size = 800.0 if confirms else 1.0
-    trust = random_trust(len(made.patch_names), len(made.load_names), confirmation=confirms, root_size=size)
+    trust = random_trust(
+        len(made.patch_names), len(made.load_names), confirmation=confirms, older=older, root_size=size
+    )
     return [type(made)(made.scene, made.networks, made.record, trust, compiled=compiled) for compiled in (True, False)]
 
 
@@ -39,6 +42,7 @@ def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy
     close(kernel.validity(POSES), plain.validity(POSES), 9)
     close(kernel.expected_error(POSES), plain.expected_error(POSES), 9)
     assert plain.validity(POSES).std() > 0.01, "the poses differ in validity"
+    assert (plain.expected_error(POSES).std(axis=0) > 0.01).all(), "and in expected error"
     subset = plain.load_names[::-2]
     close(kernel(POSES, subset), plain(POSES, subset), 10)
     weights = np.random.default_rng(2).normal(size=(len(POSES), len(subset)))
@@ -109,6 +113,18 @@ def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
     np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
 
 
+@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low"])
+def test_a_trust_whose_numbers_are_too_few_is_refused_before_c_could_read_beyond_them(field):
+    made = random_surrogate(scene_called("knee"), "patch")
+    trust, (part, _, name) = random_trust(2, 7), field.partition("/")
+    owner = getattr(trust, part) if name else trust
+    short = replace(owner, **{name or part: getattr(owner, name or part)[:1]})
+    trust = replace(trust, **{part: short}) if name else short
+    damaged = type(made)(made.scene, made.networks, {}, trust, compiled=True)
+    with pytest.raises(ValueError, match=f"trust: {field} has shape"):
+        damaged.validity(POSES)
+
+
 def test_weights_of_another_shape_are_refused():
     _, plain = surrogates("knee", "patch")
     with pytest.raises(ValueError, match=r"weights has shape \(3,\), expected \(7,\) or \(2, 7\): Fy_med, Fy_lat"):
@@ -123,3 +139,10 @@ def test_second_derivatives_of_the_foundation_are_those_of_its_function():
     got, slow = model.hessian(poses, weights), type(model)(model.scene, model.rays, compiled=False)
     want = slow.hessian(poses[:3], weights)
     np.testing.assert_allclose(got[:3], want, rtol=1e-4, atol=1e-3 * np.abs(want).max())
+
+
+@needs_compiler
+def test_the_kernel_knows_the_error_levels_of_files_of_before():
+    kernel, plain = surrogates("knee", "patch", older=True)
+    assert plain.trust.states is None
+    close(kernel.expected_error(POSES), plain.expected_error(POSES), 9)

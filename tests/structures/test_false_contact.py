@@ -41,10 +41,10 @@ def test_beyond_the_sampled_flexion_no_pose_is_valid(name, moved):
 
 
 def test_errors_off_equilibrium_are_expected(moved):
-    """Of the errors of valid moved poses, over the loads that they carry, about 92 % lie below those expected."""
+    """Under any loads, not those of walking: of the errors of valid poses, over the loads carried, 93 % at least."""
     poses, _ = moved
     surrogate = cc.load_surrogate("knee")
     poses = poses[surrogate.validity(poses) > 0.5]
     loads = cc.ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])(poses)
     below = np.abs(surrogate(poses) - loads) <= surrogate.expected_error(poses)
-    assert 0.9 <= below[loads != 0.0].mean() <= 0.995
+    assert 0.93 <= below[loads != 0.0].mean() <= 0.995

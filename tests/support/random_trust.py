@@ -6,14 +6,21 @@ import numpy as np
 
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD
 
 
 def random_trust(
-    patches: int, loads: int, *, confirmation: bool = False, root_size: float = 1.0, seed: int = 0
+    patches: int,
+    loads: int,
+    *,
+    confirmation: bool = False,
+    older: bool = False,
+    root_size: float = 1.0,
+    seed: int = 0,
 ) -> Trust:
-    """root_size: of usual root loads."""
+    """older: as in files without states; root_size: of usual root loads."""
     rng = np.random.default_rng(seed)
 
     def positive(*shape: int) -> np.ndarray:
@@ -23,6 +30,15 @@ def random_trust(
     sizes = np.r_[np.ones(3), np.full(patches, root_size)]
     confirming = root_size * positive(2, patches)
     terms = cubic_terms(np.zeros((1, count))).shape[1]
+    others = np.random.default_rng([seed, 1])
+    near = POSE_CENTRE[[0, 2, 4]] / POSE_SPREAD[[0, 2, 4]]
+    states = States(
+        columns,
+        POSE_SPREAD[[0, 2, 4]],
+        root_size * others.uniform(0.2, 1.0, patches),
+        np.r_[near, np.full(patches, 2.0)] + others.uniform(-1.0, 1.0, (37, count)),
+        0.4,
+    )
     return Trust(
         scales=POSE_SPREAD / np.sqrt(3.0),
         centres=POSE_CENTRE * np.sqrt(3.0) / POSE_SPREAD + 1.7 * rng.uniform(-1.0, 1.0, (37, 6)),
@@ -50,4 +66,5 @@ def random_trust(
         confirmation=Confirmation(20.0 * positive(patches), *confirming) if confirmation else None,
         growth=positive(loads),
         growth_start=-1.3,
+        states=None if older else states,
     )

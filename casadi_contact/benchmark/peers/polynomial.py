@@ -13,19 +13,19 @@ from collections.abc import Iterator
 from itertools import combinations_with_replacement
 from math import comb
 
-import numba
 import numpy as np
 
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.peers.stopwatch import one_call, single_calls
 from casadi_contact.benchmark.peers.training_set import TrainingSet
+from casadi_contact.compilation import njit
 from casadi_contact.conventions import Array, as_poses
 
 FAMILY = "polynomial"
 DEGREES = (2, 3, 4, 5, 6)
 
 
-@numba.njit(cache=True)
+@njit()
 def _evaluate(u, parents, variables, coefficients, monomials, values):  # type: ignore[no-untyped-def]
     """values (m) = Σ_k coefficients[k]·monomial_k, into preallocated arrays."""
     monomials[0] = 1.0
@@ -38,7 +38,7 @@ def _evaluate(u, parents, variables, coefficients, monomials, values):  # type: 
             values[j] += coefficients[k, j] * monomial
 
 
-@numba.njit(cache=True)
+@njit()
 def _evaluate_all(u, parents, variables, coefficients, values):  # type: ignore[no-untyped-def]
     monomials = np.empty(coefficients.shape[0])
     for i in range(u.shape[0]):

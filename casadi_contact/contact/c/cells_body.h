@@ -26,9 +26,10 @@ INLINE void spline_weights(double t, int order, Lanes w[4]) {
   if (order >= 3) w[3] = 6.0 * d;
 }
 
-/* Place on the grid along one axis: the first of its four nodes and the share of the cell; what lies beyond the grid. */
+/* Place on the grid along one axis: the first of its four nodes and the share of the cell; what lies beyond the grid.
+ * What is not a number counts as the grid's beginning. */
 INLINE int place_on(double coordinate, int count, double *share, double *beyond) {
-  const double least = coordinate < 1.0 ? 1.0 : coordinate, within = least > count - 2.0 ? count - 2.0 : least;
+  const double least = coordinate > 1.0 ? coordinate : 1.0, within = least > count - 2.0 ? count - 2.0 : least;
   const int first = (int)within, last = count - 3, node = first < last ? first : last;
   *share = within - node;
   *beyond = coordinate - within;
@@ -120,7 +121,7 @@ INLINE int may_touch(const double q[3], const double half[3], const Frame *frame
   long long node = 0;
   for (int i = 0; i < 3; i++) {
     const double place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
-    const double within = place < 0.0 ? 0.0 : (place > counts[i] - 1.0 ? counts[i] - 1.0 : place);
+    const double least = place > 0.0 ? place : 0.0, within = least > counts[i] - 1.0 ? counts[i] - 1.0 : least;
     const int nearest = (int)(within + 0.5);
     away[i] = (place - nearest) * FIELD_SPACING, way += away[i] * away[i];
     node = node * counts[i] + nearest;

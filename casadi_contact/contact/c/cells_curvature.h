@@ -25,7 +25,7 @@ INLINE void square_of(const Lanes h[6], Lanes m[3][3]) {
 }
 
 /* q_a S q_b + (H q_a) . w_b + (H q_b) . w_a, and the turning of force and arms */
-INLINE void add_curvature(const Lanes q[3], const Lanes s_of[6], const Distance *at, const Lanes w[3],
+FUNCTION void add_curvature(const Lanes q[3], const Lanes s_of[6], const Distance *at, const Lanes w[3],
                           const Lanes force[3], Curvature *sum) {
   Lanes s[3][3], h[3][3], turn[3][3], both[3][3], pull[3][3];
   square_of(s_of, s);

@@ -93,7 +93,7 @@ INLINE void cross_of(const Lanes a[3], const Lanes b[3], Lanes c[3]) {
 }
 
 /* gradient . w and its derivatives by twist where the point stays: (-H w, gradient x w - q x H w) */
-INLINE Lanes slope_along(const Depth *at, const Lanes w[3], Lanes by[6]) {
+FUNCTION Lanes slope_along(const Depth *at, const Lanes w[3], Lanes by[6]) {
   Lanes bent[3], turn[3], pull[3];
   bend_of(&at->at, w, bent);
   cross_of(at->at.slope, w, turn);
@@ -106,7 +106,7 @@ typedef struct {
   Lanes by_d[6], by_m[6], by_n[6], bent_n[3]; /* by_n: of gradient . n where the point stays */
 } DepthSlopes;
 
-INLINE void slopes_of_depth(const Depth *at, DepthSlopes *by) {
+FUNCTION void slopes_of_depth(const Depth *at, DepthSlopes *by) {
   Lanes twist[6], curved, late = (at->d - at->start) * at->m_slope;
   slope_along(at, at->n, by->by_n);
   bend_of(&at->at, at->n, by->bent_n);

@@ -51,7 +51,7 @@ INLINE Lanes present_of(const Patch *p, const int *chosen, int count, int r) {
 }
 
 /* Weights of four cells' corners, and with order 2 their derivatives by the corners' values */
-INLINE void cell_weights(const Patch *p, const Scratch *s, const int *chosen, int count, int full, int order,
+FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, int count, int full, int order,
                          Lanes weight[4], Lanes rate[4][12], int *cut) {
   Lanes v[12];
   corner_values(p, s, chosen, v);
@@ -88,7 +88,7 @@ INLINE void cell_weights(const Patch *p, const Scratch *s, const int *chosen, in
   }
 }
 
-INLINE void add_cell(const Patch *p, const Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
+FUNCTION void add_cell(const Patch *p, const Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
                      const Lanes rate[4][12], Sums *sums) {
   const Cell *cell = p->cells + chosen;
   for (int c = 0; c < 4; c++) {

@@ -13,7 +13,8 @@ from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.pressure import law_number, layer_modulus
-from casadi_contact.conventions import Array
+from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.scenes import Scene
 
 CELLS = Cells(1.2, 0.75)
@@ -35,6 +36,15 @@ class CellFoundation(CompiledFoundation):
 
     def __repr__(self) -> str:
         return f"CellFoundation({self.scene.name}, {self.cells})"
+
+    def pressure_maps(self, pose: Array) -> list[PressureMap]:
+        """Mean pressure of every cell in one pose (6,), patch by patch."""
+        (position,) = as_poses([pose])
+        R, t = rotation(position[3:]), position[:3].copy()
+        return [
+            PressureMap(name, *patch.pressures(R, t))
+            for name, patch in zip(self.patch_names, self.patches, strict=True)
+        ]
 
     def _patch_source(self) -> str:
         return self._code[0]

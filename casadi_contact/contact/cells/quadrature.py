@@ -80,10 +80,14 @@ class Quadrature:
         """Whether contact reaches the rim."""
         return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t)).cut
 
-    def depths(self, R: Array, t: Array) -> Array:
-        """Depth of every sub-point (cells, sub-points) [mm], zero where it does not touch."""
-        values = self._nodes(R, t, np.arange(len(self.patch.c))).values[self.patch.corners].reshape(-1, 12)
-        return np.maximum(ramp(values @ hermite_functions(self.cells), WIDTH_MM)[0], 0.0) * self.patch.present
+    def pressures(self, R: Array, t: Array) -> tuple[Array, Array, Array]:
+        """Middles (k, 3) [mm], areas (k,) [mm²] and mean pressures (k,) [MPa] of the cells."""
+        p = self.patch
+        values = self._nodes(R, t, np.arange(len(p.c))).values[p.corners].reshape(-1, 12)
+        depths = np.maximum(ramp(values @ hermite_functions(self.cells), WIDTH_MM)[0], 0.0)
+        share = p.present.mean(axis=1)
+        mean = (pressure_slopes(*self.law, depths)[0] * p.present).mean(axis=1) / share
+        return p.c[p.corners].mean(axis=1), p.loads[p.corners, 6].mean(axis=1) * share, mean
 
     def _touch(self, R: Array, t: Array, distance: Array) -> _Touch:
         """What touches in a pose, with the distances (m,) of the nodes from the body."""

@@ -1,0 +1,48 @@
+"""States of a contact: insensitive pose parameters and root loads, in which errors of like size lie together.
+
+    y = (x/scale, r/root_scale),   r = ½(v + √(v² + root_scale²)),   v = s + 2·root_scale
+
+In the pose itself a patch that is pressed and one that is lifted off are microns apart. r follows the root load s of a
+patch in contact and goes to zero where it is lifted off, however far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.structures.gaussian_kernels import kernel_expressions, weighted_mean
+
+_FAR = 1e8  # pose parameters and root loads are cut off here, so that every finite pose has finite numbers
+
+
+@dataclass(frozen=True)
+class States:
+    """columns (k,) of the pose with their scale (k,) [mm, rad]; root_scale (P,); centres (K, k + P) and bandwidth."""
+
+    columns: Array
+    scale: Array
+    root_scale: Array
+    centres: Array
+    bandwidth: float
+
+    def points(self, poses: Array, roots: Array) -> Array:
+        """y (n, k + P) of poses (n, 6) and root loads (n, P)."""
+        x = np.clip(poses[:, self.columns.astype(int)] / self.scale, -_FAR, _FAR)
+        v = np.clip(roots, -_FAR, _FAR) + 2.0 * self.root_scale
+        return np.hstack([x, 0.5 * (v + np.sqrt(v * v + self.root_scale**2)) / self.root_scale])
+
+    def mean(self, poses: Array, roots: Array, values: Array) -> Array:
+        """Mean (n, L) of the centres' values (K, L) around each pose."""
+        return weighted_mean(self.points(poses, roots), self.centres, self.bandwidth, values)
+
+    def mean_expression(self, pose: ca.MX, roots: ca.MX, values: Array) -> ca.MX:
+        """The same (L) of a pose (6)."""
+        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]] / ca.DM(self.scale), -_FAR), _FAR)
+        scale = ca.DM(self.root_scale)
+        v = ca.fmin(ca.fmax(roots, -_FAR), _FAR) + 2.0 * scale
+        y = ca.vertcat(x, 0.5 * (v + ca.sqrt(v * v + scale**2)) / scale)
+        return ca.mtimes(ca.DM(values.T), kernel_expressions(y, self.centres, self.bandwidth)[1])

@@ -1,0 +1,132 @@
+"""Cubic cells in NumPy: closed forms, agreement with fine element grids, several spots, and the choice of a size."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
+from tests.contact.test_elastic_foundation import CASES, at
+from tests.contact.test_mesh_foundation import scene_of
+from tests.contact.test_polar import check_jacobian
+from tests.support.meshes import cap_mesh, sheet_mesh
+
+ON_PLANE = [case for case in CASES if case[0].endswith("on_plane")]
+RADIUS_MM = 30.0
+TWO_BUMPS_MM = 6.0  # of each from the middle
+
+
+def cells(name, size=Cells(1.2, 1.2), **overrides):  # noqa: B008
+    return cc.CellFoundation(cc.load_scene(name, **overrides), size, compiled=False)
+
+
+@pytest.fixture(scope="module")
+def ball_mesh(tmp_path_factory):
+    """A meshed ball on a plate with two shallow bumps: it touches each in a spot of its own."""
+    moving = cap_mesh(RADIUS_MM, 1.5, 0.5)
+
+    def bumps(x, z):
+        return sum(0.9 * np.exp(-((x - middle) ** 2 + z**2) / 8.0) for middle in (-TWO_BUMPS_MM, TWO_BUMPS_MM))
+
+    return scene_of(tmp_path_factory.mktemp("bumps"), moving, sheet_mesh(20.0, 0.8, bumps), grid=(160, 160))
+
+
+@pytest.mark.parametrize(("name", "overrides", "overlap", "force"), ON_PLANE)
+def test_closed_form_forces_hold_to_a_hundredth(name, overrides, overlap, force):
+    model = cells(name, Cells(0.6, 0.6), **overrides)
+    height = model.scene.geometry.get("radius", 0.0) - overlap
+    wrench = model.wrenches(at(height))[0, 0]
+    assert wrench[1] == pytest.approx(-force, rel=1e-2)
+    np.testing.assert_allclose(wrench[[0, 2, 3, 4, 5]], 0.0, atol=1e-6 * force)
+
+
+def test_no_overlap_gives_exactly_zero_and_the_distance():
+    model = cells("sphere_on_plane")
+    poses = np.vstack([at(30.25), at(30.0 + 0.03)])
+    assert not model.wrenches(poses).any()
+    np.testing.assert_allclose(model.gaps(poses)[:, 0], [0.25, 0.03], atol=1e-9)
+    np.testing.assert_allclose(model.root_loads(poses)[1][:, 0, 1], -model.scene.gap_slope, rtol=1e-9)
+
+
+def test_at_the_brink_of_contact_loads_fade_out_and_never_pull():
+    model = cells("sphere_on_plane")
+    loads = model(np.vstack([at(30.0 + height) for height in np.linspace(-0.02, 0.03, 60)]))[:, 1]
+    assert (loads <= 0.0).all()
+    assert (np.diff(loads) >= 0.0).all()
+    assert loads[0] < -5.0
+    assert loads[-1] == 0.0
+
+
+def test_the_resultant_in_a_cup_passes_through_its_centre_and_its_force_is_a_fine_grid_s():
+    model = cells("glenohumeral")
+    pose = np.array([[1.0, -0.5, -23.85, 0.1, 0.2, 0.3]])
+    fine = cc.ElasticFoundation(model.scene, (400, 400))
+    wrench = model.wrenches(pose)[0, 0]
+    about_centre = wrench[3:] - np.cross(model.scene.geometry["cup_centre"], wrench[:3])
+    np.testing.assert_allclose(about_centre, 0.0, atol=1e-3 * np.linalg.norm(wrench[:3]))
+    np.testing.assert_allclose(wrench[:3], fine.wrenches(pose)[0, 0, :3], atol=3e-3 * np.linalg.norm(wrench[:3]))
+
+
+def test_two_spots_on_a_mesh_carry_what_a_fine_element_grid_says(ball_mesh):
+    model = cc.CellFoundation(ball_mesh, Cells(0.8, 0.8), compiled=False)
+    fine = cc.ElasticFoundation(ball_mesh, (160, 160))
+    poses = np.zeros((4, 6))
+    poses[:, 1] = RADIUS_MM + np.array([0.1, 0.05, 0.0, 0.05])
+    poses[:, 0], poses[:, 5] = [0.0, 0.5, -0.5, 0.0], [0.0, 0.02, 0.0, -0.03]
+    force = -fine(poses)[:, 1]
+    assert force.min() > 50.0
+    np.testing.assert_allclose(-model(poses)[:, 1], force, rtol=0.02)
+    np.testing.assert_allclose(model.gaps(poses), fine.gaps(poses), atol=0.03)
+    spots = model.pressure_maps(poses[0])[0]
+    loaded = spots.centres_mm[spots.pressures_mpa > 0.0]
+    assert loaded[:, 0].min() < -0.5 * TWO_BUMPS_MM
+    assert loaded[:, 0].max() > 0.5 * TWO_BUMPS_MM
+    assert not (np.abs(loaded[:, 0]) < 0.25 * TWO_BUMPS_MM).any()
+    elements = fine.pressure_maps(poses[0])[0]
+    pressed = float(elements.pressures_mpa @ elements.areas_mm2)
+    assert float(spots.pressures_mpa @ spots.areas_mm2) == pytest.approx(pressed, rel=0.02)
+
+
+@pytest.mark.parametrize("law", ["linear", "log"])
+def test_jacobians_are_the_derivatives_of_the_values_on_a_mesh(ball_mesh, law):
+    model = cc.CellFoundation(ball_mesh.with_overrides(law=law), Cells(0.8, 0.8), compiled=False)
+    pose = np.array([[0.3, RADIUS_MM, 0.2, 0.02, 0.1, -0.02]])
+    check_jacobian(model, pose, 1e-4)
+
+
+def test_a_cell_s_cubic_keeps_the_values_and_slopes_of_a_quadratic():
+    size = Cells(1.0, 1.0, 5, 3)
+    xi, eta = np.meshgrid(middles(5), middles(3), indexing="ij")
+
+    def quadratic(x, y):
+        return 1.0 + 2.0 * x - y + 0.5 * x * x + 0.7 * y * y, 2.0 + x, -1.0 + 1.4 * y
+
+    corners = np.concatenate([quadratic(x, y) for x in (0.0, 1.0) for y in (0.0, 1.0)])
+    np.testing.assert_allclose(corners @ hermite_functions(size), quadratic(xi, eta)[0].ravel(), atol=1e-12)
+
+
+def test_the_smooth_ramp_joins_its_branches_and_has_no_second_moment():
+    x = np.linspace(-0.05, 0.05, 20001)
+    value, slope = ramp(x, 0.02)
+    np.testing.assert_allclose(np.gradient(value, x)[1:-1], slope[1:-1], atol=1e-4)
+    assert (value[x < -0.02] == 0.0).all()
+    np.testing.assert_array_equal(value[x > 0.02], x[x > 0.02])
+    missed = (value - np.maximum(x, 0.0)).sum() * (x[1] - x[0])
+    assert abs(missed) < 1e-9  # a quadratic ramp of this width misses 7e-5
+
+
+def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
+    scene = cc.load_scene("glenohumeral")
+    model = cc.foundation(scene, compiled=False)
+    assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
+    for name, tolerance in scene.tolerances.items():
+        assert model.record["rms"][name] <= tolerance
+    strict = cc.foundation(scene.with_overrides(Fz=0.02), compiled=False)
+    assert strict.cells.u_mm * strict.cells.v_mm < model.cells.u_mm * model.cells.v_mm
+
+
+def test_what_cells_do_not_cover_is_refused_with_the_cure():
+    with pytest.raises(ValueError, match=r"knee.*expected one of .*ElasticFoundation"):
+        cells("knee")
+    with pytest.raises(ValueError, match="at least 1 sub-point"):
+        cells("sphere_on_plane", Cells(1.0, 1.0, 0, 3))
