@@ -9,10 +9,12 @@ from casadi_contact.shapes.mesh_bodies import body_mesh
 
 def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
     """Whether the fixed mesh's open edges may be a cut, and in how many of the poses (n, 6) contact reaches a cut."""
-    reached = int(model.at_edge(poses).any(axis=1).sum())
-    if not len(body_mesh(model.scene.geometry, "fixed").boundary_edges) and not reached:
-        return []
-    return [
-        "whether the fixed surface ends at its open edges: taken as cut there (open_edges); contact reaches a cut in "
-        f"{reached} of {len(poses)} frames, which are no samples to learn from"
-    ]
+    doubts = []
+    if len(body_mesh(model.scene.geometry, "fixed").boundary_edges):
+        doubts.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
+    if reached := int(model.at_edge(poses).any(axis=1).sum()):
+        doubts.append(
+            f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
+            "the surface goes on or is cut; such poses are no samples to learn from"
+        )
+    return doubts

@@ -18,7 +18,7 @@ _COMMENTS = {
     "units": "of both files",
     "axes": "which file axis x (posterior), y (superior) and z (medial) are",
     "pressing": "where to the moving body presses; elements lie on the side that faces it",
-    "start_pose": "tx, ty, tz [mm], rx, ry, rz [rad]: at rest under 300 N a patch",
+    "start_pose": "tx, ty, tz [mm], rx, ry, rz [rad]: in contact, where static analyses begin",
     "open_edges": 'the fixed mesh\'s open edges: "cut" of a larger part, or "rim" of the part, which contact may reach',
     "shell": 'of the moving mesh: "outer" counts its side away from the anchors alone, "whole" all of it',
     "spacing": "of the distance fields' nodes [mm], as fine as thin shells need",
