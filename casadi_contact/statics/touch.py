@@ -19,8 +19,8 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
     are pressed, or, where a normal load has none, from where they are along the wanted force (n,) by load names.
 
     Steps of the smallest gap do not pass the surface (sphere tracing); where a gap that is only estimated from far away
-    led too deep, the overlap is taken back. Raises ValueError for a model without gaps
-    and for a scene without direction whose force is not among the wanted loads.
+    led too deep, half of the way since the last free pose is taken back. A pose that overlaps at first stays. Raises
+    ValueError for a model without gaps and for a scene without direction whose force is not among the wanted loads.
     """
     gaps = getattr(model, "gaps", None)
     if gaps is None:
@@ -37,9 +37,13 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
             raise ValueError(f"there is no load {', '.join(missing)}, expected the force that presses the patch")
         along = np.stack([wanted[name] for name in normal.loads], axis=1)
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    since_free = np.zeros(len(poses))  # way that led from a free pose to this one [mm]
     for _ in range(_STEPS):
         gap = gaps(poses).min(axis=1)
-        if np.abs(gap).max() < _TOUCH_MM:
+        since_free = np.where(gap >= 0.0, 0.0, since_free)
+        step = np.where(gap < -_TOUCH_MM, -0.5 * since_free, np.maximum(gap, 0.0))
+        if np.abs(step).max() < _TOUCH_MM:
             break
-        poses[:, :3] += np.where(gap < -_TOUCH_MM, gap, np.maximum(gap, 0.0))[:, None] * along
+        poses[:, :3] += step[:, None] * along
+        since_free += step
     return poses

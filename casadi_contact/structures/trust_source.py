@@ -90,12 +90,14 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
 def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
     centres, box = len(trust.centres), 0 if trust.box is None else np.size(trust.box.columns)
     border = 0 if trust.border is None else np.size(trust.border.columns)
+    states = 0 if trust.states is None else np.size(trust.states.columns)
+    levels = centres if trust.states is None else len(trust.states.centres)
     terms = 0 if trust.border is None else cubic_terms(np.zeros((1, border + patches))).shape[1]
     expected: dict[str, tuple[int, ...]] = {
         "scales": (6,),
         "centres": (centres, 6),
         "dense_centres": (len(trust.dense_centres), 6),
-        "levels": (centres, loads),
+        "levels": (levels, loads),
         "shares": (loads, 3 + patches),
         "usual_loads": (loads,),
         "growth": (loads,),
@@ -103,6 +105,8 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
         **dict.fromkeys(("box/columns", "box/low", "box/high", "box/margin"), (box,)),
         **{"border/columns": (border,), "border/coefficients": (terms,)},
         **dict.fromkeys(("border/centre", "border/scale"), (border + patches,)),
+        **dict.fromkeys(("states/columns", "states/scale"), (states,)),
+        **{"states/root_scale": (patches,), "states/centres": (levels, states + patches)},
         **dict.fromkeys(("confirmation/tolerance", "confirmation/root", "confirmation/width"), (patches,)),
     }
     for name, numbers in trust.numbers().items():
