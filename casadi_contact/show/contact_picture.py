@@ -13,7 +13,7 @@ from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_selection
 from casadi_contact.quantities import quantity
 from casadi_contact.show.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save
-from casadi_contact.show.section import draw_section
+from casadi_contact.show.section import page_of_sections
 from casadi_contact.show.view import View, view_of
 
 MOST_FRAMES = 8
@@ -30,19 +30,10 @@ def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> No
 def _one(model: ElasticFoundation, pose: Array) -> Any:
     """Pressure, a section across all patches, and one along each."""
     maps, view = model.pressure_maps(pose), view_of(model)
-    panels = 2 + len(maps)
-    columns = panels if panels < 4 else (panels + 1) // 2
-    rows = -(-panels // columns)
-    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    drawn = _draw_pressure(axes[0], maps, view, _largest([maps]))
-    figure.colorbar(drawn, ax=axes[0], label="pressure [MPa]", shrink=0.8)
-    axes[0].set_title(f"fixed surface, seen towards {view.name}", fontsize=9)
-    draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
-    for axis, pressed in zip(axes[2:], maps, strict=False):
-        draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
-    for axis in axes[panels:]:
-        axis.set_axis_off()
+    figure, seen = page_of_sections(model, pose, maps, view)
+    drawn = _draw_pressure(seen, maps, view, _largest([maps]))
+    figure.colorbar(drawn, ax=seen, label="pressure [MPa]", shrink=0.8)
+    seen.set_title(f"fixed surface, seen towards {view.name}", fontsize=9)
     at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
     said = f"{loads_text(model, pose, model.load_names)}\n{pressures_text(model, pose)}"
     figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)

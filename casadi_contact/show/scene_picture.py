@@ -10,8 +10,8 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.show.contact_picture import loads_text
-from casadi_contact.show.figure import discs, name_axes, new_figure, patch_title, save
-from casadi_contact.show.section import draw_section
+from casadi_contact.show.figure import discs, name_axes, patch_title, save
+from casadi_contact.show.section import page_of_sections
 from casadi_contact.show.view import View, view_of
 
 _COLOURS = (("tab:orange", "#fde3cb"), ("tab:green", "#d3ecd3"), ("tab:purple", "#e6dcf2"), ("tab:brown", "#e5d8d5"))
@@ -24,17 +24,8 @@ def draw_scene(model: ElasticFoundation, pose: Array, poses: Array, path: str | 
     presses, and the pose (6,) in section across all patches and along each."""
     pose, poses = as_poses([pose])[0], as_poses(poses)
     maps, view = model.pressure_maps(pose), view_of(model)
-    panels = 2 + len(maps)
-    columns = panels if panels < 4 else (panels + 1) // 2
-    rows = -(-panels // columns)
-    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    _draw_patches(axes[0], model, poses, view)
-    draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
-    for axis, pressed in zip(axes[2:], maps, strict=False):
-        draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
-    for axis in axes[panels:]:
-        axis.set_axis_off()
+    figure, seen = page_of_sections(model, pose, maps, view)
+    _draw_patches(seen, model, poses, view)
     at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
     said = loads_text(model, pose, model.scene.sensitive_loads)
     figure.suptitle(f"{model.scene.name}: at rest at {at} [mm, rad], {said}", fontsize=9)

@@ -10,14 +10,29 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array
-from casadi_contact.show.figure import CENTRE_OF_PRESSURE, patch_title
-from casadi_contact.show.view import PictureAxis
+from casadi_contact.show.figure import CENTRE_OF_PRESSURE, new_figure, patch_title
+from casadi_contact.show.view import PictureAxis, View
 
 _POINTS = 300  # of the plane, each way
 _MARGIN_MM = 6.0  # beyond the elements
 _LEAST_HEIGHT = 0.45  # of the picture over its width
 _SHARE_OF_WAY = 0.3  # between neighbouring patches
 _GAP = 4.0  # element sides without an element: the line is broken there
+
+
+def page_of_sections(model: ElasticFoundation, pose: Array, maps: Sequence[PressureMap], view: View) -> tuple[Any, Any]:
+    """A figure with the section across all patches and one along each, and its first panel, which is empty."""
+    panels = 2 + len(maps)
+    columns = panels if panels < 4 else (panels + 1) // 2
+    rows = -(-panels // columns)
+    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
+    for axis, pressed in zip(axes[2:], maps, strict=False):
+        draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
+    for axis in axes[panels:]:
+        axis.set_axis_off()
+    return figure, axes[0]
 
 
 def draw_section(

@@ -28,22 +28,12 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, pose_steps
+from casadi_contact.sampling import reference
 from problems.pose_estimation.wanted import WantedLoads
 
 
-class Cycle(Protocol):
+class Cycle(reference.Cycle, Protocol):
     """A measured cycle: `LoadCycle` of a knee, `JointCycle` of any scene."""
-
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-
-    @property
-    def time_s(self) -> Array:
-        """Times of its frames (n,) [s], rising."""
-
-    def measured_pose(self) -> Mapping[str, Array]:
-        """Measured pose parameters by name, each (n,) [mm, rad]."""
 
     def wanted(self) -> Mapping[str, Array]:
         """Measured loads [N, N·mm] and centres of pressure [mm] by name, each (n,)."""
