@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import casadi_contact
 from casadi_contact.cli import app
-from casadi_contact.command_examples import _EXAMPLES
+from casadi_contact.commands.examples import _EXAMPLES
 
 ROOT = Path(__file__).parents[1]
 

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact import cli
+from casadi_contact.commands.build import build as build_surrogates
 from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import reference_motion_cycles
@@ -52,7 +52,7 @@ def run(
     folder = RESULTS / NAME / file_stem(found.name) if out is None else out
     source = ContactSource(scene=str(scene))
     if surrogate:
-        cli.build(str(scene), preset=preset, out=folder)
+        build_surrogates(str(scene), preset=preset, out=folder)
         source = ContactSource(surrogate=str(folder / "patch.h5"))
     writable_folder(folder)
     model = source.load()

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import file_stem, write_text
 from casadi_contact.proposal.joint import JOINTS
@@ -16,10 +17,8 @@ from casadi_contact.proposal.tables import MATERIALS
 from casadi_contact.proposal.text import proposal_lines, scene_text
 from casadi_contact.scenes import load_scene
 from casadi_contact.show.scene_picture import draw_scene
-from casadi_contact.terminal import PlainConsole
 
 SIDES = ("right", "left")
-console = PlainConsole()
 
 
 def scene(

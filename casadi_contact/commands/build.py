@@ -1,0 +1,157 @@
+"""From a scene to exported surrogates: ``build``, and its stages one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact import pipeline
+from casadi_contact.commands.arguments import (
+    Cycles,
+    ModelName,
+    MoreCycles,
+    Out,
+    PresetName,
+    SceneName,
+    Table,
+    console,
+    say_shipped,
+)
+from casadi_contact.files import folder_lock
+from casadi_contact.pipeline import Project
+from casadi_contact.progress import progress_bars
+from casadi_contact.project import project_surrogates
+from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.sampling import model_pair
+from casadi_contact.sampling.drops import dropped_shares
+from casadi_contact.verification.fitness import fitness
+
+
+def build(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    cycles: Cycles = None,
+    more_cycles: MoreCycles = None,
+    table: Table = None,
+    model: ModelName = "elements",
+    out: Out = None,
+) -> None:
+    """Sample, train, evaluate and export; run again after an interruption to go on."""
+    project = Project.open(scene, preset, out)
+    with folder_lock(project.folder):
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
+        _train(project)
+        _evaluate(project)
+        _export(project)
+        _report(project)
+
+
+def sample(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    cycles: Cycles = None,
+    more_cycles: MoreCycles = None,
+    table: Table = None,
+    model: ModelName = "elements",
+    out: Out = None,
+) -> None:
+    """Draw samples of the elastic foundation in domains D1 to D7."""
+    _sample(Project.open(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table, model)
+
+
+def train(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
+    out: Out = None,
+) -> None:
+    """Train the preset's networks on the samples."""
+    _train(Project.open(scene, preset, out), structure)
+
+
+def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+    """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
+    for path in pipeline.calibrate(Project.open(scene, preset, out)):
+        console.print(f"calibrated {path}", highlight=False)
+
+
+def evaluate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+    """Print and write the errors per domain and the speed on an unseen walking sequence."""
+    _evaluate(Project.open(scene, preset, out))
+
+
+def export(
+    scene: SceneName,
+    preset: PresetName = "quick",
+    out: Out = None,
+    kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
+    foundation: Annotated[
+        bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
+    ] = False,
+) -> None:
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
+
+    Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
+    """
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(Project.open(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
+
+
+def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
+    if table is not None:
+        if cycle_files:
+            raise ValueError("got cycle files and a table of samples, expected one of them")
+        samples = pipeline.take_table(project, table)
+        console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
+        return
+    with progress_bars(console) as update:
+        samples, report = pipeline.sample(
+            project,
+            cycle_files,
+            lambda done, total: update("samples", done, total, ""),
+            models=model_pair(model),
+        )
+    if report is not None:
+        console.print(str(report), highlight=False)
+    for domain, share in dropped_shares(samples).items():
+        reasons = samples.provenance["dropped"].get(domain, {})
+        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
+        if listed:
+            console.print(f"{domain}: {share:.1%} of the plan dropped: {listed}", highlight=False)
+    for domain, reason in samples.provenance.get("left_out", {}).items():
+        console.print(f"{domain} left out: {reason}", highlight=False)
+    console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
+
+
+def _train(project: Project, structure: str | None = None) -> None:
+    with progress_bars(console) as update:
+        paths = pipeline.train(project, update, structure=structure)
+    for path in paths:
+        console.print(f"surrogate in {path}", highlight=False)
+
+
+def _evaluate(project: Project) -> None:
+    path = pipeline.evaluate(project)
+    for table in evaluation_tables(read_evaluation(path)):
+        console.print(table)
+    console.print(f"evaluation in {path}", highlight=False)
+
+
+def _report(project: Project) -> None:
+    path = pipeline.report(project)
+    for structure, surrogate in project_surrogates(project).items():
+        console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"report in {path}", highlight=False)
+
+
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+    if not contact_model:
+        say_shipped(project, "exporting")
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
+        console.print(f"exported {path}", highlight=False)

@@ -1,0 +1,42 @@
+"""From OpenSim files to cycles and poses: ``cycle``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.commands.arguments import console
+from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
+from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
+from casadi_contact.motion.pose_file import poses_from_curves, write_poses
+
+
+def cycle(
+    file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
+    maps: Annotated[
+        list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="CSV file to write; cycle.csv or poses.csv in this folder if left out")
+    ] = None,
+) -> None:
+    """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
+    cop_ap or Tz, cop_ml or Tx; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
+    """
+    table = read_opensim_table(file)
+    try:
+        curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
+        if set(curves) <= {TIME, *POSE_NAMES}:
+            poses, path = poses_from_curves(curves), out or Path("poses.csv")
+            write_poses(curves[TIME], poses, path)
+            console.print(f"{len(poses)} poses in {path}", highlight=False)
+            return
+        path = out or Path("cycle.csv")
+        written = cycle_from_curves(path.stem, curves)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    write_cycle(written, path)
+    console.print(f"cycle of {len(written)} frames in {path}", highlight=False)

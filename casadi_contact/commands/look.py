@@ -1,0 +1,72 @@
+"""What a surrogate or a scene is: ``info``, ``report``, ``show``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from casadi_contact.commands.arguments import SceneName, SurrogateName, console
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.files import file_stem
+from casadi_contact.motion.pose_file import read_poses
+from casadi_contact.report import write_report
+from casadi_contact.scenes import load_scene
+from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
+from casadi_contact.structures import load_surrogate
+from casadi_contact.verification.fitness import fitness
+
+
+def info(surrogate: SurrogateName) -> None:
+    """Say what a surrogate was trained on and how wrong it is."""
+    console.print(str(load_surrogate(surrogate).info()), highlight=False, markup=False, soft_wrap=True)
+
+
+def report(
+    surrogate: SurrogateName,
+    out: Annotated[Path | None, typer.Option(help="page to write; report.html beside the file if left out")] = None,
+) -> None:
+    """Write one page (HTML) that says what a surrogate is fit for, where it was sampled and how wrong it is."""
+    folder = Path(surrogate).parent
+    loaded = load_surrogate(surrogate)
+    path = write_report({loaded.title: loaded}, folder, folder / "report.html" if out is None else out)
+    console.print(str(fitness(loaded)), f"report in {path}", sep="\n", highlight=False, markup=False, soft_wrap=True)
+
+
+def show(
+    scene: SceneName,
+    pose: Annotated[
+        str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; 0.1 mm of overlap if left out")
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="CSV, .sto or .mot of poses (tx ... rz): a strip of small pictures")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="picture file; SCENE.png if left out")] = None,
+) -> None:
+    """Draw the pressure on the fixed surface and the moving one in section, and how well smooth surfaces fit meshes."""
+    model = ElasticFoundation(load_scene(scene))
+    if pose is not None and poses is not None:
+        raise ValueError("got both --pose and --poses, expected one of them")
+    if poses is not None:
+        shown = read_poses(poses)
+    else:
+        shown = np.array([contact_pose(model) if pose is None else _numbers(pose)])
+    path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
+    draw_contact(model, shown, path)
+    at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
+    console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)
+    if len(shown) == 1:
+        console.print(pressures_text(model, shown[0]), highlight=False, soft_wrap=True)
+    if fits := surface_fits(model):
+        fit_path = path.with_stem(f"{path.stem}_fit")
+        draw_fit(model, fit_path)
+        console.print(*fits, f"picture of the fit in {fit_path}", sep="\n", highlight=False, soft_wrap=True)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None
