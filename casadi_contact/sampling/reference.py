@@ -127,7 +127,8 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps): first the sensitive pose parameters alone under the sensitive loads, then all.
+    for a model without gaps): first the sensitive pose parameters alone under the sensitive loads, then all. Frames
+    left over begin once more between the frames that converged, and then in the pose of the nearest one.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
@@ -150,14 +151,16 @@ def reference_poses(
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
+    shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
-    interpolated = _interpolate(poses.reshape(len(cycles), frames, 6), report)
-    if report.converged.all():
-        return interpolated, report
-    # Once more from between the neighbours that did converge.
-    poses, settled = settle(model, interpolated.reshape(-1, 6), free, wanted, tolerance=tolerance_n)
-    report = _report(cycles, settled)
-    return _interpolate(poses.reshape(len(cycles), frames, 6), report), report
+    for from_others in (_interpolate, _nearest):
+        if report.converged.all():
+            break
+        starts = from_others(poses.reshape(shape).copy(), report).reshape(-1, 6)
+        starts[:, given] = poses[:, given]
+        poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n)
+        report = _report(cycles, settled)
+    return _interpolate(poses.reshape(shape), report), report
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
@@ -175,7 +178,16 @@ def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
     return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
 
 
+def _nearest(poses: Array, report: ReferenceReport) -> Array:
+    """The poses of frames that did not converge replaced by those of the nearest frame of the cycle that did."""
+    for cycle, converged in zip(poses, report.converged, strict=True):
+        solved, left = np.flatnonzero(converged), np.flatnonzero(~converged)
+        cycle[left] = cycle[solved[np.abs(left[:, None] - solved).argmin(axis=1)]]
+    return poses
+
+
 def _interpolate(poses: Array, report: ReferenceReport) -> Array:
+    """The poses of frames that did not converge replaced by what lies between those of their cycle that did."""
     frames = np.arange(poses.shape[1])
     for name, cycle, converged, reason in zip(report.names, poses, report.converged, report.reason, strict=True):
         if not converged.any():
