@@ -1,3 +1,19 @@
+/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
+ * far they reach from their middles, below 0 where there is none. */
+typedef struct {
+  Lanes middle[3], half[2][3], beyond, size;
+} Boxes;
+
+INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
+  for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
+}
+
+/* Points of the fixed frame in that of the body */
+INLINE void to_place(const Lanes point[3], const double *pose, const Frame *frame, Lanes q[3]) {
+  const Lanes from[3] = {point[0] - pose[0], point[1] - pose[1], point[2] - pose[2]};
+  to_body(frame, from, q);
+}
+
 /* Signed distance g of the moving body at four points of its frame, with derivatives up to an order: gradient, second
  * (xx xy xz yy yz zz) and third ones (xxx xxy xxz xyy xyz xzz yyy yyz yzz zzz). The formulas of
  * geometry/distance_field.py and geometry/field_derivatives.py. */
@@ -7,8 +23,8 @@ typedef struct {
 
 #if BODY_FIELD
 typedef struct {
-  float g, slope[3], bow;
-} Tangent; /* of the field at a node */
+  float g, slope[3], bow, unused[3];
+} Tangent; /* of the field at a node; the first two rows: of nodes far outside of the body, and deep in it */
 
 /* Weights of the four nodes around shares t of a cubic B-spline's cell, and their derivatives in units of the cell. */
 INLINE void spline_weights(Lanes t, int order, Lanes w[4][4]) {
@@ -100,31 +116,39 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
-/* Whether the body may come within TOUCH of a box about a point, sides in the fixed frame: by value, slope and bow of
- * the field at the node nearest to the point (see contact/cells/tangents.py), without a look at the spline. */
-INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
+INLINE double greatest_of(Lanes x) {
+  const double a = x[0] > x[1] ? x[0] : x[1], b = x[2] > x[3] ? x[2] : x[3];
+  return a > b ? a : b;
+}
+
+/* The boxes that the body may come within TOUCH of: by value, slope and bow of the field at the nodes nearest to their
+ * middles (see contact/cells/tangents.py), without a look at the spline. */
+INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
-  const double size = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
-  double away[3], way = 0.0, least, turned[3];
-  const Tangent *at;
-  long long node = 0;
+  Lanes q[3], away[3], slope[3], row[BLOCK], column[4], bow, way, least, node = all(0.0);
+  to_place(boxes->middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
-    const double place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
-    const double least = place > 0.0 ? place : 0.0, within = least > counts[i] - 1.0 ? counts[i] - 1.0 : least;
-    const int nearest = (int)(within + 0.5);
-    away[i] = (place - nearest) * FIELD_SPACING, way += away[i] * away[i];
+    const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    const Lanes within = smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0));
+    Lanes nearest;
+    for (int l = 0; l < BLOCK; l++) nearest[l] = (int)(within[l] + 0.5);
+    away[i] = (place - nearest) * FIELD_SPACING;
     node = node * counts[i] + nearest;
   }
-  if (FIELD_INDEX[node] < 0) return FIELD_COEFFICIENTS[node] <= 0.0;
-  at = FIELD_TANGENTS + FIELD_INDEX[node];
-  way = sqrt(way) + size;
-  if (way > BOW_REACH) return at->g - STEEPEST * way <= TOUCH;
-  least = at->g - 0.5 * at->bow * way * way;
-  for (int i = 0; i < 3; i++) {
-    turned[i] = frame->r[i][0] * at->slope[0] + frame->r[i][1] * at->slope[1] + frame->r[i][2] * at->slope[2];
-    least += at->slope[i] * away[i] - fabs(turned[i]) * half[i];
+  for (int l = 0; l < BLOCK; l++) {
+    const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(long long)node[l]];
+    row[l] = (Lanes){at->g, at->slope[0], at->slope[1], at->slope[2]};
+    bow[l] = at->bow;
   }
-  return least <= TOUCH;
+  transpose(row, column);
+  way = root(dot_of(away, away)) + boxes->size;
+  least = column[0] - 0.5 * bow * way * way - STEEPEST * boxes->beyond + dot_of(column + 1, away);
+  for (int i = 0; i < 3; i++) {
+    slope[i] = frame->r[i][0] * column[1] + frame->r[i][1] * column[2] + frame->r[i][2] * column[3];
+  }
+  least -= size_of(dot_of(slope, boxes->half[0])) + size_of(dot_of(slope, boxes->half[1]));
+  if (greatest_of(way) > BOW_REACH) least = pick(way > BOW_REACH, column[0] - STEEPEST * way, least);
+  return (least <= TOUCH) & (boxes->size >= 0.0);
 }
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
@@ -159,11 +183,11 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 #endif
 
 #if !BODY_FIELD
-INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
-  const Lanes at[3] = {all(q[0]), all(q[1]), all(q[2])};
+INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
+  Lanes q[3];
   Distance found;
-  distance_at(at, 1, &found);
-  (void)frame;
-  return found.g[0] - sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) <= TOUCH;
+  to_place(boxes->middle, pose, frame, q);
+  distance_at(q, 1, &found);
+  return (found.g - boxes->size <= TOUCH) & (boxes->size >= 0.0);
 }
 #endif
