@@ -84,7 +84,7 @@ FUNCTION int contact_first(const Patch *p, const double *pose, const Frame *fram
 INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
                        PatchLoads *out) {
   const Patch *p = patches + patch;
-  Scratch *s = &scratch;
+  Scratch *s = own_scratch();
   Sums sums;
   double slope, bend, fade, by[7][6];
   int full = 0;

@@ -40,9 +40,7 @@ INLINE void spline_weights(Lanes t, int order, Lanes w[4][4]) {
  * What is not a number counts as the grid's beginning. */
 INLINE Lanes place_on(Lanes coordinate, int count, Lanes *share, Lanes *beyond) {
   const Lanes within = smaller_of(larger_of(coordinate, all(1.0)), all(count - 2.0));
-  Lanes node;
-  for (int l = 0; l < BLOCK; l++) node[l] = (int)within[l];
-  node = smaller_of(node, all(count - 3.0));
+  const Lanes node = smaller_of(larger_of(nearest_whole(within - 0.5), all(1.0)), all(count - 3.0));
   *share = within - node;
   *beyond = coordinate - within;
   return node - 1.0;
@@ -129,9 +127,7 @@ INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame
   to_place(boxes->middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
     const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
-    const Lanes within = smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0));
-    Lanes nearest;
-    for (int l = 0; l < BLOCK; l++) nearest[l] = (int)(within[l] + 0.5);
+    const Lanes nearest = nearest_whole(smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0)));
     away[i] = (place - nearest) * FIELD_SPACING;
     node = node * counts[i] + nearest;
   }

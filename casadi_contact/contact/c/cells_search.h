@@ -20,13 +20,19 @@ typedef struct {
 
 /* Of one patch in one pose; one for each thread, since it would not fit on every stack. */
 typedef struct {
-  int nodes, cells, ids[MOST_NODES + BLOCK], chosen[MOST_CELLS + BLOCK];
+  int nodes, cells, ids[MOST_NODES + BLOCK], chosen[MOST_CELLS + BLOCK], groups[MOST_GROUPS];
   int slot[MOST_NODES]; /* of a node in what follows; holds where seen[node] is the present turn */
   unsigned seen[MOST_NODES], turn;
   double value[MOST_NODES + BLOCK][4], weight[MOST_NODES + BLOCK][4];
   double slopes[MOST_NODES + BLOCK][3][2 * BLOCK] __attribute__((aligned(64)));
 } Scratch;
 static __thread Scratch scratch __attribute__((aligned(64)));
+
+INLINE Scratch *own_scratch(void) {
+  Scratch *s = &scratch;
+  __asm__("" : "+r"(s)); /* else the thread's address is asked for at each use */
+  return s;
+}
 
 /* Distance at four points of the fixed frame */
 FUNCTION void distances(const Lanes points[3], const double *pose, const Frame *frame, Lanes *found) {
@@ -52,19 +58,21 @@ INLINE void begin_turn(Scratch *s) {
 
 /* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
 FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+  int groups = 0;
   begin_turn(s);
-  for (int b = 0; b < p->block_count; b += BLOCK) {
+  KEEP_LOOP for (int b = 0; b < p->block_count; b += BLOCK) {
     const Mask near = may_touch(p->block_boxes + b / BLOCK, pose, frame);
-    for (int l = 0; l < BLOCK; l++) {
-      if (!near[l]) continue;
-      for (int k = p->blocks[b + l].first; k < p->blocks[b + l].last; k++) {
-        const Mask touch = may_touch(p->cell_boxes + k, pose, frame);
-        for (int m = 0; m < BLOCK; m++) {
-          if (!touch[m]) continue;
-          want_corners(s, p->cells + BLOCK * k + m);
-          s->chosen[s->cells++] = BLOCK * k + m;
-        }
-      }
+    KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
+      for (int k = p->blocks[b + l].first; near[l] && k < p->blocks[b + l].last; k++) s->groups[groups++] = k;
+    }
+  }
+  KEEP_LOOP for (int g = 0; g < groups; g++) {
+    const Mask touch = may_touch(p->cell_boxes + s->groups[g], pose, frame);
+    KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
+      const int cell = BLOCK * s->groups[g] + l;
+      if (!touch[l]) continue;
+      want_corners(s, p->cells + cell);
+      s->chosen[s->cells++] = cell;
     }
   }
 }

@@ -9,19 +9,8 @@ typedef long long Mask __attribute__((vector_size(8 * BLOCK)));
 
 INLINE Lanes all(double x) { return x - (Lanes){0.0}; }
 INLINE Lanes pick(Mask mask, Lanes a, Lanes b) { return (Lanes)((mask & (Mask)a) | (~mask & (Mask)b)); }
-
-INLINE Lanes larger_of(Lanes a, Lanes b) {
-  Lanes y;
-  for (int l = 0; l < BLOCK; l++) y[l] = a[l] > b[l] ? a[l] : b[l];
-  return y;
-}
-
-INLINE Lanes smaller_of(Lanes a, Lanes b) {
-  Lanes y;
-  for (int l = 0; l < BLOCK; l++) y[l] = a[l] < b[l] ? a[l] : b[l];
-  return y;
-}
-
+INLINE Lanes larger_of(Lanes a, Lanes b) { return pick(a > b, a, b); }
+INLINE Lanes smaller_of(Lanes a, Lanes b) { return pick(a < b, a, b); }
 INLINE Lanes size_of(Lanes x) { return larger_of(x, -x); }
 INLINE double sum_of(Lanes x) { return (x[0] + x[1]) + (x[2] + x[3]); }
 
@@ -52,6 +41,12 @@ INLINE Lanes root(Lanes x) {
   Lanes y;
   for (int l = 0; l < BLOCK; l++) y[l] = sqrt(x[l]);
   return y;
+}
+
+/* Nearest whole numbers, below 2^51 */
+INLINE Lanes nearest_whole(Lanes x) {
+  const double whole = 6755399441055744.0;
+  return (x + whole) - whole;
 }
 
 INLINE Lanes dot_of(const Lanes a[3], const Lanes b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

@@ -63,6 +63,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
         "SUB_POINTS": len(functions),
         "MOST_NODES": max(len(quad.patch.c) for quad in patches),
         "MOST_CELLS": max(len(quad.patch.corners) for quad in patches),
+        "MOST_GROUPS": max(_groups(quad.patch)[-1] for quad in patches),
         "MOST_BLOCKS": max(len(quad.patch.blocks) - 1 for quad in patches),
         "WIDTH": quadrature.WIDTH_MM,
         "FLATTEST": quadrature.FLATTEST,
@@ -79,7 +80,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     arrays = {"hermite[SUB_POINTS][12]": functions, "share[SUB_POINTS][4]": shares, "whole[4][12]": whole}
     text = [
         "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value!r}" for name, value in sizes.items()),
+        *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
@@ -123,7 +124,7 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     patterns, kind = np.unique(1.0 - patch.present, axis=0, return_inverse=True)
     whole = np.zeros((1, patch.present.shape[1]))
     sizes = np.diff(patch.blocks)
-    groups = np.concatenate([[0], np.cumsum(-(-sizes // _LANES))])
+    groups = _groups(patch)
     place = np.arange(len(patch.corners)) + np.repeat(_LANES * groups[:-1] - patch.blocks[:-1], sizes)
     cells = np.zeros(_LANES * groups[-1], _CELL)
     cells["corners"][place], cells["rim"][place] = patch.corners, patch.rim
@@ -143,6 +144,11 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     shares = tables.place(1.0 - np.concatenate([whole, patterns]))
     pointers.append(f"(const double (*)[SUB_POINTS])(cells_data + {shares})")
     return f"{{{', '.join([*pointers, str(len(nodes)), str(len(spans))])}}}"
+
+
+def _groups(patch: CellPatch) -> np.ndarray:
+    """The first box of cells, four together, of each block (b + 1,)."""
+    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // _LANES))])
 
 
 def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> Array:
