@@ -1,10 +1,4 @@
-/* Sums over the cells of a patch: of its pressures, shared out among the corners, with derivatives by twist in the axes
- * of the moving body. The loads of a node are those of `Node`: force, moment, area. */
-typedef struct {
-  double loads[7];
-  Lanes by_twist[7][2]; /* six of the eight numbers */
-  int cut;
-} Sums;
+/* Sums over the cells of a patch, whose pressures are shared out among the corners. */
 
 /* Value at the sub-points, of the functions hermite[r][j], and its share of the corners, share[r][c]: see basis.py */
 INLINE Lanes ramp(Lanes x, Lanes *slope, Lanes *bend) {

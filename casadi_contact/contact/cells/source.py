@@ -13,7 +13,7 @@ from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
+from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
@@ -89,7 +89,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
         body,
         *(c_text(name, _C) for name in ("cells_body.h", "cells_nodes.h", "cells_search.h")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
-        *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h")),
+        *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]
     return "\n".join(text), tables.data
 
@@ -110,6 +110,8 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
+        **{f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)},
+        "TANGENT_SPACING": STRIDE * spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
         "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
         "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
