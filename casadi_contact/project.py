@@ -129,7 +129,7 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         content = read_npz(project.motion_path)
         if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):
             raise ValueError("curves or poses are not finite")
-        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
+        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]], project.scene.pose_space)
         cycles = [str(name) for name in content["cycles"]]
         return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:

@@ -66,7 +66,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     chunks = []
     point = motion.point
     for block in plan_domains(motion.envelopes, pressed(scene), scene.boundary_load, settings):
-        starts = motion.starts(block.inputs)
+        starts = motion.starts(block.inputs, scene.pose_space)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)
             loads = {name: block.inputs[rows, point.inputs.index(name)] for name in point.load_inputs}

@@ -58,12 +58,12 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """A root and the ratios of every part, each of the local pose (6)."""
+        """A root and the ratios of every part, each of the free columns of the local pose (6 where none is locked)."""
         names = []
         for part in scene.parts:
             ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
             names += [root_name(part.name), *ratios]
-        return dict.fromkeys(names, 6)
+        return dict.fromkeys(names, len(scene.pose_space.free))
 
     @staticmethod
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
@@ -113,12 +113,14 @@ class PatchSurrogate(Surrogate):
 
     def _network(self, name: str, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for."""
-        network, anchor = self.networks[name], part.anchor_mm
-        local = local_poses(poses, anchor)
+        network, anchor, space = self.networks[name], part.anchor_mm, self.scene.pose_space
+        held, free = space.onto(poses), list(space.free)
+        local = local_poses(held, anchor)[:, free]
         if not derivative:
             return network.value(local), np.empty((0, 6))
         value, gradient = network.value_and_gradient(local)
-        return value, np.einsum("ni,nij->nj", gradient, local_pose_jacobian(poses, anchor))
+        jacobian = local_pose_jacobian(held, anchor)[:, free]
+        return value, np.einsum("ni,nij->nj", gradient, jacobian if space.whole else jacobian @ space.matrix)
 
     def _wrenches(self, poses: Array, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array]:
         """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), zero where used (parts, 6) is False."""
@@ -154,14 +156,14 @@ class PatchSurrogate(Surrogate):
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         parts, selection = self.known_parts(loads)
-        return patch_expressions(parts, selection, self.scene.reference_load, pose, order)
+        return patch_expressions(parts, selection, self.scene.reference_load, pose, order, self.scene.pose_space)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         parts, selection = self.known_parts(loads)
         if not roots:
             used = np.flatnonzero(selection.any(axis=(0, 2)))
             parts, selection = [parts[p] for p in used], selection[:, used]
-        return patch_kernel(parts, selection, self.scene.reference_load)
+        return patch_kernel(parts, selection, self.scene.reference_load, self.scene.pose_space)
 
     def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
         """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
