@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.conventions import POSE_NAMES, REFLECTION, Array, pose_index
 from casadi_contact.shapes.checks import fail, number, table_of
 
 
@@ -42,6 +42,13 @@ class PoseSpace:
     def whole(self) -> bool:
         """True where every pose parameter is free."""
         return len(self.free) == 6
+
+    @property
+    def symmetric(self) -> bool:
+        """True where the mirror image in the plane z = 0 of a pose of this space is one too."""
+        return bool((self.matrix == REFLECTION[:, None] * self.matrix * REFLECTION).all()) and bool(
+            (self.offset == REFLECTION * self.offset).all()
+        )
 
     def onto(self, poses: Array) -> Array:
         """Poses (..., 6) with locked and tied parameters put in place."""

@@ -232,6 +232,12 @@ class Scene:
         return found
 
     @property
+    def symmetric(self) -> bool:
+        """True where the joint's two patches, and the poses it can take, mirror each other in the plane z = 0."""
+        space = self.pose_space
+        return shape_named(self.shape).symmetric(self.geometry) and len(self.parts) == 2 and space.symmetric
+
+    @property
     def insensitive_pose(self) -> tuple[str, ...]:
         """The pose parameters that are not sensitive [EF15 §2.1], locked and tied ones among them, in pose order."""
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
@@ -300,10 +306,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
     """
     text_name = str(name_or_path)
-    if text_name.endswith(".toml"):
-        text = _scene_text(Path(name_or_path))
-    else:
-        text = _ready_text(text_name)
+    text = _scene_text(Path(name_or_path)) if text_name.endswith(".toml") else _ready_text(text_name)
     try:
         scene = Scene.from_toml(text)
         given = scene.tables["geometry"]

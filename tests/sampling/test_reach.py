@@ -46,7 +46,7 @@ def test_the_boundary_stays_at_the_boundary_load():
 
 def test_a_reach_lacking_an_input_is_refused():
     settings = SamplingSettings(reach={"tx": (0.0, 1.0)})
-    with pytest.raises(ValueError, match="reach = .* expected a range of each input: tx, Fy_med"):
+    with pytest.raises(ValueError, match=r"reach = .* expected a range of each input: tx, Fy_med"):
         settings.sample_point(cc.load_scene("knee"))
     with pytest.raises(ValueError, match=r"reach.tx .* low < high"):
         SamplingSettings(reach={"tx": (1.0, 0.0)})

@@ -28,6 +28,7 @@ from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.transcription.expressions import Expressions
@@ -69,6 +70,22 @@ class PatchSurrogate(Surrogate):
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
         return patch_regressions(samples, gap_weight=gap_weight)
+
+    @classmethod
+    def twins(cls, scene: Scene) -> dict[str, str]:
+        """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
+        if not scene.symmetric:
+            return {}
+        first, second = scene.parts
+        components = [k for k in WRENCH_NAMES if k != first.normal.component]
+        ratios = {ratio_name(second.name, k): ratio_name(first.name, k) for k in components}
+        return {root_name(second.name): root_name(first.name), **ratios}
+
+    @staticmethod
+    def reflection(name: str, network: Network, scene: Scene) -> Network:
+        """The twin `name` of a network: its reflection in the plane z = 0."""
+        component = name.rpartition("_")[2] if name.startswith("ratio_") else None
+        return reflected(network, scene.pose_space.free, component)
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
