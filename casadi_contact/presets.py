@@ -123,8 +123,8 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "patch": {
-                "root": Effort(((24, 24, 24),), 9_000.0, tolerance_share=0.2),
-                "ratio": Effort(((16, 16),), 700.0, tolerance_share=0.2),
+                "root": Effort(((24, 24, 24),), 6_200.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 300.0, tolerance_share=0.2),
             }
         },
     ),

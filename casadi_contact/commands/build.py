@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,7 @@ from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.sampling import model_pair
 from casadi_contact.sampling.drops import dropped_shares
+from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
 from casadi_contact.verification.fitness import fitness
 
 
@@ -37,12 +39,47 @@ def build(
     table: Table = None,
     model: ModelName = "elements",
     out: Out = None,
+    force_tol: Annotated[
+        float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
+    ] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
+    if force_tol is not None or torque_tol is not None:
+        _build_to_tolerance(scene, cycles, more_cycles, table, model, out, force_tol, torque_tol)
+        return
     project = Project.open(scene, preset, out)
     with folder_lock(project.folder):
         _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
         _train(project)
+        _evaluate(project)
+        _export(project)
+        _report(project)
+
+
+def _build_to_tolerance(
+    scene: str,
+    cycles: list[Path] | None,
+    more_cycles: list[Path] | None,
+    table: Path | None,
+    model: str,
+    out: Path | None,
+    force_tol: float | None,
+    torque_tol: float | None,
+) -> None:
+    """`tolerance.train_to_tolerance`, then what follows training in any build."""
+    if table is not None:
+        raise ValueError(
+            "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
+        )
+    wanted = [f"{tol:g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
+    project = Project.open(scene, "quick", folder)
+    project = replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
+    files = [*(cycles or []), *(more_cycles or [])]
+    with folder_lock(project.folder):
+        with progress_bars(console) as update:
+            train_to_tolerance(project, files, update, models=model_pair(model))
         _evaluate(project)
         _export(project)
         _report(project)

@@ -256,6 +256,10 @@ class Scene:
             tables[homes[0]][key] = list(value) if isinstance(value, tuple) else value
         return Scene.from_tables(tables)
 
+    def with_tolerances(self, **tolerances: float) -> Scene:
+        """A copy with the tolerances of these loads replaced [N, N·mm]."""
+        return Scene.from_tables({**self.tables, "tolerances": {**self.tolerances, **tolerances}})
+
     def with_sensitive_pose(self, names: Sequence[str]) -> Scene:
         """A copy with these sensitive pose parameters, for a scene that leaves them out."""
         loads = {**self.tables["loads"], "sensitive_pose": list(names)}

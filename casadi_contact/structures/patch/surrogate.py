@@ -21,7 +21,7 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
