@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +30,7 @@ from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.sampling import model_pair
 from casadi_contact.sampling.drops import dropped_shares
+from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
 from casadi_contact.verification.fitness import fitness
 
 
@@ -41,15 +43,38 @@ def build(
     model: ModelName = "elements",
     scheduler: Scheduler = None,
     out: Out = None,
+    force_tol: Annotated[
+        float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
+    ] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
-    project = Project.open(scene, preset, out)
+    files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
+    project = _project_within(scene, out, table, force_tol, torque_tol) if within else Project.open(scene, preset, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model, executor)
-        _train(project, executor)
+        if within:
+            with progress_bars(console) as update:
+                train_to_tolerance(project, files, update, executor, model_pair(model))
+        else:
+            _sample(project, files, table, model, executor)
+            _train(project, executor)
         _evaluate(project)
         _export(project)
         _report(project)
+
+
+def _project_within(
+    scene: str, out: Path | None, table: Path | None, force_tol: float | None, torque_tol: float | None
+) -> Project:
+    """The project of a build whose scene has these tolerances [N, N·mm]."""
+    if table is not None:
+        raise ValueError(
+            "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
+        )
+    wanted = [f"{tol:g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
+    project = Project.open(scene, "quick", folder)
+    return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
 
 
 def sample(
