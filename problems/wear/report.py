@@ -90,7 +90,7 @@ def draw(wear: Sequence[PatchWear], path: Path) -> None:
     ):
         image = axis.scatter(z, x, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
         axis.plot(z[values <= 0.0][::7], x[values <= 0.0][::7], ",", color="0.85", zorder=0)
-        page.colorbar(image, ax=axis, label=label)
+        page.colorbar(image, ax=axis, label=label, shrink=0.7)
         axis.set(xlabel=f"z [mm], {ANATOMY['z'][0]} to the right", aspect="equal")
     panels[0].set_ylabel(f"x [mm], {ANATOMY['x'][0]} up")
     volumes = ", ".join(f"{patch.patch} {CYCLES * patch.volume_mm3:.3g}" for patch in wear)
