@@ -14,9 +14,10 @@ from casadi_contact.motion.opensim import ColumnMap
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
-from problems.muscle_contact.problem import BALANCED, FREE, build
+from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
 from problems.muscle_contact.walk import ROTATION_MAPS, read_length_range, read_walk
@@ -45,8 +46,14 @@ def run(
     fit_also: Annotated[
         list[Path] | None, typer.Option(help="muscles of further cycles of the same person, to scale to as well")
     ] = None,
-    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
+    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 3.0,
     least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
+    margin: Annotated[float, typer.Option(help="both sides stay closed though the load passes so many mm beside")] = (
+        MARGIN_MM
+    ),
+    share_heads: Annotated[bool, typer.Option(help="heads of one muscle share an activation")] = True,
+    ankle: Annotated[bool, typer.Option(help="the calf balances the ankle too, with soleus")] = True,
+    shank: Annotated[float, typer.Option(help="length of the shank, knee to ankle [m]")] = SHANK_M,
     all_six: Annotated[
         bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
     ] = False,
@@ -78,6 +85,10 @@ def run(
         free=("tx", "ty", "tz", "rx") if all_six else FREE,
         exponent=exponent,
         least_activation=least_activation,
+        margin_mm=margin,
+        share_heads=share_heads,
+        ankle=ankle,
+        shank_m=shank,
     )
     result = solve(problem)
     verdict = judge(

@@ -3,15 +3,17 @@
 Muscles pull the femur onto the tibia, contact pushes back, and both balance the knee's inverse-dynamics loads. For all
 frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz by choice) and reserve loads r:
 
-    min Σ a^p + Σ (r/size)²        p = 2: least squared activation
+    min Σ a^p + Σ (r/size)²        p = 3: endurance (Crowninshield and Brand, J Biomech 14 (1981) 793-801)
 
     Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
-    s_med(q), s_lat(q) >= 0,   least activation <= a <= 1,   q in the learned range
+    s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
 
-F is linear in a (`force_capacity`). contact(q) is the contact model's load on the femur, as a generalised load: F of
-translations, Eᵀ(T - t×F) of rotations, about the moving origin (`angular_velocity_map`). s is the signed root load: a
-side that carries nothing just touches, because nothing else says where it floats. tx and tz where they are not free
-stand where equal forces on both sides cause no shear. ry and rz are prescribed. Measured contact forces enter nowhere.
+Heads of one muscle share an activation, both sides stay closed, and the calf works for the ankle too, with soleus as
+one more activation (`cocontraction`); each by choice. F is linear in a (`force_capacity`). contact(q) is the contact
+model's load on the femur, as a generalised load: F of translations, Eᵀ(T - t×F) of rotations, about the moving origin
+(`angular_velocity_map`). s is the signed root load: a side that need not carry anything at least touches, because
+nothing else says where it floats. tx and tz where they are not free stand where equal forces on both sides cause no
+shear. ry and rz are prescribed. Measured contact forces enter nowhere.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, ContactFrames, shear_free_poses
+from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
 from problems.muscle_contact.muscle import ForceCapacity, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
@@ -42,6 +45,8 @@ RESERVE_SIZES = {
     "knee_rotation": 10.0,
     "knee_flexion": 1.0,
 }
+MARGIN_MM = 20.0  # two standard deviations of where the load passes the knee from step to step (see docs)
+LEAST_SQUARES: dict[str, Any] = {"exponent": 2.0, "margin_mm": 0.0, "share_heads": False, "ankle": False}
 _MAY_MOVE = ("tx", "ty", "tz", "rx")
 
 
@@ -49,7 +54,8 @@ _MAY_MOVE = ("tx", "ty", "tz", "rx")
 class MuscleContact:
     """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
 
-    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates.
+    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates,
+    and where the ankle counts soleus' activation, which is not held below 1: what is beyond stands in like a reserve.
     """
 
     contact_model: SymbolicContact
@@ -58,6 +64,7 @@ class MuscleContact:
     free: tuple[str, ...]
     capacity: ForceCapacity
     shear_free: Array
+    ankle: bool
     nlp: dict[str, Any]
     lower: Array
     upper: Array
@@ -70,7 +77,7 @@ class MuscleContact:
         """Size of one unit of each variable of a frame: activation, mm or rad, N or N·m."""
         moves = KNEE_STEPS[[pose_index(name) for name in self.free]]
         reserves = [RESERVE_SIZES[name] for name in self.balanced]
-        return np.concatenate([np.ones(len(self.walk.muscles.names)), moves, reserves])
+        return np.concatenate([np.ones(len(self.walk.muscles.names)), moves, reserves, np.ones(int(self.ankle))])
 
 
 def _contact_function(balanced: Sequence[str]) -> ca.Function:
@@ -89,15 +96,21 @@ def build(
     other_lengths_m: Array | None = None,
     balanced: Sequence[str] = BALANCED,
     free: Sequence[str] = FREE,
-    exponent: float = 2.0,
+    exponent: float = 3.0,
     least_activation: float = 0.01,
+    margin_mm: float = MARGIN_MM,
+    share_heads: bool = True,
+    by_volume: bool = False,
+    ankle: bool = True,
+    shank_m: float = SHANK_M,
 ) -> MuscleContact:
     """Pose the problem for all frames of a walk.
 
     model: "hill" or "isometric" (`force_capacity`); fit_lengths scales generic fibre and tendon lengths to the
     person (`MuscleParameters.fitted_to`), by lengths only: those of this walk and, if given, of the person's other
-    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and
-    by choice tx and tz. exponent p >= 2 of the cost.
+    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
+    exponent p >= 2 of the cost; by_volume weighs each muscle by F0·L0 over the mean. margin_mm, share_heads, ankle and
+    shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out.
 
     Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
     """
@@ -111,9 +124,11 @@ def build(
     except ValueError as error:
         raise ValueError(f"walk {walk.name}: {error}") from None
     frames, count, size = len(walk), len(muscles.names), len(balanced)
+    least_roots = closed_sides(contact_model, walk.loads["knee_ty"], margin_mm)
 
-    variables = ca.MX.sym("variables", count + len(free) + size, frames)
-    a, q, reserves = ca.vertsplit(variables, [0, count, count + len(free), variables.shape[0]])
+    ends = np.cumsum([0, count, len(free), size, int(ankle)])
+    variables = ca.MX.sym("variables", int(ends[-1]), frames)
+    a, q, reserves, soleus = ca.vertsplit(variables, ends.tolist())
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
     knee = ContactFrames(contact_model, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
     contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
@@ -124,16 +139,34 @@ def build(
         rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
         load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
         rows.append(0.1 * in_newtons(name) * load.T)  # about as large as what a scaled variable changes
-    g = ca.vertcat(*rows, knee.roots)
-    objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
-    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
+    lower_g, upper_g = (
+        [np.zeros((frames, size)), least_roots],
+        [np.zeros((frames, size)), np.full_like(least_roots, np.inf)],
+    )
+    rows.append(knee.roots)
+    if share_heads:
+        first, other = np.array(heads(muscles.names)).T
+        rows.append(a[first.tolist(), :] - a[other.tolist(), :])
+        lower_g.append(np.zeros((frames, len(first))))
+        upper_g.append(np.zeros((frames, len(first))))
+    if ankle:
+        columns = calf(muscles.names)
+        pull = ca.sum1(ca.DM(capacity.active_n.T[columns]) * a[columns, :]) + SOLEUS_N * soleus
+        rest = ankle_moment(walk, shank_m) / CALF_ARM_M - capacity.passive_n[:, columns].sum(axis=1)
+        rows.append(0.1 * CALF_ARM_M * in_newtons("knee_flexion") * (pull - ca.DM(rest).T))
+        lower_g.append(np.zeros((frames, 1)))
+        upper_g.append(np.full((frames, 1), np.inf))
+    sizes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
+    weights = sizes / sizes.mean() if by_volume else np.ones(count)
+    objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
+    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(ca.vertcat(*rows))}
 
-    patches, muscles_and_pose = len(contact_model.patch_names), count + len(free)
-    start, lower, upper = np.zeros((3, frames, muscles_and_pose + size))
-    start[:, :count], lower[:, :count], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
+    start, lower, upper = np.zeros((3, frames, int(ends[-1])))
+    driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
+    start[:, driven], lower[:, driven], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
     for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
-        table[:, count:muscles_and_pose] = values.reshape(frames, -1)
-    lower[:, muscles_and_pose:], upper[:, muscles_and_pose:] = -np.inf, np.inf
+        table[:, count : count + len(free)] = values.reshape(frames, -1)
+    lower[:, ends[2] : ends[3]], upper[:, ends[2] :] = -np.inf, np.inf
     return MuscleContact(
         contact_model,
         walk,
@@ -141,11 +174,12 @@ def build(
         knee.free,
         capacity,
         poses,
+        ankle,
         nlp,
         lower=lower.ravel(),
         upper=upper.ravel(),
-        lower_g=np.zeros(frames * (size + patches)),
-        upper_g=np.tile([0.0] * size + [np.inf] * patches, frames),
+        lower_g=np.hstack(lower_g).ravel(),
+        upper_g=np.hstack(upper_g).ravel(),
         start=start.ravel(),
     )
 

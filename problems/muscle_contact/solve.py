@@ -20,7 +20,8 @@ TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
 @dataclass(frozen=True)
 class MuscleContactResult:
     """Activations and forces along the tendons (n, m), poses (n, 6), contact loads there (n, 7) as in
-    `CONTACT_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, and what became of the frames."""
+    `CONTACT_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the
+    ankle counts, and what became of the frames."""
 
     activations: Array
     muscle_forces_n: Array
@@ -28,6 +29,7 @@ class MuscleContactResult:
     loads: Array
     reserves: Mapping[str, Array]
     unbalanced: Mapping[str, Array]
+    soleus: Array | None
     converged: np.ndarray
     reason: np.ndarray
     ipopt_status: str
@@ -36,8 +38,10 @@ class MuscleContactResult:
 
     @property
     def overloaded(self) -> np.ndarray:
-        """True (n,) where a reserve gives more than its size: muscles and contact alone do not balance the frame."""
+        """True (n,) where a reserve gives more than its size, or soleus more than it can: muscles and contact alone do
+        not balance the frame."""
         shares = [np.abs(curve) / RESERVE_SIZES[name] for name, curve in self.reserves.items()]
+        shares += [] if self.soleus is None else [self.soleus]
         return np.asarray(np.max(shares, axis=0) > 1.0)
 
 
@@ -51,14 +55,22 @@ def solve(problem: MuscleContact, max_iterations: int = 500, print_level: int = 
     seconds = time.perf_counter() - began
     variables = np.asarray(answer["x"]).reshape(len(walk), -1) * problem.scales
     count, free = len(walk.muscles.names), len(problem.free)
-    activations, moved, reserves = np.split(variables, [count, count + free], axis=1)
+    reach = count + free + len(problem.balanced)
+    activations, moved, reserves, soleus = np.split(variables, [count, count + free, reach], axis=1)
     poses = problem.shear_free.copy()
     poses[:, [pose_index(name) for name in problem.free]] = moved
-    return _result(problem, activations, poses, reserves, outcome, seconds)
+    driven = soleus[:, 0] if problem.ankle else None
+    return _result(problem, activations, poses, reserves, driven, outcome, seconds)
 
 
 def _result(
-    problem: MuscleContact, activations: Array, poses: Array, reserves: Array, outcome: IpoptOutcome, seconds: float
+    problem: MuscleContact,
+    activations: Array,
+    poses: Array,
+    reserves: Array,
+    soleus: Array | None,
+    outcome: IpoptOutcome,
+    seconds: float,
 ) -> MuscleContactResult:
     """What is left of each balance, evaluated anew from the model's NumPy side, and whether frames hold."""
     walk, capacity = problem.walk, problem.capacity
@@ -76,5 +88,16 @@ def _result(
     for k in np.flatnonzero(~converged):
         reason[k] = f"balance is off by {worst[k]:.3g} N" if outcome.solved else f"IPOPT stopped: {outcome.status}"
     return MuscleContactResult(
-        activations, forces, poses, loads, named, left, converged, reason, outcome.status, outcome.iterations, seconds
+        activations,
+        forces,
+        poses,
+        loads,
+        named,
+        left,
+        soleus,
+        converged,
+        reason,
+        outcome.status,
+        outcome.iterations,
+        seconds,
     )
