@@ -54,6 +54,8 @@ def run(
     share_heads: Annotated[bool, typer.Option(help="heads of one muscle share an activation")] = True,
     ankle: Annotated[bool, typer.Option(help="the calf balances the ankle too, with soleus")] = True,
     shank: Annotated[float, typer.Option(help="length of the shank, knee to ankle [m]")] = SHANK_M,
+    activation_dynamics: Annotated[bool, typer.Option(help="activations rise in 15 ms and fall in 60 ms")] = False,
+    compliant_tendons: Annotated[bool, typer.Option(help="tendons stretch by 4.9 % under the greatest force")] = False,
     all_six: Annotated[
         bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
     ] = False,
@@ -89,6 +91,8 @@ def run(
         share_heads=share_heads,
         ankle=ankle,
         shank_m=shank,
+        activation_dynamics=activation_dynamics,
+        compliant_tendons=compliant_tendons,
     )
     result = solve(problem)
     verdict = judge(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -29,24 +30,27 @@ MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
 LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest
 
 
-def active_force_length(length: Array) -> Array:
-    """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1."""
-    height, place, width, growth = np.array(_GAUSSIANS).T
-    away = (length[..., None] - place) / (width + growth * length[..., None])
-    return (height * np.exp(-0.5 * away**2)).sum(axis=-1)
+def active_force_length(length: Any, xp: Any = np) -> Any:
+    """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1. xp: numpy or casadi, whose
+    numbers are given."""
+    bells = (
+        height * xp.exp(-0.5 * ((length - place) / (width + growth * length)) ** 2)
+        for height, place, width, growth in _GAUSSIANS
+    )
+    return sum(bells)
 
 
-def force_velocity(velocity: Array) -> Array:
+def force_velocity(velocity: Any, xp: Any = np) -> Any:
     """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
     d1, d2, d3, d4 = _VELOCITY
     inner = d2 * velocity + d3
-    return d1 * np.log(inner + np.sqrt(inner**2 + 1.0)) + d4
+    return d1 * xp.log(inner + xp.sqrt(inner**2 + 1.0)) + d4
 
 
-def passive_force_length(length: Array) -> Array:
+def passive_force_length(length: Any, xp: Any = np) -> Any:
     """f_p(l): 0 at l = 0.2, about 0.02 at l = 1, 1 at l = 1.6."""
     offset = np.exp(_PASSIVE_SHAPE * (_SHORTEST - 1.0) / _PASSIVE_STRAIN)
-    return (np.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
+    return (xp.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz
     s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
 
 Heads of one muscle share an activation, both sides stay closed, and the calf works for the ankle too, with soleus as
-one more activation (`cocontraction`); each by choice. F is linear in a (`force_capacity`). contact(q) is the contact
-model's load on the femur, as a generalised load: F of translations, Eᵀ(T - t×F) of rotations, about the moving origin
+one more activation (`cocontraction`); each by choice. By choice activations lag and tendons are compliant
+(`dynamics`), which couples frames; else F is linear in a (`force_capacity`). contact(q) is the contact model's load on
+the femur, as a generalised load: F of translations, Eᵀ(T - t×F) of rotations, about the moving origin
 (`angular_velocity_map`). s is the signed root load: a side that need not carry anything at least touches, because
 nothing else says where it floats. tx and tz where they are not free stand where equal forces on both sides cause no
 shear. ry and rz are prescribed. Measured contact forces enter nowhere.
@@ -26,9 +27,10 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, ContactFrames, shear_free_poses
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation import ContactFrames, shear_free_poses
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
+from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows, tension_bounds
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
 from problems.muscle_contact.muscle import ForceCapacity, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
@@ -55,7 +57,9 @@ class MuscleContact:
     """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
 
     Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates,
-    and where the ankle counts soleus' activation, which is not held below 1: what is beyond stands in like a reserve.
+    where the ankle counts soleus' activation, which is not held below 1 (what is beyond stands in like a reserve), and
+    where tendons are compliant their tensions over F0. solution: those variables -> activations (m, n), poses (6, n),
+    forces along the tendons (m, n) [N], reserves [N, N·m] and soleus' activation.
     """
 
     contact_model: SymbolicContact
@@ -63,21 +67,30 @@ class MuscleContact:
     balanced: tuple[str, ...]
     free: tuple[str, ...]
     capacity: ForceCapacity
-    shear_free: Array
-    ankle: bool
     nlp: dict[str, Any]
     lower: Array
     upper: Array
     lower_g: Array
     upper_g: Array
     start: Array
+    solution: ca.Function
 
-    @property
-    def scales(self) -> Array:
-        """Size of one unit of each variable of a frame: activation, mm or rad, N or N·m."""
-        moves = KNEE_STEPS[[pose_index(name) for name in self.free]]
-        reserves = [RESERVE_SIZES[name] for name in self.balanced]
-        return np.concatenate([np.ones(len(self.walk.muscles.names)), moves, reserves, np.ones(int(self.ankle))])
+
+class _Rows:
+    """Constraints low <= expression <= high, numbers or one for each entry, column by column."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[ca.MX, Array, Array]] = []
+
+    def add(self, expression: ca.MX, low: Any, high: Any) -> None:
+        """Take up an expression (r, n), bounds numbers or (n, r)."""
+        low, high = (np.broadcast_to(bound, expression.shape[::-1]).ravel() for bound in (low, high))
+        self.parts.append((ca.vec(expression), low, high))
+
+    def together(self) -> tuple[ca.MX, Array, Array]:
+        """All of them as one column, with bounds."""
+        expressions, lows, highs = zip(*self.parts, strict=True)
+        return ca.vertcat(*expressions), np.concatenate(lows), np.concatenate(highs)
 
 
 def _contact_function(balanced: Sequence[str]) -> ca.Function:
@@ -103,6 +116,8 @@ def build(
     by_volume: bool = False,
     ankle: bool = True,
     shank_m: float = SHANK_M,
+    activation_dynamics: bool = False,
+    compliant_tendons: bool = False,
 ) -> MuscleContact:
     """Pose the problem for all frames of a walk.
 
@@ -110,7 +125,8 @@ def build(
     person (`MuscleParameters.fitted_to`), by lengths only: those of this walk and, if given, of the person's other
     cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
     exponent p >= 2 of the cost; by_volume weighs each muscle by F0·L0 over the mean. margin_mm, share_heads, ankle and
-    shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out.
+    shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out. activation_dynamics, compliant_tendons: see
+    `dynamics`; tendons are compliant with model "hill" alone.
 
     Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
     """
@@ -119,6 +135,8 @@ def build(
     lengths = walk.lengths_m if other_lengths_m is None else np.vstack([walk.lengths_m, other_lengths_m])
     muscles = walk.muscles.fitted_to(lengths) if fit_lengths else walk.muscles
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
+    if compliant_tendons and model != "hill":
+        raise ValueError(f"muscle model is {model}, expected hill where tendons are compliant")
     try:
         poses = shear_free_poses(contact_model, walk.ry, walk.rz)
     except ValueError as error:
@@ -126,61 +144,65 @@ def build(
     frames, count, size = len(walk), len(muscles.names), len(balanced)
     least_roots = closed_sides(contact_model, walk.loads["knee_ty"], margin_mm)
 
-    ends = np.cumsum([0, count, len(free), size, int(ankle)])
+    ends = np.cumsum([0, count, len(free), size, int(ankle), count * int(compliant_tendons)])
     variables = ca.MX.sym("variables", int(ends[-1]), frames)
-    a, q, reserves, soleus = ca.vertsplit(variables, ends.tolist())
+    a, q, reserves, soleus, tensions = ca.vertsplit(variables, ends.tolist())
+    strength = ca.repmat(ca.DM(muscles.max_isometric_force_n), 1, frames)
+    rigid = ca.DM(capacity.active_n.T) * a + ca.DM(capacity.passive_n.T)
+    forces = strength * tensions if compliant_tendons else rigid
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
     knee = ContactFrames(contact_model, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
     contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
-    rows = []
+    sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
+    stand_ins = ca.mtimes(sizes, reserves)
+
+    rows = _Rows()
     for row, name in enumerate(balanced):
-        arms = walk.arms[name]
-        muscle_load = ca.sum1(ca.DM((arms * capacity.active_n).T) * a).T
-        rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
-        load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
-        rows.append(0.1 * in_newtons(name) * load.T)  # about as large as what a scaled variable changes
-    lower_g, upper_g = (
-        [np.zeros((frames, size)), least_roots],
-        [np.zeros((frames, size)), np.full_like(least_roots, np.inf)],
-    )
-    rows.append(knee.roots)
+        load = ca.sum1(ca.DM(walk.arms[name].T) * forces) + contact[row, :] + stand_ins[row, :]
+        left = load - ca.DM(walk.loads[name]).T
+        rows.add(0.1 * in_newtons(name) * left, 0.0, 0.0)  # about as large as what a scaled variable changes
+    rows.add(knee.roots, least_roots, np.inf)
     if share_heads:
         first, other = np.array(heads(muscles.names)).T
-        rows.append(a[first.tolist(), :] - a[other.tolist(), :])
-        lower_g.append(np.zeros((frames, len(first))))
-        upper_g.append(np.zeros((frames, len(first))))
+        rows.add(a[first.tolist(), :] - a[other.tolist(), :], 0.0, 0.0)
     if ankle:
-        columns = calf(muscles.names)
-        pull = ca.sum1(ca.DM(capacity.active_n.T[columns]) * a[columns, :]) + SOLEUS_N * soleus
-        rest = ankle_moment(walk, shank_m) / CALF_ARM_M - capacity.passive_n[:, columns].sum(axis=1)
-        rows.append(0.1 * CALF_ARM_M * in_newtons("knee_flexion") * (pull - ca.DM(rest).T))
-        lower_g.append(np.zeros((frames, 1)))
-        upper_g.append(np.full((frames, 1), np.inf))
-    sizes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
-    weights = sizes / sizes.mean() if by_volume else np.ones(count)
+        pull = ca.sum1(forces[calf(muscles.names), :]) + SOLEUS_N * soleus
+        beyond = CALF_ARM_M * pull - ca.DM(ankle_moment(walk, shank_m)).T
+        rows.add(0.1 * in_newtons("knee_flexion") * beyond, 0.0, np.inf)
+    if activation_dynamics:
+        rows.add(activation_rows(ca.vertcat(a, soleus), walk.time_s), 0.0, np.inf)
+    if compliant_tendons:
+        rows.add(10.0 * equilibrium_rows(muscles, walk.lengths_m, walk.time_s, a, tensions), 0.0, 0.0)
+    g, lower_g, upper_g = rows.together()
+    volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
+    weights = volumes / volumes.mean() if by_volume else np.ones(count)
     objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
-    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(ca.vertcat(*rows))}
+    x = ca.vec(variables)
 
     start, lower, upper = np.zeros((3, frames, int(ends[-1])))
     driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
     start[:, driven], lower[:, driven], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
     for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
-        table[:, count : count + len(free)] = values.reshape(frames, -1)
-    lower[:, ends[2] : ends[3]], upper[:, ends[2] :] = -np.inf, np.inf
+        table[:, ends[1] : ends[2]] = values.reshape(frames, -1)
+    lower[:, ends[2] : ends[3]], upper[:, ends[2] : ends[4]] = -np.inf, np.inf
+    if compliant_tendons:
+        least, most = tension_bounds()
+        lower[:, ends[4] :], upper[:, ends[4] :] = least, most
+        begun = (0.05 * capacity.active_n + capacity.passive_n) / muscles.max_isometric_force_n
+        start[:, ends[4] :] = np.clip(begun, 10.0 * least, most)
     return MuscleContact(
         contact_model,
         walk,
         balanced,
         knee.free,
         capacity,
-        poses,
-        ankle,
-        nlp,
+        {"x": x, "f": objective, "g": g},
         lower=lower.ravel(),
         upper=upper.ravel(),
-        lower_g=np.hstack(lower_g).ravel(),
-        upper_g=np.hstack(upper_g).ravel(),
+        lower_g=lower_g,
+        upper_g=upper_g,
         start=start.ravel(),
+        solution=ca.Function("solution", [x], [a, knee.pose, forces, stand_ins, soleus]),
     )
 
 

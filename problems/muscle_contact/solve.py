@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array, pose_index
+from casadi_contact.conventions import Array
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, contact_on_femur, in_newtons
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
@@ -47,34 +47,29 @@ class MuscleContactResult:
 
 def solve(problem: MuscleContact, max_iterations: int = 500, print_level: int = 0) -> MuscleContactResult:
     """Solve with IPOPT and its exact Hessian. Never raises for frames that do not converge: each is reported."""
-    walk, began = problem.walk, time.perf_counter()
+    began = time.perf_counter()
     options = ipopt_options(tolerance=1e-7, max_iterations=max_iterations, print_level=print_level)
     solver = ca.nlpsol("muscle_contact", "ipopt", problem.nlp, options)
     answer = solver(x0=problem.start, lbx=problem.lower, ubx=problem.upper, lbg=problem.lower_g, ubg=problem.upper_g)
     outcome = IpoptOutcome.of(solver)
     seconds = time.perf_counter() - began
-    variables = np.asarray(answer["x"]).reshape(len(walk), -1) * problem.scales
-    count, free = len(walk.muscles.names), len(problem.free)
-    reach = count + free + len(problem.balanced)
-    activations, moved, reserves, soleus = np.split(variables, [count, count + free, reach], axis=1)
-    poses = problem.shear_free.copy()
-    poses[:, [pose_index(name) for name in problem.free]] = moved
-    driven = soleus[:, 0] if problem.ankle else None
-    return _result(problem, activations, poses, reserves, driven, outcome, seconds)
+    activations, poses, forces, reserves, soleus = (np.asarray(part).T for part in problem.solution(answer["x"]))
+    driven = soleus[:, 0] if soleus.size else None
+    return _result(problem, activations, poses, forces, reserves, driven, outcome, seconds)
 
 
 def _result(
     problem: MuscleContact,
     activations: Array,
     poses: Array,
+    forces: Array,
     reserves: Array,
     soleus: Array | None,
     outcome: IpoptOutcome,
     seconds: float,
 ) -> MuscleContactResult:
     """What is left of each balance, evaluated anew from the model's NumPy side, and whether frames hold."""
-    walk, capacity = problem.walk, problem.capacity
-    forces = capacity.active_n * activations + capacity.passive_n
+    walk = problem.walk
     loads = problem.contact_model(poses, CONTACT_LOADS)
     contact = contact_on_femur(poses, loads)
     named = {name: reserves[:, column] for column, name in enumerate(problem.balanced)}
