@@ -32,7 +32,7 @@ from casadi_contact.optimisation import ContactFrames, shear_free_poses
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
 from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows, tension_bounds
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
-from problems.muscle_contact.muscle import ForceCapacity, force_capacity
+from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
 
 BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
@@ -66,6 +66,7 @@ class MuscleContact:
     walk: MuscleWalk
     balanced: tuple[str, ...]
     free: tuple[str, ...]
+    muscles: MuscleParameters
     capacity: ForceCapacity
     nlp: dict[str, Any]
     lower: Array
@@ -195,6 +196,7 @@ def build(
         walk,
         balanced,
         knee.free,
+        muscles,
         capacity,
         {"x": x, "f": objective, "g": g},
         lower=lower.ravel(),
