@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.stability.table import FAILURES, Line
 
@@ -50,8 +51,9 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
     )
 
 
-def muscle_contact_page(paths: Sequence[Path]) -> str:
-    """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces."""
+def muscle_contact_page(paths: Sequence[Path], settings: Path | None = None) -> str:
+    """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces; settings: the
+    result file of ``python -m problems.studies.muscle_settings``, a line for each that was tried."""
     found = [_read(path) for path in paths]
     rows = []
     for summary in found:
@@ -76,7 +78,17 @@ def muscle_contact_page(paths: Sequence[Path]) -> str:
         "elastic foundation (EF) at the solved poses: RMS (largest).",
         machine(found[0]["machine"]),
         table(columns, rows),
+        *([] if settings is None else _settings(_read(settings))),
     )
+
+
+def _settings(lines: dict[str, Any]) -> list[str]:
+    cycles = list(next(iter(lines.values())))
+    return [
+        "## All settings that were tried",
+        "RMS error (mean) of the medial and the lateral side [N], by `python -m problems.studies.muscle_settings`.",
+        table(["setting", *cycles], [[name, *map(error_cell, line.values())] for name, line in lines.items()]),
+    ]
 
 
 def stability_page(path: Path) -> str:
