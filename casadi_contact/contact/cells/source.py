@@ -30,12 +30,18 @@ _CELL = np.dtype(
 )
 _BLOCK = np.dtype([("middle", float, 3), ("half", float, 3), ("first", "i4"), ("last", "i4")], align=True)
 _INCLUDED = f"""\
-#if defined(__APPLE__)
+#if defined(__wasm__)
+static const _Alignas({_LINE}) char cells_data[] = {{
+#embed "{DATA_FILE}"
+}};
+#elif defined(__APPLE__)
 __asm__(".section __DATA,__const\\n.balign {_LINE}\\n_cells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.text\\n");
 #else
 __asm__(".pushsection .rodata\\n.balign {_LINE}\\ncells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.popsection\\n");
 #endif
+#if !defined(__wasm__)
 extern const char cells_data[] __attribute__((visibility("hidden")));
+#endif
 """
 
 
