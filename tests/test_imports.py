@@ -19,7 +19,8 @@ ROOMS = [
     *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "training", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
-    *("benchmark", "show", "report", "proposal", "pipeline", "tolerance", "progress", "commands", "cli", "__main__"),
+    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
+    *("commands", "cli", "__main__"),
 ]
 
 

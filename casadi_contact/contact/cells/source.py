@@ -29,12 +29,18 @@ _NODE = np.dtype([(name, float, size) for name, size in (("c", 3), ("n", 3), ("a
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
 _LANES = 4
 _INCLUDED = f"""\
-#if defined(__APPLE__)
+#if defined(__wasm__)
+static const _Alignas({_LINE}) char cells_data[] = {{
+#embed "{DATA_FILE}"
+}};
+#elif defined(__APPLE__)
 __asm__(".section __DATA,__const\\n.balign {_LINE}\\n_cells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.text\\n");
 #else
 __asm__(".pushsection .rodata\\n.balign {_LINE}\\ncells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.popsection\\n");
 #endif
+#if !defined(__wasm__)
 extern const char cells_data[] __attribute__((visibility("hidden")));
+#endif
 """
 
 
