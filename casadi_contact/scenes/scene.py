@@ -7,7 +7,6 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +17,7 @@ from typing import Any
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.material import Material
@@ -36,7 +36,6 @@ from casadi_contact.shapes.checks import (
 )
 
 FORMAT = 1
-MOST_CHARACTERS = 1_000_000  # of a scene's text
 MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
@@ -148,15 +147,7 @@ class Scene:
     @classmethod
     def from_toml(cls, text: str) -> Scene:
         """Read a scene from TOML text; raises ValueError for text that is not TOML or not a scene."""
-        if len(text) > MOST_CHARACTERS:
-            raise ValueError(f"scene: the text has {len(text)} characters, expected at most {MOST_CHARACTERS}")
-        try:
-            tables = tomllib.loads(text)
-        except RecursionError:
-            raise ValueError("scene: tables or lists are nested too deep, expected a few levels") from None
-        except ValueError as error:  # not TOML, or an integer of thousands of digits
-            raise ValueError(f"scene: not valid TOML ({error})") from None
-        return cls.from_tables(tables)
+        return cls.from_tables(toml_tables(text, "scene"))
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -257,18 +248,6 @@ def ready_scenes() -> list[str]:
     return sorted(name for name, text in texts.items() if "shape = " in text)
 
 
-def _scene_text(path: Path) -> str:
-    """The text of a scene file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
-    if not path.is_file():
-        raise FileNotFoundError(f"scene file {path} does not exist")
-    if path.stat().st_size > 4 * MOST_CHARACTERS:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, expected a scene of at most {4 * MOST_CHARACTERS}")
-    try:
-        return path.read_text("utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected a scene .toml") from None
-
-
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters.
 
@@ -279,7 +258,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """
     text_name = str(name_or_path)
     if text_name.endswith(".toml"):
-        text = _scene_text(Path(name_or_path))
+        text = toml_text(Path(name_or_path), "scene")
     elif text_name in ready_scenes():
         text = (resources.files("casadi_contact.scenes") / "ready" / f"{text_name}.toml").read_text("utf-8")
     else:
