@@ -39,8 +39,7 @@ def active_force_length(length: Array) -> Array:
 def force_velocity(velocity: Array) -> Array:
     """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
     d1, d2, d3, d4 = _VELOCITY
-    inner = d2 * velocity + d3
-    return d1 * np.log(inner + np.sqrt(inner**2 + 1.0)) + d4
+    return d1 * np.arcsinh(d2 * velocity + d3) + d4
 
 
 def passive_force_length(length: Array) -> Array:
