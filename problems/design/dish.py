@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -11,8 +12,7 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.contact.callback import contact_callback
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.patches import Torus
-from casadi_contact.contact.polar.pressures import patch_moments
-from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.polar.quadrature import patch_loads, twist
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, rotation
 from casadi_contact.scenes import Scene
 
@@ -56,15 +56,17 @@ class DishContact:
         slopes = np.zeros((*values.shape, 8))
         for p, patch in enumerate(self._model.patches):
             dish = replace(patch, torus=torus)
-            loads = patch_loads(dish, law, self.rays, R, t)
-            moments, by_twist = patch_moments(dish, law, self.rays, R, t)
-            by_radii, deepest_by_radii = dish_slopes(dish, law, self.rays, R, t)
+            with np.errstate(invalid="ignore"):  # an optimiser may try dishes that fit too tightly to have a middle
+                loads = patch_loads(dish, law, self.rays, R, t)
+                by_radii, there, deepest_by_radii = dish_slopes(dish, law, self.rays, R, t)
+            touching = there.depth > 0.0
+            by_twist = -twist(there.ends.G, there.ends.x - t) / there.ends.slope[:, None]
             rows = self._selection[:, p]
             values[:, :L] += loads.wrench @ rows.T
             slopes[:, :L, :6] += rows @ loads.stiffness @ turn
             slopes[:, :L, 6:] += rows @ by_radii
-            values[:, L + p] = moments[:, 5]
-            slopes[:, L + p, :6] = np.einsum("nk,nkj->nj", by_twist[:, 5], turn)
+            values[:, L + p] = np.where(touching, there.depth, 0.0)
+            slopes[:, L + p, :6] = touching[:, None] * np.einsum("nk,nkj->nj", by_twist, turn)
             slopes[:, L + p, 6:] = deepest_by_radii
         return values, slopes
 
@@ -73,8 +75,9 @@ class DishContact:
         after pose, with their Jacobian: one call for all, because NumPy evaluates many poses at the price of one."""
         rows = poses * (len(self.load_names) + len(self.patch_names))
 
-        def together(points: Array) -> tuple[Array, Array]:
-            (point,) = points
+        @lru_cache(maxsize=1)  # IPOPT asks for values and derivatives at one point in turn
+        def at(numbers: bytes) -> tuple[Array, Array]:
+            point = np.frombuffer(numbers)
             values, slopes = self.evaluate(point[:-2].reshape(poses, 6), point[-2:])
             whole = np.zeros((poses, values.shape[1], len(point)))
             for k in range(poses):
@@ -82,4 +85,6 @@ class DishContact:
             whole[:, :, -2:] = slopes[:, :, 6:]
             return values.reshape(1, -1), whole.reshape(1, rows, -1)
 
-        return contact_callback("dish_contact", [("loads_and_depths", rows, together)], 6 * poses + 2)
+        return contact_callback(
+            "dish_contact", [("loads_and_depths", rows, lambda points: at(points.tobytes()))], 6 * poses + 2
+        )

@@ -28,11 +28,12 @@ def test_loads_and_depths_change_with_the_radii_as_those_of_other_knees(radius):
     at = knee.scene.geometry[RADII[radius]]
     others = [foundation(**{RADII[radius]: at + sign * STEP_MM}) for sign in (1.0, -1.0)]
     for p, patch in enumerate(knee.patches):
-        wrenches, depths = dish_slopes(patch, knee.law, RAYS, R, t)
+        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, R, t)
         more, less = (patch_loads(o.patches[p], o.law, RAYS, R, t).wrench for o in others)
         expected = (more - less) / (2.0 * STEP_MM)
         assert np.abs(expected).max() > 100.0
         np.testing.assert_allclose(wrenches[..., radius], expected, atol=2e-4 * np.abs(expected).max())
+        np.testing.assert_allclose(there.depth, patch_moments(patch, knee.law, RAYS, R, t)[0][:, 5])
         more, less = (patch_moments(o.patches[p], o.law, RAYS, R, t)[0][:, 5] for o in others)
         np.testing.assert_allclose(depths[:, radius], (more - less) / (2.0 * STEP_MM), atol=1e-5)
 
@@ -57,8 +58,10 @@ def test_out_of_contact_nothing_changes():
     knee = foundation()
     lifted = POSES + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
     for patch in knee.patches:
-        for slopes in dish_slopes(patch, knee.law, RAYS, rotation(lifted[:, 3:]), lifted[:, :3]):
-            assert (slopes == 0.0).all()
+        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, rotation(lifted[:, 3:]), lifted[:, :3])
+        assert (wrenches == 0.0).all()
+        assert (depths == 0.0).all()
+        assert (there.depth < 0.0).all()
 
 
 def test_a_plane_has_no_dish():

@@ -107,7 +107,9 @@ def command(monkeypatch, *arguments):
 
 
 def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--frames", 3, "--out", tmp_path) == 0
+    scene = tmp_path / "coarse.toml"
+    scene.write_text(cc.load_scene("knee", teacher=(160, 80)).to_toml(), "utf-8")
+    assert command(monkeypatch, "--scene", scene, "--frames", 2, "--out", tmp_path) == 0
     assert "the EF agrees" in capsys.readouterr().out.replace("\n", " ")
     summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
     assert summary["best"]["peak_mpa"] < summary["first"]["peak_mpa"]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.ends import Ends, ray_ends
-from casadi_contact.contact.polar.middle import deepest, deepest_within, middle, within
+from casadi_contact.contact.polar.middle import Spot, deepest, deepest_within, middle, within
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.quadrature import points_of
 from casadi_contact.contact.polar.rays import Rays, ray_plan
@@ -27,11 +27,12 @@ RADII = ("dish_sagittal_radius", "dish_frontal_radius")
 
 def dish_slopes(
     patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R: Array, t: Array
-) -> tuple[Array, Array]:
-    """d wrench/d radii (n, 6, 2) [N/mm, N] and d largest depth/d radii (n, 2), radii as in `RADII`, in n poses.
+) -> tuple[Array, Spot, Array]:
+    """d wrench/d radii (n, 6, 2) [N/mm, N], the deepest point, and d its depth/d radii (n, 2), radii as in `RADII`, in
+    n poses.
 
-    Zero without contact. Where the rim cuts the contact, the change of the rim with the radii is left out. Raises
-    ValueError for a patch that is no dish.
+    Slopes are zero without contact. Where the rim cuts the contact, the change of the rim with the radii is left out.
+    Raises ValueError for a patch that is no dish.
     """
     if patch.torus is None or patch.torus.w_sign > 0.0:
         raise ValueError("a patch has no dish, expected a scene of the shape knee")
@@ -50,7 +51,7 @@ def dish_slopes(
         by_radius.append(-by_depth - np.einsum("nmg,nmgk->nk", weight * p, turned))
         at_deepest = _depth_slope(there.ends, *_surface_slopes(patch.torus, there.u, there.v, sagittal=sagittal))
         deepest_by_radius.append(np.where(spot.depth > 0.0, at_deepest, 0.0))
-    return np.stack(by_radius, -1), np.stack(deepest_by_radius, -1)
+    return np.stack(by_radius, -1), there, np.stack(deepest_by_radius, -1)
 
 
 def _surface_slopes(torus: Torus, u: Array, v: Array, *, sagittal: bool) -> tuple[Array, Array]:
