@@ -111,6 +111,7 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
+#ifdef FIELD_TANGENTS
 /* Whether the body may come within TOUCH of a box about a point, sides in the fixed frame: by value, slope and bow of
  * the field at the node nearest to the point (see contact/cells/tangents.py), without a look at the spline. */
 INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
@@ -137,6 +138,7 @@ INLINE int may_touch(const double q[3], const double half[3], const Frame *frame
   }
   return least <= TOUCH;
 }
+#endif
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -169,12 +171,12 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 }
 #endif
 
-#if !BODY_FIELD
+#ifndef FIELD_TANGENTS
 INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
   const Lanes at[3] = {all(q[0]), all(q[1]), all(q[2])};
   Distance found;
   distance_at(at, 1, &found);
   (void)frame;
-  return found.g[0] - sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) <= TOUCH;
+  return found.g[0] - (BODY_FIELD ? STEEPEST : 1.0) * sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) <= TOUCH;
 }
 #endif
