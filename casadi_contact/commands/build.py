@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -40,12 +41,17 @@ def build(
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     project = Project.open(scene, preset, out)
+    stages: dict[str, Callable[[], None]] = {
+        "samples": lambda: _sample(project, [*(cycles or []), *(more_cycles or [])], table, model),
+        "training": lambda: _train(project),
+        "evaluation": lambda: _evaluate(project),
+        "export": lambda: _export(project),
+        "report": lambda: _report(project),
+    }
     with folder_lock(project.folder):
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
-        _train(project)
-        _evaluate(project)
-        _export(project)
-        _report(project)
+        for number, (stage, run) in enumerate(stages.items(), start=1):
+            console.print(f"stage {number} of {len(stages)}: {stage}", highlight=False)
+            run()
 
 
 def sample(

@@ -120,7 +120,7 @@ def _arrays(
         arrays[f"{name}_normals"] = np.round(part.normals, 3).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in zip(contact.patch_names, surfaces, strict=True):
-        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.areas_mm2
+        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
     return arrays
 
 
