@@ -11,6 +11,7 @@ all others are kept and printed as they are:
                                                                     and of errors below the expected error
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
     command, versions, seed, ...                                    how it was made
 """
 
@@ -27,7 +28,7 @@ from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
 
-_TABLES = ("samples", "training_errors", "test_errors", "coverage")
+_TABLES = ("samples", "training_errors", "test_errors", "coverage", "convergence")
 
 
 @dataclass(frozen=True)

@@ -58,12 +58,12 @@ class _Tables:
         return start
 
 
-def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
-    """C that defines `patch_loads`, and its data."""
+def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) -> tuple[str, bytes]:
+    """C that defines `patch_loads`, and its data; with_tangents: False for half the data of a mesh, and more time."""
     tables, cells, law = _Tables(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
-    body = _body(patches[0].body, tables)
+    body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
@@ -97,7 +97,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     return "\n".join(text), tables.data
 
 
-def _body(surface: MovingSurface, tables: _Tables) -> str:
+def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     """Definitions that ``cells_body.h`` reads."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
@@ -109,14 +109,15 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"static const double round_centre[3] = {braces(centre)};"
         )
     origin, spacing, coefficients, _ = field_parts(surface.parameters)
-    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
-        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
-        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
+    if with_tangents:
+        rows, index = tangents(coefficients, spacing)
+        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
+        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
