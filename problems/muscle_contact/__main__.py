@@ -14,6 +14,7 @@ from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.muscle_contact.cocontraction import SHANK_M
+from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -94,7 +95,7 @@ def run(
     verdict = judge(
         problem.contact_model, result.poses, result.converged, own_model(problem.contact_model.scene), CONTACT_LOADS
     )
-    report(problem, result, verdict, out, comparison, source.kind)
+    report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind)
     end_with(verdict, NAME, out)
 
 

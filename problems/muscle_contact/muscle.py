@@ -43,8 +43,7 @@ def active_force_length(length: Any, xp: Any = np) -> Any:
 def force_velocity(velocity: Any, xp: Any = np) -> Any:
     """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
     d1, d2, d3, d4 = _VELOCITY
-    inner = d2 * velocity + d3
-    return d1 * xp.log(inner + xp.sqrt(inner**2 + 1.0)) + d4
+    return d1 * xp.arcsinh(d2 * velocity + d3) + d4
 
 
 def passive_force_length(length: Any, xp: Any = np) -> Any:
