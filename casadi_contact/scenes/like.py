@@ -24,8 +24,9 @@ def completed(tables: Mapping[str, Any], ready: Callable[[str], Mapping[str, Any
     whole = dict(completed(ready(name), ready))
     for key, value in tables.items():
         before = whole.get(key)
-        merged = isinstance(before, Mapping) and isinstance(value, Mapping) and key != "tolerances"
-        whole[key] = {**before, **value} if merged else value
+        if isinstance(before, Mapping) and isinstance(value, Mapping) and key != "tolerances":
+            value = {**before, **value}
+        whole[key] = value
     del whole["like"]
     if "tolerances" not in tables and isinstance(whole["loads"], Mapping):
         names = whole["loads"]["names"]
