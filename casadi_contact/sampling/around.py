@@ -9,7 +9,7 @@ from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
-AROUND_COUNTS = (4000, 16_000)  # at least, at most; in between a sixth as many as the samples
+AROUND_COUNTS = (4000, 40_000)  # at least, at most; in between a third as many as the samples
 
 
 def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = None, seed: int = 12) -> Samples:
@@ -20,7 +20,7 @@ def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = 
     """
     rng = np.random.default_rng(seed)
     if count is None:
-        count = int(np.clip(len(samples) // 6, *AROUND_COUNTS))
+        count = int(np.clip(len(samples) // 3, *AROUND_COUNTS))
     known = samples.select("D1").poses
     if not len(known):
         known = samples.poses

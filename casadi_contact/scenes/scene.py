@@ -7,7 +7,6 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +17,7 @@ from typing import Any
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
@@ -38,7 +38,6 @@ from casadi_contact.shapes.checks import (
 )
 
 FORMAT = 1
-MOST_CHARACTERS = 1_000_000  # of a scene's text
 MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
@@ -158,15 +157,7 @@ class Scene:
 
         ``like`` names a ready-made scene that holds what the text leaves out.
         """
-        if len(text) > MOST_CHARACTERS:
-            raise ValueError(f"scene: the text has {len(text)} characters, expected at most {MOST_CHARACTERS}")
-        try:
-            tables = tomllib.loads(text)
-        except RecursionError:
-            raise ValueError("scene: tables or lists are nested too deep, expected a few levels") from None
-        except ValueError as error:  # not TOML, or an integer of thousands of digits
-            raise ValueError(f"scene: not valid TOML ({error})") from None
-        return cls.from_tables(completed(tables, _ready_tables))
+        return cls.from_tables(completed(toml_tables(text, "scene"), _ready_tables))
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -286,19 +277,7 @@ def _ready_text(name: str) -> str:
 
 
 def _ready_tables(name: str) -> Mapping[str, Any]:
-    return tomllib.loads(_ready_text(name))
-
-
-def _scene_text(path: Path) -> str:
-    """The text of a scene file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
-    if not path.is_file():
-        raise FileNotFoundError(f"scene file {path} does not exist")
-    if path.stat().st_size > 4 * MOST_CHARACTERS:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, expected a scene of at most {4 * MOST_CHARACTERS}")
-    try:
-        return path.read_text("utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected a scene .toml") from None
+    return toml_tables(_ready_text(name), "scene")
 
 
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
@@ -310,7 +289,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
     """
     text_name = str(name_or_path)
-    text = _scene_text(Path(name_or_path)) if text_name.endswith(".toml") else _ready_text(text_name)
+    text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else _ready_text(text_name)
     try:
         scene = Scene.from_toml(text)
         given = scene.tables["geometry"]
