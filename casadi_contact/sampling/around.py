@@ -27,7 +27,7 @@ def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = 
     poses = known[rng.integers(len(known), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
-    poses = poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3)
+    poses = samples.scene.pose_space.onto(poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3))
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     wrenches, gaps, edge = evaluated(model, poses, len(samples.scene.parts))
     kept, domain = ~edge, np.ones(count, dtype=np.uint8)

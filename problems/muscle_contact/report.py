@@ -20,11 +20,11 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, coordinate_unit
+from problems.muscle_contact.cocontraction import SOLEUS_N
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 
-SIDES = ("Fy_med", "Fy_lat")
 _MUSCLES = {
     "bflh": "biceps femoris, long head",
     "bfsh": "biceps femoris, short head",
@@ -168,6 +168,8 @@ def _write_table(
     for muscle, name in enumerate(walk.muscles.names):
         columns[f"{name}_activation"] = result.activations[:, muscle]
         columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
+    if result.soleus is not None:
+        columns |= {"soleus_activation": result.soleus, "soleus_N": SOLEUS_N * result.soleus}
     for name in problem.balanced:
         columns[f"{name}_reserve_{coordinate_unit(name)}"] = result.reserves[name]
         columns[f"{name}_imbalance_{coordinate_unit(name)}"] = result.unbalanced[name]
