@@ -29,12 +29,18 @@ _NODE = np.dtype([("vectors", float, (6, 4)), ("loads", float, 8)])
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
 _LANES = 4
 _INCLUDED = f"""\
-#if defined(__APPLE__)
+#if defined(__wasm__)
+static const _Alignas({_LINE}) char cells_data[] = {{
+#embed "{DATA_FILE}"
+}};
+#elif defined(__APPLE__)
 __asm__(".section __DATA,__const\\n.balign {_LINE}\\n_cells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.text\\n");
 #else
 __asm__(".pushsection .rodata\\n.balign {_LINE}\\ncells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.popsection\\n");
 #endif
+#if !defined(__wasm__)
 extern const char cells_data[] __attribute__((visibility("hidden")));
+#endif
 """
 
 
@@ -52,12 +58,12 @@ class _Tables:
         return start
 
 
-def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
-    """C that defines `patch_loads`, and its data."""
+def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) -> tuple[str, bytes]:
+    """C that defines `patch_loads`, and its data; with_tangents: False for half the data of a mesh, and more time."""
     tables, cells, law = _Tables(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
-    body = _body(patches[0].body, tables)
+    body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
@@ -94,7 +100,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     return "\n".join(text), tables.data
 
 
-def _body(surface: MovingSurface, tables: _Tables) -> str:
+def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     """Definitions that ``cells_body.h`` reads."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
@@ -106,16 +112,17 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"static const double round_centre[3] = {braces(centre)};"
         )
     origin, spacing, coefficients, _ = field_parts(surface.parameters)
-    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
         **{f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)},
         "TANGENT_SPACING": STRIDE * spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
-        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
-        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
+    if with_tangents:
+        rows, index = tangents(coefficients, spacing)
+        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
+        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
