@@ -10,7 +10,7 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
-from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
+from casadi_contact.contact.cells.basis import corner_shares, hermite_functions, share_products
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
@@ -67,6 +67,8 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
+        "ALONG_U": cells.along_u,
+        "ALONG_V": cells.along_v,
         "MOST_NODES": max(len(quad.patch.c) for quad in patches),
         "MOST_CELLS": max(len(quad.patch.corners) for quad in patches),
         "MOST_GROUPS": max(_groups(quad.patch)[-1] for quad in patches),
@@ -86,7 +88,13 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "STEEPEST": STEEPEST_FIELD,
         "BOW_REACH": BOW_REACH_MM,
     }
-    arrays = {"hermite[SUB_POINTS][12]": functions, "share[SUB_POINTS][4]": shares, "whole[4][12]": whole}
+    arrays = {
+        "hermite[SUB_POINTS][12]": functions,
+        "share[SUB_POINTS][4]": shares,
+        "whole[4][12]": whole,
+        "product_u[ALONG_U][8]": share_products(cells.along_u),
+        "product_v[ALONG_V][8]": share_products(cells.along_v),
+    }
     text = [
         "#include <stddef.h>",
         *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
@@ -115,12 +123,12 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
-        **{f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)},
-        "TANGENT_SPACING": STRIDE * spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
     }
     if with_tangents:
         rows, index = tangents(coefficients, spacing)
+        sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
+        sizes["TANGENT_SPACING"] = STRIDE * spacing
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
         sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
