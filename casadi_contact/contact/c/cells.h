@@ -19,7 +19,9 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
     distances(boxes->middle, pose, frame, &found);
     found -= STEEPEST * boxes->size;
     memcpy(least + b, &found, sizeof found);
-    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) first_block = least[b + l] < least[first_block] ? b + l : first_block;
+    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
+      if (least[b + l] < least[first_block]) first_block = b + l;
+    }
   }
   for (int k = -1; k < p->block_count; k++) {
     const int b = k < 0 ? first_block : k;

@@ -1,5 +1,5 @@
-/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
- * far they reach from their middles, below 0 where there is none. */
+/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size:
+ * how far they reach from their middles, below 0 where there is none. */
 typedef struct {
   Lanes middle[3], half[2][3], beyond, size;
 } Boxes;

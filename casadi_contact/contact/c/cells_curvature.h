@@ -87,7 +87,8 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
   for (int i = 0; i < 3; i++) {
     w[i] = at->near_slope * inverse * (w_a[i] + at->d * w_b[i] + slope * at->m_slope * by.n[i]);
   }
-  e = (weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n)) / by.total;
+  e = weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n);
+  e /= by.total;
   for (int i = 0; i < 3; i++) w[i] += e * late * at->m_slope * by.n[i];
   bend_of(&at->at, w, bent);
   third_of(&at->at, w, t);

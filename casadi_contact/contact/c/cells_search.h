@@ -137,7 +137,8 @@ FUNCTION void sort_cells(const Patch *p, double spare, Scratch *s) {
     memcpy(chosen, s->chosen + k, sizeof chosen);
     corner_values(p, s, chosen, v);
     for (int c = 0; c < 4; c++) {
-      const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1], along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
+      const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
+      const Lanes along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
       const Lanes high = v[3 * c] + larger_of(along_u, all(0.0)) + larger_of(along_v, all(0.0));
       const Lanes low = v[3 * c] + smaller_of(along_u, all(0.0)) + smaller_of(along_v, all(0.0));
       highest = c ? larger_of(highest, high) : high, lowest = c ? smaller_of(lowest, low) : low;

@@ -123,7 +123,9 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     const Lanes first = lanes_at(s->share[k]), second = lanes_at(s->share[k] + BLOCK);
     if (s->share[k][6] == 0.0) continue;
     loads[0] -= s->share[k][6] * lanes_at(of), loads[1] -= s->share[k][6] * lanes_at(of + BLOCK);
-    for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+    for (int i = 0; i < 7 && order >= 2; i++) {
+      sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+    }
   }
   for (int i = 0; i < 7; i++) sums->loads[i] = loads[i / BLOCK][i % BLOCK];
 }
