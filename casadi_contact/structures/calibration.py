@@ -24,7 +24,7 @@ from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
 COVERAGE = 0.95  # share of unseen errors that shall lie below the expected error
-FITTED = 0.96  # share of validation errors that do: of unseen ones about a hundredth fewer
+FITTED = 0.96  # share of validation errors that do: of unseen poses, which are spread otherwise, a hundredth fewer
 INSIDE = 0.995  # share of held-out poses near enough to the samples for a validity above 0.9
 CENTRES, DENSE_CENTRES = 256, 64
 BANDWIDTH, DENSE_BANDWIDTH = 0.5, 0.4  # of the scales, the deviation of an even spread over the sampled range
