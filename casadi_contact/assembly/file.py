@@ -20,7 +20,6 @@ slack_length_mm = 78.0
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -32,12 +31,12 @@ from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.shapes.checks import fail, number, plain_values, scene_name, table_of
 
 FORMAT = 1
-MOST_CHARACTERS = 1_000_000
 _FRAMES = ("fixed_frame", "moving_frame")
 _ROOM = "casadi_contact.assembly"
 
@@ -56,9 +55,7 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
     """
     path = Path(name_or_path)
     if str(name_or_path).endswith(".toml"):
-        if not path.is_file():
-            raise FileNotFoundError(f"assembly file {path} does not exist")
-        text = path.read_text("utf-8")
+        text = toml_text(path, "assembly")
     elif str(name_or_path) in ready_assemblies():
         text = (resources.files(_ROOM) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
     else:
@@ -66,12 +63,9 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
         raise ValueError(
             f"unknown assembly {str(name_or_path)!r}, expected one of {possible}, or a path to a .toml file"
         )
-    if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"{name_or_path}: {len(text)} characters, expected at most {MOST_CHARACTERS}")
+    tables = toml_tables(text, str(name_or_path))
     try:
-        return _assembly(tomllib.loads(text), path.parent, contact or foundation)
-    except RecursionError:
-        raise ValueError(f"{name_or_path}: tables are nested too deep, expected a few levels") from None
+        return _assembly(tables, path.parent, contact or foundation)
     except ValueError as error:
         raise ValueError(f"{name_or_path}: {error}") from None
 
