@@ -42,8 +42,9 @@ def test_contact_carries_what_tendon_and_quadriceps_leave(ride):
     share = np.hypot(pressed, load(ride, "patellofemoral_Fy")) / TENSION_N
     assert share[0] < share[2]
     assert share[1] < share[2]
-    assert (load(ride, "patellar_tendon") < TENSION_N).all()
-    assert (load(ride, "patellar_tendon") > 0.5 * TENSION_N).all()
+    tendon = load(ride, "patellar_tendon") / TENSION_N
+    np.testing.assert_allclose(tendon[:2], 1.0, atol=0.05)
+    assert 0.5 < tendon[2] < 0.8
 
 
 def test_random_starts_end_where_the_neighbours_led(ride):
