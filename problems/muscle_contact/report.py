@@ -21,11 +21,10 @@ from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.cocontraction import SOLEUS_N
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, coordinate_unit
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 
-SIDES = ("Fy_med", "Fy_lat")
 _MUSCLES = {
     "bflh": "biceps femoris, long head",
     "bfsh": "biceps femoris, short head",

@@ -23,9 +23,8 @@ from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
 from problems.common.command import RESULTS, new_app, run_command
-from problems.muscle_contact.knee_coordinates import COORDINATES
+from problems.muscle_contact.knee_coordinates import COORDINATES, SIDES
 from problems.muscle_contact.problem import LEAST_SQUARES
-from problems.muscle_contact.report import SIDES
 from problems.muscle_contact.walk import MuscleWalk, read_walk
 
 PRETENSION_N = 100.0  # of each collateral ligament: stiffness 2,000 N at a strain of 0.08 (Blankevoort et al. 1991)

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from problems.muscle_contact.knee_coordinates import SIDES
 from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.stability.table import FAILURES, Line
-
-_SIDES = ("Fy_med", "Fy_lat")
 
 
 def pose_estimation_page(paths: Sequence[Path]) -> str:
@@ -20,9 +19,7 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
     rows = []
     for summary in found:
         errors = summary["errors"]
-        forces = [
-            ", ".join(_rms_and_largest(errors[side][key]) for side in _SIDES) for key in ("fine_ef", "teacher_ef")
-        ]
+        forces = [", ".join(_rms_and_largest(errors[side][key]) for side in SIDES) for key in ("fine_ef", "teacher_ef")]
         starts = summary.get("random_starts")
         rows.append(
             [
@@ -58,10 +55,8 @@ def muscle_contact_page(paths: Sequence[Path], settings: Path | None = None) -> 
     rows = []
     for summary in found:
         errors = summary["errors_n"]
-        measured = [
-            f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in _SIDES
-        ]
-        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in _SIDES)
+        measured = [f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in SIDES]
+        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in SIDES)
         solved = f"{summary['converged']} of {summary['frames']}"
         rows.append(
             [summary["walk"], solved, str(summary["ipopt_iterations"]), f"{summary['seconds']:.2f}", *measured, teacher]
