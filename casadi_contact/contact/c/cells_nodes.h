@@ -22,10 +22,6 @@ INLINE Lanes positive_ramp(Lanes x, double width, Lanes *slope, Lanes *bend, Lan
   return pick(x > width, x, width / 16.0 * up * up * up * (3.0 - u));
 }
 
-INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
-  for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
-}
-
 INLINE void to_fixed(const Frame *frame, const double twist[6], double turned[6]) {
   for (int i = 0; i < 3; i++) {
     turned[i] = dot3(frame->r[i], twist);
@@ -58,8 +54,7 @@ INLINE void floor_of_sigma(Depth *at) {
 INLINE void depth_at(const Node *nodes, const int *ids, const double *pose, const Frame *frame, int order, Depth *at) {
   Lanes w[3], q[3], first, near;
   gather(nodes, ids, offsetof(Node, c), w);
-  for (int i = 0; i < 3; i++) w[i] -= pose[i];
-  to_body(frame, w, q);
+  to_place(w, pose, frame, q);
   gather(nodes, ids, offsetof(Node, n), w);
   to_body(frame, w, at->n);
   for (int a = 0; a < 2; a++) {

@@ -1,17 +1,17 @@
 /* The cells of a patch that may touch in a pose, and what their corners are like. */
 typedef struct {
-  double middle[3], half[3]; /* box around the surface of the cell, sub-points and all */
   int corners[4], present, rim;
 } Cell;
 
 typedef struct {
-  double middle[3], half[3];
-  int first, last; /* cells */
+  int first, last; /* of its boxes of cells */
 } Block;
 
 typedef struct {
   const Node *nodes;
-  const Cell *cells;
+  const Cell *cells;        /* as many as there are in boxes: none where these are none */
+  const Boxes *cell_boxes;  /* around their surface, sub-points and all */
+  const Boxes *block_boxes; /* around the surface of blocks */
   const Block *blocks;
   const unsigned char *known;           /* nodes within the rim */
   const double (*present)[SUB_POINTS]; /* 1 at sub-points on the surface: of whole cells, then of those at the rim */
@@ -20,7 +20,7 @@ typedef struct {
 
 /* Of one patch in one pose; one for each thread, since it would not fit on every stack. */
 typedef struct {
-  int nodes, cells, ids[MOST_NODES + BLOCK], chosen[MOST_CELLS + BLOCK];
+  int nodes, cells, ids[MOST_NODES + BLOCK], chosen[MOST_CELLS + BLOCK], groups[MOST_GROUPS];
   int slot[MOST_NODES]; /* of a node in what follows; holds where seen[node] is the present turn */
   unsigned seen[MOST_NODES], turn;
   double value[MOST_NODES + BLOCK][4], weight[MOST_NODES + BLOCK][4];
@@ -28,28 +28,19 @@ typedef struct {
 } Scratch;
 static __thread Scratch scratch __attribute__((aligned(64)));
 
-INLINE double steepest_reach(const double half[3]) {
-  return STEEPEST * sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
-}
-
-INLINE void place_of(const double point[3], const double *pose, const Frame *frame, double q[3]) {
-  for (int j = 0; j < 3; j++) {
-    q[j] = 0.0;
-    for (int i = 0; i < 3; i++) q[j] += frame->r[i][j] * (point[i] - pose[i]);
-  }
+INLINE Scratch *own_scratch(void) {
+  Scratch *s = &scratch;
+  __asm__("" : "+r"(s)); /* else the thread's address is asked for at each use */
+  return s;
 }
 
 /* Distance at four points of the fixed frame */
-FUNCTION void distances(const double *points[BLOCK], const double *pose, const Frame *frame, double found[BLOCK]) {
+FUNCTION void distances(const Lanes points[3], const double *pose, const Frame *frame, Lanes *found) {
   Lanes q[3];
   Distance at;
-  for (int l = 0; l < BLOCK; l++) {
-    double place[3];
-    place_of(points[l], pose, frame, place);
-    for (int i = 0; i < 3; i++) q[i][l] = place[i];
-  }
+  to_place(points, pose, frame, q);
   distance_at(q, 1, &at);
-  for (int l = 0; l < BLOCK; l++) found[l] = at.g[l];
+  *found = at.g;
 }
 
 INLINE void want_corners(Scratch *s, const Cell *cell) {
@@ -60,21 +51,28 @@ INLINE void want_corners(Scratch *s, const Cell *cell) {
   }
 }
 
-/* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
-FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+INLINE void begin_turn(Scratch *s) {
   s->nodes = s->cells = 0;
   if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
-  for (int b = 0; b < p->block_count; b++) {
-    const Block *block = p->blocks + b;
-    double place[3];
-    place_of(block->middle, pose, frame, place);
-    if (!may_touch(place, block->half, frame)) continue;
-    for (int c = block->first; c < block->last; c++) {
-      const Cell *cell = p->cells + c;
-      place_of(cell->middle, pose, frame, place);
-      if (!may_touch(place, cell->half, frame)) continue;
-      want_corners(s, cell);
-      s->chosen[s->cells++] = c;
+}
+
+/* Fill `chosen` with the cells that may touch, and `ids` with their corners. */
+FUNCTION void choose_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+  int groups = 0;
+  begin_turn(s);
+  KEEP_LOOP for (int b = 0; b < p->block_count; b += BLOCK) {
+    const Mask near = may_touch(p->block_boxes + b / BLOCK, pose, frame);
+    KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
+      for (int k = p->blocks[b + l].first; near[l] && k < p->blocks[b + l].last; k++) s->groups[groups++] = k;
+    }
+  }
+  KEEP_LOOP for (int g = 0; g < groups; g++) {
+    const Mask touch = may_touch(p->cell_boxes + s->groups[g], pose, frame);
+    KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
+      const int cell = BLOCK * s->groups[g] + l;
+      if (!touch[l]) continue;
+      want_corners(s, p->cells + cell);
+      s->chosen[s->cells++] = cell;
     }
   }
 }
