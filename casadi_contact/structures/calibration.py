@@ -68,8 +68,11 @@ def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     trust = _confirmed(trust, surrogate, known.join_samples(around))
     trust = _bounded(trust, surrogate, training, held_out, around.select(role=VALIDATION))
     with_trust = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    coverage = trust_coverage(with_trust, samples.select(role=TEST), around.select(role=TEST))
-    return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "coverage": coverage}, trust)
+    test = samples.select(role=TEST)
+    record = {**surrogate.record, "coverage": trust_coverage(with_trust, test, around.select(role=TEST))}
+    if len(test):
+        record["valid_share"] = float(np.mean(with_trust.validity(test.poses) > 0.9))
+    return kind(surrogate.scene, surrogate.networks, record, trust)
 
 
 def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:

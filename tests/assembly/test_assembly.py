@@ -193,3 +193,42 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
     (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + "[ropes]\n")
     with pytest.raises(ValueError, match="ropes"):
         cc.load_assembly(tmp_path / "a.toml")
+
+
+SOUND = """format = 1
+name = "joint"
+ground = "earth"
+[bodies.body]
+pose = [0, 0, 0, 0, 0, 0]
+[ligaments.band]
+bodies = ["body", "earth"]
+points_mm = [[0, 0, 0], [0, 1, 0]]
+stiffness_n = 1.0
+slack_length_mm = 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("sound", "hostile", "said"),
+    [
+        ('name = "joint"', 'name = "../../joint"', "name = "),
+        ('ground = "earth"', 'ground = "earth*/ system(0); /*"', "body = "),
+        ("[bodies.body]", '[bodies."\\u001b[31m"]', "bodies = "),
+        ("[ligaments.band]", '[ligaments."band;exit(1)"]', "name = 'band;exit"),
+        ("stiffness_n = 1.0", "stiffness_n = nan", "stiffness_n"),
+        ("slack_length_mm = 1.0", "slack_length_mm = -1.0", "slack_length_mm"),
+        ("[0, 1, 0]", "[0, 1e300, 0]", "points_mm"),
+        ("pose = [0,", f"pose = [{'9' * 5000},", "not valid TOML"),
+        ("format = 1", "format = 1\nx = " + "[" * 3000, "nested too deep"),
+    ],
+)
+def test_a_hostile_file_is_refused_in_one_line(sound, hostile, said, tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SOUND)
+    assert cc.load_assembly(path).load_names == ("band",)
+    path.write_text(SOUND.replace(sound, hostile))
+    with pytest.raises(ValueError) as refused:
+        cc.load_assembly(path)
+    assert said in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+    assert str(refused.value).isprintable()

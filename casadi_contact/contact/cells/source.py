@@ -25,7 +25,7 @@ from casadi_contact.transcription.kernel.source import c_text
 _C = "casadi_contact.contact.c"
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
-_NODE = np.dtype([(name, float, size) for name, size in (("c", 3), ("n", 3), ("along", 6), ("bend", 6), ("loads", 7))])
+_NODE = np.dtype([("vectors", float, (6, 4)), ("loads", float, 8)])
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
 _LANES = 4
 _INCLUDED = f"""\
@@ -76,6 +76,9 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "FLATTEST_WIDTH": quadrature.FLATTEST_WIDTH,
         "DEEPEST_START": quadrature.DEEPEST_START_MM,
         "HIGHEST_START": quadrature.HIGHEST_START_MM,
+        "SMALL_DEPTH": quadrature.SMALL_MM,
+        "SMALL_DEPTH_WIDTH": quadrature.SMALL_WIDTH_MM,
+        "SPARE": 0.5 * quadrature.TOUCH_MM,
         "FAR_DEPTH": quadrature.FAR_MM,
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
         "TOUCH": quadrature.TOUCH_MM,
@@ -125,9 +128,8 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
 def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     """The fields of `Patch` in their order."""
     nodes = np.zeros(len(patch.c), _NODE)
-    for name, values in (("c", patch.c), ("n", patch.n), ("along", patch.tangents), ("bend", patch.bends)):
-        nodes[name] = values.reshape(len(nodes), -1)
-    nodes["loads"] = patch.loads
+    vectors = np.concatenate([patch.c[:, None], patch.n[:, None], patch.tangents, patch.bends], 1)
+    nodes["vectors"][..., :3], nodes["loads"][:, :7] = vectors, patch.loads
     patterns, kind = np.unique(1.0 - patch.present, axis=0, return_inverse=True)
     whole = np.zeros((1, patch.present.shape[1]))
     sizes = np.diff(patch.blocks)
