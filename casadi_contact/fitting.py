@@ -26,6 +26,7 @@ from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
 
 _log = logging.getLogger(__name__)
+_COURSE_POINTS = 60  # of a fit that the record keeps
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
@@ -145,6 +146,17 @@ def size_text(hidden: Sequence[int]) -> str:
     return "-".join(map(str, hidden))
 
 
+def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Work done [Gflop] and RMS of the fit at up to `_COURSE_POINTS` of its iterations, evenly spaced in log work."""
+    gflop, rms = history["gflop"], history["training_rms"]
+    begun = np.flatnonzero(gflop > 0.0)
+    if not len(begun):
+        return {"gflop": [], "rms": []}
+    wanted = np.geomspace(gflop[begun[0]], gflop[-1], _COURSE_POINTS)
+    chosen = np.unique(np.minimum(np.searchsorted(gflop, wanted), len(gflop) - 1))
+    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}
+
+
 def _record(
     project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
 ) -> dict[str, Any]:
@@ -157,6 +169,7 @@ def _record(
         "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
+        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
         "machine": machine_record(),
     }

@@ -8,7 +8,8 @@ pose = [0.0, 28.0, 0.0, 0.0, 0.0, 0.0]               # start, in the ground
 [contacts.tibiofemoral]
 scene = "knee"                                       # ready scene, or scene .toml beside this file
 fixed = "tibia"
-moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie
+moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie;
+                                                     # change = {thickness = 9.0}: other parameters of the scene
 [ligaments.mcl]
 bodies = ["femur", "tibia"]
 points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
@@ -116,9 +117,11 @@ def _body_pose(key: str, table: object) -> Array:
 
 def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Contact:
     key = f"contacts.{name}"
-    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=_FRAMES)
-    scene = str(given["scene"])
-    found = load_scene(folder / scene if scene.endswith(".toml") else scene)
+    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=(*_FRAMES, "change"))
+    scene, change = str(given["scene"]), given.get("change", {})
+    if not isinstance(change, Mapping):
+        raise fail(f"{key}.change", change, "a table of the scene's parameters")
+    found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
     frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
     return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -52,15 +53,20 @@ def build(
     files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     project = _project_within(scene, out, table, force_tol, torque_tol) if within else Project.open(scene, preset, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
+        stages: dict[str, Callable[[], None]] = {
+            "samples": lambda: _sample(project, files, table, model, executor),
+            "training": lambda: _train(project, executor),
+        }
         if within:
-            with progress_bars(console) as update:
-                train_to_tolerance(project, files, update, executor, model_pair(model))
-        else:
-            _sample(project, files, table, model, executor)
-            _train(project, executor)
-        _evaluate(project)
-        _export(project)
-        _report(project)
+            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
+        stages |= {
+            "evaluation": lambda: _evaluate(project),
+            "export": lambda: _export(project),
+            "report": lambda: _report(project),
+        }
+        for number, (stage, run) in enumerate(stages.items(), start=1):
+            console.print(f"stage {number} of {len(stages)}: {stage}", highlight=False)
+            run()
 
 
 def _project_within(
@@ -165,6 +171,11 @@ def _sample(
     for domain, reason in samples.provenance.get("left_out", {}).items():
         console.print(f"{domain} left out: {reason}", highlight=False)
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
+
+
+def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
+    with progress_bars(console) as update:
+        train_to_tolerance(project, files, update, executor, model_pair(model))
 
 
 def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:

@@ -62,7 +62,8 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
     python = python or f"cc.foundation({scene!r})"
     cycle = page_cycle(contact, poses)
     surfaces, moving = fixed_surfaces(contact), moving_body(contact.scene)
-    index, arrays = packed(_arrays(contact, learned, surfaces, moving))
+    library = np.frombuffer(_web(_LIBRARY).encode(), dtype=np.uint8)
+    index, arrays = packed({"library": library, **_arrays(contact, learned, surfaces, moving)})
     content = _content(contact, learned, cycle, surfaces) | {"arrays": index, "python": python}
     words = {
         "title": escape(f"{contact.scene.name}: contact live"),
@@ -74,7 +75,6 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
         "style": _web("style.css"),
         "content": json.dumps(content, separators=(",", ":")).replace("</", "<\\/"),
         "arrays": arrays,
-        "library": _web(_LIBRARY).replace("</script", "<\\/script"),
         "modules": page_script(),
     }
     return Template(_web("page.html")).substitute(words), cycle
@@ -120,7 +120,7 @@ def _arrays(
         arrays[f"{name}_normals"] = np.round(part.normals, 3).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in zip(contact.patch_names, surfaces, strict=True):
-        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.areas_mm2
+        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
     return arrays
 
 

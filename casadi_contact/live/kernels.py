@@ -14,8 +14,11 @@ from casadi_contact.transcription.kernel.source import c_text
 
 CONTACT, SURROGATE = "contact", "surrogate"
 _FUNCTIONS = ("loads", "jacobian", "roots", "trust")
-_DEPTHS = {PolarFoundation: "polar_depths.h", CupFoundation: "cup_depths.h", CellFoundation: "cells_depths.h"}
-_MOMENTS = {PolarFoundation: "polar_pressures.h", CupFoundation: "cup_pressures.h"}
+_PRESSURES = (  # of each kind of model: depths at points, and its integrals of pressure where it has them
+    (PolarFoundation, ("polar_depths.h", "depths.h", "polar_pressures.h", "pressures.h")),
+    (CupFoundation, ("cup_depths.h", "depths.h", "cup_pressures.h", "pressures.h")),
+    (CellFoundation, ("cells_depths.h", "depths.h")),
+)
 
 
 def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> bytes:
@@ -26,10 +29,9 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
     exported = contact.exported()
     files: dict[str, str | bytes] = _files(exported, CONTACT)
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
-    more = [_DEPTHS[type(contact)], "depths.h"]
+    more = next(texts for kind, texts in _PRESSURES if isinstance(contact, kind))
     names += ["foundation_pressures", "foundation_pressure"]
     if isinstance(contact, CompiledPressures):
-        more += [_MOMENTS[type(contact)], "pressures.h"]
         names.append("foundation_moments")
     files[f"{CONTACT}.c"] = "\n".join([exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in more)])
     if exported.data:

@@ -9,6 +9,7 @@ import numpy as np
 from casadi_contact.conventions import Array
 
 _LEAST_AREA = 1e-12  # of a triangle [mm²]
+_FLAT = 0.7  # size of the mean normal above which a layer goes down in one direction: not so for a cup
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,14 @@ class Triangles:
         return cls(np.concatenate(points), np.concatenate(normals), np.concatenate(corners))
 
     @property
+    def point_areas_mm2(self) -> Array:
+        """Areas (m,) that the points stand for: a third of every triangle around."""
+        a, b, c = np.moveaxis(self.points_mm[self.corners], 1, 0)
+        areas = np.zeros(len(self.points_mm))
+        np.add.at(areas, self.corners.ravel(), np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0, 3))
+        return areas
+
+    @property
     def rim(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle alone."""
         edges = np.concatenate([self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]])
@@ -54,7 +63,10 @@ class Triangles:
 
     def behind(self, thickness_mm: float) -> Triangles:
         """The other side of a layer below the surface, with a wall from rim to rim: together they look like a body."""
-        below = self.points_mm - thickness_mm * self.normals
+        mean = self.normals.mean(axis=0)
+        size = float(np.linalg.norm(mean))
+        into = -mean / size if size > _FLAT else -self.normals
+        below = self.points_mm + thickness_mm * into
         underside = Triangles(below, -self.normals, self.corners[:, ::-1])
         first, second = self.rim.T
         points = np.stack([self.points_mm[first], self.points_mm[second], below[second], below[first]], 1)

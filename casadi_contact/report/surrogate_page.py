@@ -15,6 +15,7 @@ from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import one_line, write_text
 from casadi_contact.page import save_page
 from casadi_contact.quantities import quantity
+from casadi_contact.report.convergence import draw_convergence
 from casadi_contact.report.html import heading, page, paragraph, picture, table
 from casadi_contact.report.reach import draw_reach
 from casadi_contact.report.scatter import draw_speed_accuracy
@@ -135,7 +136,13 @@ def _training(surrogate: Surrogate) -> str:
         rows.append([name, hidden, "-" if fit is None else f"{fit:.3g}", str(ended)])
     made = record.get("command", "not recorded")
     said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene_digest[:12]}.")
-    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows)
+    courses = record.get("convergence", {})
+    drawn = (
+        picture(lambda path: save_page(draw_convergence(courses), path), "RMS of the fit against the work done")
+        if courses
+        else paragraph("The file does not record how the fits converged.")
+    )
+    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows) + drawn
 
 
 def _dropped(samples: Samples | None) -> list[str]:

@@ -13,6 +13,7 @@ all others are kept and printed as they are:
                                                                     and of errors below the expected error
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
     command, versions, seed, ...                                    how it was made
 """
 
@@ -30,7 +31,16 @@ from casadi_contact.quantities import ANGLE, quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
 
-_TABLES = ("samples", "pose_range", "load_range", "valid_share", "training_errors", "test_errors", "coverage")
+_TABLES = (
+    "samples",
+    "pose_range",
+    "load_range",
+    "valid_share",
+    "training_errors",
+    "test_errors",
+    "coverage",
+    "convergence",
+)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
@@ -115,49 +116,47 @@ def build(
     table = [solved.activations, walk.lengths_m, walk.velocities_m_per_s]
     table += [walk.arms[name] for name in BALANCED]
     table += [np.column_stack([walk.loads[name] for name in BALANCED]), solved.poses[:, [0, 2, 4]]]
-    curves, flexion = _spline(walk.time_s, np.hstack(table)), _flexion(walk.time_s, walk.rz)
+    flexion = CubicSpline(walk.time_s, walk.rz)
+    table.append(np.column_stack([flexion(walk.time_s, order) for order in range(3)]))
+    curves = _spline(walk.time_s, np.hstack(table))
 
-    given, delta, rate = ca.SX.sym("given", 6 * count + 6), ca.SX.sym("delta"), ca.SX.sym("rate")
-    a, length, velocity, *arms, _ = ca.vertsplit(given, np.cumsum([0, *[count] * 6, 6]).tolist())
-    forces = _forces(inverse.muscles, a, length - arms[2] * delta, velocity - arms[2] * rate)
-    pulls = ca.vertcat(*(ca.dot(arm, forces) for arm in arms)) * ca.DM([1.0, 1e3, 1e3])
-    muscles = ca.Function("muscles", [given, delta, rate], [pulls])
+    # Everything but contact and splines is scalar algebra: SX functions, called as one node each.
+    now, state, wrench = ca.SX.sym("now", curves.numel_out(0)), ca.SX.sym("state", 6), ca.SX.sym("wrench", 6)
+    ends = np.cumsum([0, *[count] * 6, 3, 3, 3]).tolist()
+    a, length, velocity, *arms, inverse_dynamics, held, flexion_now = ca.vertsplit(now, ends)
+    rz, rz_speed, rz_acceleration = ca.vertsplit(flexion_now)
+    at, speed, inertia = state[:3], state[3:], ca.DM(leg.inertia)
+    pose = ca.vertcat(held[0], at[0], held[1], at[1], held[2], at[2])
+    forces = _forces(inverse.muscles, a, length - arms[2] * (at[2] - rz), velocity - arms[2] * (speed[2] - rz_speed))
+    in_nmm = ca.DM([1.0, 1e3, 1e3])
+    pull = in_nmm * ca.vertcat(*(ca.dot(arm, forces) for arm in arms))
+    push = -generalised_forces(pose, wrench)[list(_ORDER)]
+    load = inertia * ca.vertcat(0.0, 0.0, rz_acceleration) - in_nmm * inverse_dynamics
+    lost = -ca.DM(leg.damping) * speed
+    at_work = (pull, push, load, lost)
+    posed = ca.Function("posed", [now, state], [pose])
+    moved = ca.Function("moved", [now, state, wrench], [ca.vertcat(speed, sum(at_work[1:], pull) / inertia)])
+    worked = ca.Function("worked", [now, state, wrench], [ca.vertcat(*(ca.dot(force, speed) for force in at_work))])
 
     x, t = ca.MX.sym("x", 6), ca.MX.sym("t")
-    now, (rz, rz_speed, rz_acceleration) = curves(t), ca.vertsplit(flexion(t))
-    inverse_dynamics, held = now[6 * count : 6 * count + 3], now[6 * count + 3 :]
-    pose = ca.vertcat(held[0], x[0], held[1], x[1], held[2], x[2])
-    inertia = ca.DM(leg.inertia)
-    pull = muscles(now, x[2] - rz, x[5] - rz_speed)
-    push = -generalised_forces(pose, contact(pose))[list(_ORDER)]
-    load = inertia * ca.vertcat(0.0, 0.0, rz_acceleration) - inverse_dynamics * ca.DM([1.0, 1e3, 1e3])
-    lost = -ca.DM(leg.damping) * x[3:]
-    forces_at_work = (pull, push, load, lost)
-    acceleration = sum(forces_at_work[1:], pull) / inertia
+    given = curves(t)
+    touching = contact(posed(given, x))
     return MuscleDriven(
         model=model,
         inverse=inverse,
         solved=solved,
         leg=leg,
         contact=contact,
-        rate=ca.Function("rate", [x, t], [ca.vertcat(x[3:], acceleration)]),
-        powers=ca.Function("powers", [x, t], [ca.vertcat(*(ca.dot(force, x[3:]) for force in forces_at_work))]),
-        pose=ca.Function("pose", [x, t], [pose]),
-        flexion=flexion,
+        rate=ca.Function("rate", [x, t], [moved(given, x, touching)]),
+        powers=ca.Function("powers", [x, t], [worked(given, x, touching)]),
+        pose=ca.Function("pose", [x, t], [posed(given, x)]),
+        flexion=ca.Function("flexion", [t], [given[-3:]]),
     )
 
 
 def _spline(time_s: Array, values: Array) -> ca.Function:
     """t -> row of values (n, c) at t, by cubic splines."""
     return ca.interpolant("curves", "bspline", [time_s.tolist()], values.ravel().tolist(), {})
-
-
-def _flexion(time_s: Array, rz: Array) -> ca.Function:
-    """t -> rz, its first and second derivative, of a cubic spline."""
-    t = ca.MX.sym("t")
-    at = _spline(time_s, rz[:, None])(t)
-    speed = ca.jacobian(at, t)
-    return ca.Function("flexion", [t], [ca.vertcat(at, speed, ca.jacobian(speed, t))])
 
 
 def _forces(muscles: MuscleParameters, a: ca.SX, length_m: ca.SX, velocity_m_per_s: ca.SX) -> ca.SX:

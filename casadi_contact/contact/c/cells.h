@@ -62,23 +62,11 @@ FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, 
   }
 }
 
-/* Loads not yet faded, with order 2 their derivatives; returns how many of the cells are full. */
-FUNCTION int contact_value(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
-  int full;
+/* Loads not yet faded, with order 2 their derivatives */
+INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
   choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, 1, s);
-  full = sort_cells(p, s);
-  sum_cells(p, s, full, 1, sums);
-  return full;
-}
-
-FUNCTION int contact_first(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
-  int full;
-  choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, 2, s);
-  full = sort_cells(p, s);
-  sum_cells(p, s, full, 2, sums);
-  return full;
+  fill_nodes(p, pose, frame, order, s);
+  sum_cells(p, s, order, sums);
 }
 
 INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
@@ -87,10 +75,8 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
   Scratch *s = own_scratch();
   Sums sums;
   double slope, bend, fade, by[7][6];
-  int full = 0;
   memset(out, 0, sizeof *out);
-  if (order == VALUE) full = contact_value(p, pose, frame, s, &sums);
-  else if (order != GAPS) full = contact_first(p, pose, frame, s, &sums);
+  if (order != GAPS) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
   if (order == GAPS || !(sums.loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;
@@ -111,7 +97,7 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
       for (int a = 0; a < 6; a++) by_pull[a] += weights[k] * by[k][a];
     }
     whole_weights[6] = -slope * pull;
-    contact_curvature(p, pose, frame, full, whole_weights, s, out->curvature);
+    contact_curvature(p, pose, frame, whole_weights, s, out->curvature);
     for (int a = 0; a < 6; a++) {
       for (int b = 0; b < 6; b++) {
         out->curvature[a][b] += bend * pull * by[6][a] * by[6][b] - slope * (by[6][a] * by_pull[b] + by_pull[a] * by[6][b]);

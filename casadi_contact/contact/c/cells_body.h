@@ -114,6 +114,7 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
+#ifdef FIELD_TANGENTS
 INLINE double greatest_of(Lanes x) {
   const double a = x[0] > x[1] ? x[0] : x[1], b = x[2] > x[3] ? x[2] : x[3];
   return a > b ? a : b;
@@ -146,6 +147,7 @@ INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame
   if (greatest_of(way) > BOW_REACH) least = pick(way > BOW_REACH, column[0] - STEEPEST * way, least);
   return (least <= TOUCH) & (boxes->size >= 0.0);
 }
+#endif
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -178,12 +180,12 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 }
 #endif
 
-#if !BODY_FIELD
+#ifndef FIELD_TANGENTS
 INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
   Lanes q[3];
   Distance found;
   to_place(boxes->middle, pose, frame, q);
   distance_at(q, 1, &found);
-  return (found.g - boxes->size <= TOUCH) & (boxes->size >= 0.0);
+  return (found.g - (BODY_FIELD ? STEEPEST : 1.0) * boxes->size <= TOUCH) & (boxes->size >= 0.0);
 }
 #endif

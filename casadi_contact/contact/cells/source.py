@@ -25,7 +25,7 @@ from casadi_contact.transcription.kernel.source import c_text
 _C = "casadi_contact.contact.c"
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
-_NODE = np.dtype([(name, float, size) for name, size in (("c", 3), ("n", 3), ("along", 6), ("bend", 6), ("loads", 7))])
+_NODE = np.dtype([("vectors", float, (6, 4)), ("loads", float, 8)])
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
 _LANES = 4
 _INCLUDED = f"""\
@@ -58,12 +58,12 @@ class _Tables:
         return start
 
 
-def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
-    """C that defines `patch_loads`, and its data."""
+def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) -> tuple[str, bytes]:
+    """C that defines `patch_loads`, and its data; with_tangents: False for half the data of a mesh, and more time."""
     tables, cells, law = _Tables(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
-    body = _body(patches[0].body, tables)
+    body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
@@ -76,6 +76,9 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
         "FLATTEST_WIDTH": quadrature.FLATTEST_WIDTH,
         "DEEPEST_START": quadrature.DEEPEST_START_MM,
         "HIGHEST_START": quadrature.HIGHEST_START_MM,
+        "SMALL_DEPTH": quadrature.SMALL_MM,
+        "SMALL_DEPTH_WIDTH": quadrature.SMALL_WIDTH_MM,
+        "SPARE": 0.5 * quadrature.TOUCH_MM,
         "FAR_DEPTH": quadrature.FAR_MM,
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
         "TOUCH": quadrature.TOUCH_MM,
@@ -97,7 +100,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     return "\n".join(text), tables.data
 
 
-def _body(surface: MovingSurface, tables: _Tables) -> str:
+def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     """Definitions that ``cells_body.h`` reads."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
@@ -109,14 +112,15 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"static const double round_centre[3] = {braces(centre)};"
         )
     origin, spacing, coefficients, _ = field_parts(surface.parameters)
-    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
-        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
-        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
+    if with_tangents:
+        rows, index = tangents(coefficients, spacing)
+        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
+        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
@@ -124,9 +128,8 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
 def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     """The fields of `Patch` in their order."""
     nodes = np.zeros(len(patch.c), _NODE)
-    for name, values in (("c", patch.c), ("n", patch.n), ("along", patch.tangents), ("bend", patch.bends)):
-        nodes[name] = values.reshape(len(nodes), -1)
-    nodes["loads"] = patch.loads
+    vectors = np.concatenate([patch.c[:, None], patch.n[:, None], patch.tangents, patch.bends], 1)
+    nodes["vectors"][..., :3], nodes["loads"][:, :7] = vectors, patch.loads
     patterns, kind = np.unique(1.0 - patch.present, axis=0, return_inverse=True)
     whole = np.zeros((1, patch.present.shape[1]))
     sizes = np.diff(patch.blocks)

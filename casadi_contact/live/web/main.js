@@ -144,6 +144,8 @@ class Page {
 async function begin() {
   const content = JSON.parse(byId("content").textContent);
   const arrays = await unpack(content.arrays, byId("arrays").textContent);
+  const library = new TextDecoder().decode(arrays.library);
+  document.head.append(Object.assign(document.createElement("script"), { textContent: library }));
   const triangles = (name) => ({
     points: arrays[`${name}_points`],
     normals: arrays[`${name}_normals`],
