@@ -1,8 +1,8 @@
 """A surrogate no larger than a tolerance asks for: samples, networks and work grow until it is met in every domain.
 
 Round k draws twice the samples of the round before and lets each network grow from the size it had reached, with three
-times the work and a closer fit. The first round whose validation rows have errors within the tolerance, load by load and domain by
-domain, is the last: the result depends on the scene and the tolerance, not on the clock.
+times the work and a closer fit. The first round whose validation rows have errors within the tolerance, load by load
+and domain by domain, is the last: the result depends on the scene and the tolerance, not on the clock.
 """
 
 from __future__ import annotations
@@ -110,6 +110,6 @@ def _drawing(update: Update | None, number: int) -> Callable[[int, int], None] |
 
 
 def _further(effort: Effort, reached: tuple[int, ...]) -> Effort:
-    """Three times the work, from the size that was reached on, and a closer fit: the last one may have met its share."""
+    """Three times the work, from the size that was reached on, and a closer fit: the last may have met its share."""
     sizes = effort.sizes[effort.sizes.index(reached) :]
     return replace(effort, sizes=sizes, gflop=3.0 * effort.gflop, tolerance_share=CLOSER * effort.tolerance_share)
