@@ -27,6 +27,7 @@ from problems.squat.muscles import MUSCLES
 FREE = ("tx", "ty", "rx")
 STANDING_FLEXION_DEG = 10.0
 LEAST_ACTIVATION = 0.01
+_COST_SCALE = 100.0  # the cost is some thousandths, which a barrier of usual size would drown
 _STEADINESS = 1e-3  # of activations' changes from point to point
 _LOWEST = np.array([-0.2, -2.0, -0.4])  # lean of shank, thigh, trunk [rad]
 _HIGHEST = np.array([0.8, 0.2, 1.4])
@@ -95,6 +96,7 @@ def build(
     effort = ca.dot(weights, ca.sum1(a**2).T) / len(MUSCLES)
     cost = effort + weight * ca.dot(weights, (medial.T / mechanics.body.weight_n) ** 2)
     cost += _STEADINESS * ca.sumsqr(a[:, 1:] - a[:, :-1])
+    cost *= _COST_SCALE
     x = ca.vertcat(*(ca.vec(part) for part in (node_phi, node_rate, phi, rate, a, knee)))
     lean = [np.tile(bound, intervals + 1) for bound in (_LOWEST, _HIGHEST)]
     leans = [np.tile(bound, points) for bound in (_LOWEST, _HIGHEST)]

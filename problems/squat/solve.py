@@ -72,7 +72,7 @@ def trade_off(
     """
     if not len(weights) or not all(0.0 <= weight < np.inf for weight in weights):
         raise ValueError(f"weights are {', '.join(map(str, weights)) or '(none)'}, expected finite numbers >= 0")
-    options = ipopt_options(tolerance=1e-6, max_iterations=max_iterations, print_level=print_level)
+    options = ipopt_options(tolerance=1e-6, max_iterations=max_iterations, print_level=print_level, mu_init=1e-2)
     solver = ca.nlpsol("squat", "ipopt", squat.nlp, options)
     bounds = {"lbx": squat.lower, "ubx": squat.upper, "lbg": squat.lower_g, "ubg": squat.upper_g}
     x = start_values(squat)
