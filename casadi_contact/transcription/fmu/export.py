@@ -49,10 +49,13 @@ def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequ
     sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h", _C)
     path.parent.mkdir(parents=True, exist_ok=True)
     with scratch_folder(path.parent, path.name) as place:
-        for file, text in sources.items():
-            (place / file).write_text(text, "utf-8")
-        if model.data:
-            (place / DATA_FILE).write_bytes(model.data)
+        try:
+            for file, text in sources.items():
+                (place / file).write_text(text, "utf-8")
+            if model.data:
+                (place / DATA_FILE).write_bytes(model.data)
+        except OSError as error:
+            raise OSError(f"cannot write {path}: {error.strerror or error}") from None
         library = portable_library(place, ["fmi3.c", f"{name}.c"], f"{name}{SUFFIX}").read_bytes()
     entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(model, name, token, start)}
     entries |= {f"sources/{file}": text for file, text in sources.items()}
