@@ -128,6 +128,10 @@ PRESETS: dict[str, Preset] = {
                 ),
                 "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
             },
+            "trunk": {
+                "root": Effort(((24, 24, 24),), 800.0, max_rows=40_000, tolerance_share=0.1),
+                "ratios": Effort(((16, 16),), 250.0, max_rows=30_000, tolerance_share=0.1),
+            },
             "two_stage": _as_in_the_paper(15_000.0),
         },
         chart=ChartEffort(

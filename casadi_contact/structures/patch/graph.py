@@ -18,14 +18,15 @@ from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.network import Network
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.network_graph import NetworkValue, network_value
+from casadi_contact.transcription.network_graph import NetworkValue, network_value, network_values
 
 
 @dataclass(frozen=True)
 class PatchNetworks:
     """The networks of one patch: root s_p and ratios ρ_pk by wrench component.
 
-    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio.
+    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio. ratios: a network for
+    each component; or together: one network, with the components that it gives, in order.
     """
 
     name: str
@@ -34,6 +35,15 @@ class PatchNetworks:
     root: Network
     ratios: Mapping[str, Network]
     sign: float = -1.0
+    together: tuple[Network, tuple[str, ...]] | None = None
+
+    def ratio_values(self, x: ca.MX, components: Sequence[str], order: int) -> dict[str, NetworkValue]:
+        """Ratios of these components at a local pose x (6)."""
+        if self.together is None:
+            return {k: network_value(self.ratios[k], x, order) for k in components}
+        network, known = self.together
+        values = network_values(network, x, order, [known.index(k) for k in components])
+        return dict(zip(components, values, strict=True))
 
 
 def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
@@ -76,9 +86,10 @@ def patch_expressions(
     roots, loads = [], []
     at_patches = local_pose_expressions(pose, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
-        s = network_value(patch.root, local.x, order)
-        roots.append(_in_pose(local, [s], order))
         used = [k for k in range(6) if selection[:, p, k].any()]
+        components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
+        s, ratios = network_value(patch.root, local.x, order), patch.ratio_values(local.x, components, order)
+        roots.append(_in_pose(local, [s], order))
         if not used:
             continue
         normal = _normal(s, reference_load, order)
@@ -88,7 +99,7 @@ def patch_expressions(
             if component == patch.sensitive:
                 wrench.append(_sensitive_component(patch.sign, normal))
             else:
-                wrench.append(_times(normal, network_value(patch.ratios[component], local.x, order), order))
+                wrench.append(_times(normal, ratios[component], order))
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
         loads.append([ca.mtimes(pick, part) for part in _in_pose(local, wrench, order)])
     summed = [sum(parts[1:], parts[0]) for parts in zip(*loads, strict=True)]
