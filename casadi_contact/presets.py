@@ -119,6 +119,15 @@ PRESETS: dict[str, Preset] = {
             peer_gflop=9_000.0,
         ),
     ),
+    "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger roots than around a motion
+        sampling_scale=0.4,
+        efforts={
+            "patch": {
+                "root": Effort(((24, 24, 24),), 6_200.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 300.0, tolerance_share=0.2),
+            }
+        },
+    ),
     "paper": Preset(
         sampling_scale=1.0,
         efforts={
@@ -129,8 +138,8 @@ PRESETS: dict[str, Preset] = {
                 "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
             },
             "trunk": {
-                "root": Effort(((24, 24, 24),), 800.0, max_rows=40_000, tolerance_share=0.1),
-                "ratios": Effort(((16, 16),), 250.0, max_rows=30_000, tolerance_share=0.1),
+                "root": Effort(((24, 24, 24),), 4_000.0, max_rows=60_000, tolerance_share=0.1),
+                "ratios": Effort(((16, 16),), 1_500.0, max_rows=60_000, tolerance_share=0.1),
             },
             "two_stage": _as_in_the_paper(15_000.0),
         },

@@ -16,6 +16,7 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.network import Network
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
 from casadi_contact.transcription.network_graph import NetworkValue, network_value, network_values
@@ -37,12 +38,14 @@ class PatchNetworks:
     sign: float = -1.0
     together: tuple[Network, tuple[str, ...]] | None = None
 
-    def ratio_values(self, x: ca.MX, components: Sequence[str], order: int) -> dict[str, NetworkValue]:
-        """Ratios of these components at a local pose x (6)."""
+    def ratio_values(
+        self, x: ca.MX, components: Sequence[str], order: int, tangent: ca.MX | None
+    ) -> dict[str, NetworkValue]:
+        """Ratios of these components at the free columns x of a local pose, for `network_value`."""
         if self.together is None:
-            return {k: network_value(self.ratios[k], x, order) for k in components}
+            return {k: network_value(self.ratios[k], x, order, tangent) for k in components}
         network, known = self.together
-        values = network_values(network, x, order, [known.index(k) for k in components])
+        values = network_values(network, x, order, [known.index(k) for k in components], tangent)
         return dict(zip(components, values, strict=True))
 
 
@@ -77,18 +80,29 @@ def _sensitive_component(sign: float, normal: NetworkValue) -> NetworkValue:
 
 
 def patch_expressions(
-    patches: Sequence[PatchNetworks], selection: Array, reference_load: float, pose: ca.MX, order: int
+    patches: Sequence[PatchNetworks],
+    selection: Array,
+    reference_load: float,
+    pose: ca.MX,
+    order: int,
+    space: PoseSpace | None = None,
 ) -> Expressions:
     """Root loads and loads = Σ S·wrench with derivatives up to order 0, 1 or 2.
 
-    selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph.
+    selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph. Networks take the
+    free columns of the local poses.
     """
     roots, loads = [], []
-    at_patches = local_pose_expressions(pose, np.array([patch.anchor_mm for patch in patches]))
+    space = PoseSpace() if space is None else space
+    held = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+    tangent = None if space.whole else ca.MX(ca.DM.eye(6)[list(space.free), :])
+    at_patches = local_pose_expressions(held, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
         used = [k for k in range(6) if selection[:, p, k].any()]
         components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
-        s, ratios = network_value(patch.root, local.x, order), patch.ratio_values(local.x, components, order)
+        x = local.x if tangent is None else local.x[list(space.free)]
+        s = network_value(patch.root, x, order, tangent)
+        ratios = patch.ratio_values(x, components, order, tangent)
         roots.append(_in_pose(local, [s], order))
         if not used:
             continue
@@ -104,9 +118,17 @@ def patch_expressions(
         loads.append([ca.mtimes(pick, part) for part in _in_pose(local, wrench, order)])
     summed = [sum(parts[1:], parts[0]) for parts in zip(*loads, strict=True)]
     return Expressions(
-        roots=Output(*(ca.vertcat(*parts) for parts in zip(*roots, strict=True))),
-        loads=Output(*summed) if loads else Output(ca.MX(0, 1)),
+        roots=_by_given([ca.vertcat(*parts) for parts in zip(*roots, strict=True)], space),
+        loads=_by_given(summed, space) if loads else Output(ca.MX(0, 1)),
     )
+
+
+def _by_given(parts: Sequence[ca.MX], space: PoseSpace) -> Output:
+    """Derivatives by the pose M·q + c become derivatives by q: J·M, and (MᵀHM) row by row, that is H·(M ⊗ M)."""
+    matrix = ca.sparsify(ca.DM(space.matrix))
+    factors = [None, matrix, ca.kron(matrix, matrix)]
+    pairs = zip(parts, factors[: len(parts)], strict=True)
+    return Output(*(part if factor is None or space.whole else ca.mtimes(part, factor) for part, factor in pairs))
 
 
 def _in_pose(local: LocalPose, values: Sequence[NetworkValue], order: int) -> list[ca.MX]:

@@ -17,6 +17,7 @@ from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks
+from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
 from casadi_contact.structures.trunk.targets import trunk_name, trunk_outputs, trunk_regressions
 from casadi_contact.training.growth import widen
@@ -31,8 +32,10 @@ class TrunkSurrogate(PatchSurrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """A root, and a trunk where the scene's loads need ratios, of every part; each of the local pose (6)."""
-        return dict.fromkeys([*(root_name(part.name) for part in scene.parts), *trunk_outputs(scene)], 6)
+        """A root, and a trunk where the scene's loads need ratios, of every part; each of the free columns of the local
+        pose."""
+        names = [*(root_name(part.name) for part in scene.parts), *trunk_outputs(scene)]
+        return dict.fromkeys(names, len(scene.pose_space.free))
 
     @classmethod
     def network_outputs(cls, scene: Scene) -> dict[str, int]:
@@ -44,6 +47,20 @@ class TrunkSurrogate(PatchSurrogate):
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
         """See `trunk_regressions`."""
         return trunk_regressions(samples, gap_weight=gap_weight)
+
+    @classmethod
+    def twins(cls, scene: Scene) -> dict[str, str]:
+        """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
+        if not scene.symmetric:
+            return {}
+        first, second = (part.name for part in scene.parts)
+        trunks = {trunk_name(second): trunk_name(first)} if trunk_name(first) in trunk_outputs(scene) else {}
+        return {root_name(second): root_name(first), **trunks}
+
+    @staticmethod
+    def reflection(name: str, network: Network, scene: Scene) -> Network:
+        """The twin `name` of a network: its reflection in the plane z = 0."""
+        return reflected(network, scene.pose_space.free, trunk_outputs(scene).get(name, (None,)))
 
     @staticmethod
     def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Surrogate]) -> dict[str, Network]:

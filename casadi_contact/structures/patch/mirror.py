@@ -1,0 +1,24 @@
+"""Networks of a joint that is its own mirror image: those of one side are learned, the other's are reflections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from casadi_contact.conventions import REFLECTION, WRENCH_NAMES
+from casadi_contact.network import Network
+
+
+def reflected(network: Network, columns: tuple[int, ...], components: Sequence[str | None]) -> Network:
+    """x -> ±network(S·x), for a network of these columns of a pose; the sign of each output is that of S for its wrench
+    component, 1 without."""
+    signs = REFLECTION[list(columns)]
+    sign = np.array([1.0 if k is None else REFLECTION[WRENCH_NAMES.index(k)] for k in components])
+    return replace(
+        network,
+        input_shift=network.input_shift * signs,
+        weights=(network.weights[0] * signs, *network.weights[1:-1], sign[:, None] * network.weights[-1]),
+        biases=(*network.biases[:-1], sign * network.biases[-1]),
+    )
