@@ -17,7 +17,7 @@ from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
-from casadi_contact.project import Project, Update, alone, has_motion, read_motion
+from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
@@ -65,13 +65,16 @@ def train(
     samples = project.samples()
     around = moved_samples(samples)
     command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
-    paths = []
+    paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
         efforts = project.preset.efforts[name]
         folder, path = project.folder / "training" / name, project.surrogate_path(name)
         with worker_pool(executor) as workers:
-            surrogate = fit_surrogate(project, samples, name, efforts, folder, command, name, update, workers)
-        with_trust(surrogate, samples, around).save(path)
+            surrogate = fit_surrogate(
+                project, samples, name, efforts, folder, command, name, update, workers, made=made
+            )
+        made[name] = with_trust(surrogate, samples, around)
+        made[name].save(path)
         paths.append(path)
     return paths
 
@@ -96,6 +99,7 @@ def fit_surrogate(
     update: Update | None = None,
     executor: Executor | None = None,
     loads: Sequence[str] | None = None,
+    made: Mapping[str, Surrogate] | None = None,
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
@@ -103,7 +107,8 @@ def fit_surrogate(
     command: what a reader of the record runs to make it again. loads: fit only the networks that these need. Of a joint
     that is its own mirror image one side is fitted, on the samples of both. update is called as (title and network,
     Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their budget was
-    used up.
+    used up. made: surrogates of the same samples by structure, from which some structures train on
+    (`Surrogate.starts`).
     """
     kind = STRUCTURES[structure]
     needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
@@ -124,7 +129,8 @@ def fit_surrogate(
         if update is not None:
             update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
 
-    fits = fit_all(regressions, settings, executor, checkpoints, progress)
+    starts = kind.starts({name: chosen.sizes[0] for name, chosen in settings.items()}, made or {})
+    fits = fit_all(regressions, settings, executor, checkpoints, progress, starts)
     for name, fit in fits.items():
         if update is not None:
             allotted = settings[name].max_gflop

@@ -1,6 +1,6 @@
 """The plain-array feed-forward network: what training produces and every surrogate evaluates.
 
-Fully connected, sigmoidal hidden neurons, one linear output neuron [EF15 §2.6]:
+Fully connected, sigmoidal hidden neurons, linear output neurons, of which there is one in [EF15 §2.6]:
 
     a_0 = (x - input_shift) / input_scale,   a_l = σ(W_l a_{l-1} + b_l),   y = output_scale·(W_L a_{L-1} + b_L)
 
@@ -19,13 +19,16 @@ from casadi_contact.conventions import Array
 
 @dataclass(frozen=True)
 class Network:
-    """Weights of one network with k inputs: weights[l] has shape (n_l, n_{l-1}), biases[l] shape (n_l,)."""
+    """Weights of one network with k inputs and m outputs: weights[l] has shape (n_l, n_{l-1}), biases[l] shape (n_l,).
+
+    output_scale: a number, or one for each output (m,).
+    """
 
     input_shift: Array
     input_scale: Array
     weights: tuple[Array, ...]
     biases: tuple[Array, ...]
-    output_scale: float = 1.0
+    output_scale: float | Array = 1.0
     activation: str = "algebraic"
 
     def __post_init__(self) -> None:
@@ -35,8 +38,11 @@ class Network:
             if weight.shape != (len(bias), width):
                 raise ValueError(f"layer {layer} has weights {weight.shape}, expected {(len(bias), width)}")
             width = len(bias)
-        if width != 1 or len(self.input_scale) != len(self.input_shift):
-            raise ValueError(f"network ends in {width} neurons, expected one linear output and one scale per input")
+        if len(self.input_scale) != len(self.input_shift) or np.shape(self.output_scale) not in ((), (width,)):
+            scales = f"{len(self.input_scale)} input scales, output scales of shape {np.shape(self.output_scale)}"
+            raise ValueError(
+                f"network of {len(self.input_shift)} inputs and {width} outputs has {scales}, expected one for each"
+            )
         arrays = (self.input_shift, self.input_scale, *self.weights, *self.biases, np.array(self.output_scale))
         if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("network holds NaN or infinity in its weights or scales, expected finite numbers")
@@ -47,37 +53,54 @@ class Network:
         return tuple(len(bias) for bias in self.biases[:-1])
 
     @property
+    def outputs(self) -> int:
+        """Number m of outputs."""
+        return len(self.biases[-1])
+
+    @property
     def parameter_count(self) -> int:
         """Number of trained weights and biases."""
         return sum(w.size + b.size for w, b in zip(self.weights, self.biases, strict=True))
 
     def value(self, inputs: Array) -> Array:
-        """y of shape (n,) for inputs of shape (n, k)."""
+        """y of shape (n,) for inputs of shape (n, k); (n, m) for several outputs."""
         a, sigma = (inputs - self.input_shift) / self.input_scale, activation_of(self.activation).derivatives
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             (a,) = sigma(np, a @ weight.T + bias, 0)
-        return self.output_scale * (a @ self.weights[-1][0] + self.biases[-1][0])
+        return self._output(a)
 
     def value_and_gradient(self, inputs: Array) -> tuple[Array, Array]:
-        """y (n,) and dy/dx (n, k), by one forward and one reverse pass."""
+        """y (n,) and dy/dx (n, k), by one forward and one reverse pass; (n, m) and (n, m, k) for several outputs."""
         a, sigma = (inputs - self.input_shift) / self.input_scale, activation_of(self.activation).derivatives
         slopes = []
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             a, slope = sigma(np, a @ weight.T + bias, 1)
             slopes.append(slope)
-        y = self.output_scale * (a @ self.weights[-1][0] + self.biases[-1][0])
-        reverse = np.broadcast_to(self.output_scale * self.weights[-1][0], a.shape)
+        last = self.weights[-1] * np.reshape(self.output_scale, (-1, 1))
+        if self.outputs == 1:
+            reverse = np.broadcast_to(last[0], a.shape)
+        else:
+            reverse = np.broadcast_to(last, (len(a), *last.shape))
+            slopes = [slope[:, None] for slope in slopes]
         for weight, slope in zip(self.weights[-2::-1], slopes[::-1], strict=True):
             reverse = (reverse * slope) @ weight
-        return y, reverse / self.input_scale
+        return self._output(a), reverse / self.input_scale
+
+    def _output(self, a: Array) -> Array:
+        """y from the activations (n, n_{L-1}) of the last hidden layer."""
+        weight, bias = self.weights[-1], self.biases[-1]
+        if self.outputs == 1:
+            return np.asarray(self.output_scale * (a @ weight[0] + bias[0]))
+        return np.asarray(self.output_scale * (a @ weight.T + bias))
 
 
 @dataclass(frozen=True)
 class Regression:
     """One network to fit: residual_i = weights_i·(net(inputs_i) - targets_i), root mean square wanted below tolerance.
 
-    inputs (n, k); targets, weights (n,); validation (n,) is True for the rows that may stop training but never
-    steer it ([EF15 §2.6], criterion 3). Weights turn residuals into the unit of the tolerance (N or N·mm).
+    inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row;
+    validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
+    Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
     """
 
     name: str
@@ -86,3 +109,8 @@ class Regression:
     weights: Array
     validation: np.ndarray
     tolerance: float
+
+    @property
+    def outputs(self) -> int:
+        """Number m of outputs."""
+        return 1 if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]

@@ -146,9 +146,15 @@ def has_motion(project: Project) -> bool:
 
 def project_surrogates(project: Project) -> dict[str, Surrogate]:
     """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
-    paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
-    if not paths:
+    made = surrogates_made(project)
+    if not made:
         raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
+    return made
+
+
+def surrogates_made(project: Project) -> dict[str, Surrogate]:
+    """The surrogates in the project's folder by structure, perhaps none."""
+    paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
     return {structure: load_surrogate(path) for structure, path in paths.items()}
 
 

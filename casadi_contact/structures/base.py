@@ -61,15 +61,16 @@ class Surrogate(SurrogateFunctions):
         self.record = dict(record or {})
         self.trust = trust
         self.patch_names = scene.patch_names
-        known = self.network_inputs(scene)
+        known, outputs = self.network_inputs(scene), self.network_outputs(scene)
         for name, network in self.networks.items():
             if name not in known:
                 raise ValueError(
                     f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
                     f"expected one of {', '.join(known)}"
                 )
-            if len(network.input_shift) != known[name]:
-                raise ValueError(f"network {name!r} has {len(network.input_shift)} inputs, expected {known[name]}")
+            size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
+            if size != expected:
+                raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
         self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
         if not self.load_names:
             raise ValueError(
@@ -86,6 +87,16 @@ class Surrogate(SurrogateFunctions):
     @abstractmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         """Every network this structure can have for a scene, with its number of inputs."""
+
+    @classmethod
+    def network_outputs(cls, scene: Scene) -> dict[str, int]:
+        """The same networks, each with its number of outputs."""
+        return dict.fromkeys(cls.network_inputs(scene), 1)
+
+    @staticmethod
+    def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Surrogate]) -> dict[str, Network]:
+        """Networks to train from, of these hidden layers, where surrogates made of the same samples have what helps."""
+        return {}
 
     @staticmethod
     @abstractmethod

@@ -6,7 +6,8 @@ The bytes are sealed with a digest (`files.hdf5`); a file of an older version is
 /                attributes kind, format, structure, digest (SHA-256 of all that follows)
 /scene           scene as TOML text
 /record          JSON text: what trained it, errors per domain, versions, command
-/networks/NAME   attributes activation, output_scale; data sets input_shift, input_scale, weight_0, bias_0, ...
+/networks/NAME   attributes activation, output_scale (one number, or one per output); data sets input_shift,
+                 input_scale, weight_0, bias_0, ...
 /trust           from format 2, where the surrogate was calibrated: a data set for each field of `Trust`
 """
 
@@ -30,7 +31,7 @@ from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 3  # 1 has no trust, 2 none of the trust's later fields
+FORMAT = 4  # 1 has no trust, 2 none of the trust's later fields, up to 3 networks have one output
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
     for text in (structure, scene, record):
         digest.update(text.encode() + b"\0")
     for name, network in sorted(networks.items()):
-        digest.update(f"{name} {network.activation} {float(network.output_scale)!r} {network.hidden}".encode())
+        scale = np.asarray(network.output_scale, dtype=float).tolist()
+        digest.update(f"{name} {network.activation} {scale!r} {network.hidden}".encode())
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     if trust is not None:
@@ -80,7 +82,7 @@ def write_file(path: str | Path, content: Content) -> None:
         for name, network in content.networks.items():
             group = networks.create_group(name)
             group.attrs["activation"] = network.activation
-            group.attrs["output_scale"] = float(network.output_scale)
+            group.attrs["output_scale"] = network.output_scale
             group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
             group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
             for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
@@ -132,13 +134,13 @@ def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], T
 
 
 def _read_network(group: h5py.Group) -> Network:
-    layers = sum(key.startswith("weight_") for key in group)
+    layers, scale = sum(key.startswith("weight_") for key in group), group.attrs["output_scale"]
     return Network(
         input_shift=group["input_shift"][()],
         input_scale=group["input_scale"][()],
         weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
         biases=tuple(group[f"bias_{layer}"][()] for layer in range(layers)),
-        output_scale=float(group.attrs["output_scale"]),
+        output_scale=float(scale) if np.ndim(scale) == 0 else np.asarray(scale, dtype=float),
         activation=str(group.attrs["activation"]),
     )
 

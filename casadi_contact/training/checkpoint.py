@@ -38,7 +38,7 @@ def digest(regression: Regression, settings: TrainingSettings, start: Network | 
     if start is not None:
         for array in (start.input_shift, start.input_scale, *start.weights, *start.biases):
             name.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-        name.update(repr(float(start.output_scale)).encode())
+        name.update(repr(np.asarray(start.output_scale, dtype=float).tolist()).encode())
     return name.hexdigest()
 
 

@@ -51,10 +51,11 @@ def check(regression: Regression) -> None:
     name, rows = regression.name, len(regression.inputs)
     if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
         raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
-    for column in ("targets", "weights", "validation"):
+    per_row = (rows,) if regression.outputs == 1 else (rows, regression.outputs)
+    for column, expected in (("targets", per_row), ("weights", per_row), ("validation", (rows,))):
         shape = np.shape(getattr(regression, column))
-        if shape != (rows,):
-            raise ValueError(f"regression {name}: {column} has shape {shape}, expected ({rows},) like the inputs")
+        if shape != expected:
+            raise ValueError(f"regression {name}: {column} has shape {shape}, expected {expected} like the inputs")
     for column in ("inputs", "targets", "weights"):
         values = np.asarray(getattr(regression, column), dtype=float)
         bad = ~np.isfinite(values)
@@ -118,11 +119,12 @@ def fit(
 
 
 def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:
-    got = (len(start.input_shift), start.hidden, start.activation)
-    wanted = (regression.inputs.shape[1], settings.sizes[0], settings.activation)
+    got = (len(start.input_shift), start.hidden, start.outputs, start.activation)
+    wanted = (regression.inputs.shape[1], settings.sizes[0], regression.outputs, settings.activation)
     if got != wanted:
         raise ValueError(
-            f"regression {regression.name}: start has (inputs, hidden layers, activation) {got}, expected {wanted}"
+            f"regression {regression.name}: start has (inputs, hidden layers, outputs, activation) {got}, "
+            f"expected {wanted}"
         )
 
 
@@ -130,7 +132,7 @@ def _result(regression: Regression, search: Search, cpu_s: float) -> Fit:
     network = search.best_network()
     weighted = regression.weights * (network.value(regression.inputs) - regression.targets)
     rms = {
-        chosen: float(np.sqrt(np.mean(weighted[rows] ** 2))) if rows.any() else np.nan
+        chosen: float(np.sqrt(np.sum(weighted[rows] ** 2) / rows.sum())) if rows.any() else np.nan
         for chosen, rows in ((False, ~regression.validation), (True, regression.validation))
     }
     history = search.history.arrays()

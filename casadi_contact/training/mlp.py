@@ -28,28 +28,30 @@ from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 _OUTPUT_RIDGE = 1e-13
 
 
-def layer_shapes(inputs: int, hidden: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+def layer_shapes(inputs: int, hidden: tuple[int, ...], outputs: int = 1) -> tuple[tuple[int, int], ...]:
     """(neurons, inputs + 1) of each layer, the bias counted as an input."""
-    sizes = (inputs, *hidden, 1)
+    sizes = (inputs, *hidden, outputs)
     return tuple((after, before + 1) for before, after in pairwise(sizes))
 
 
 def initial_network(inputs: Array, targets: Array, hidden: tuple[int, ...], activation: str, seed: Any) -> Network:
-    """Random weights N(0, 1/fan_in), biases U(-1, 1), on inputs standardised by the data; output in units of the
-    targets' standard deviation, starting near their mean. A constant input or target has scale 1 (or its size)."""
+    """Random weights N(0, 1/fan_in), biases U(-1, 1), on inputs standardised by the data; outputs in units of the
+    targets' standard deviation, starting near their mean. A constant input or target has scale 1 (or its size).
+    targets (n,), or (n, m) for several outputs."""
     rng = np.random.default_rng(seed)
     shift, scale = inputs.mean(axis=0), inputs.std(axis=0)
     scale = np.where(scale > 1e-12 * np.maximum(np.abs(shift), 1e-300), scale, 1.0)
-    spread = float(targets.std())
-    mean = float(targets.mean())
-    output_scale = spread if spread > 1e-12 * abs(mean) and spread > 0.0 else (abs(mean) or 1.0)
+    spread, mean = np.atleast_1d(targets.std(axis=0)), np.atleast_1d(targets.mean(axis=0))
+    size = np.where(mean == 0.0, 1.0, np.abs(mean))
+    output_scale = np.where((spread > 1e-12 * np.abs(mean)) & (spread > 0.0), spread, size)
     weights, biases = [], []
-    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden)):
+    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden, len(spread))):
         weights.append(rng.normal(size=(neurons, fan_in)) / np.sqrt(fan_in))
         biases.append(rng.uniform(-1.0, 1.0, neurons))
     weights[-1] *= 0.1
     biases[-1][:] = mean / output_scale
-    return Network(shift, scale, tuple(weights), tuple(biases), output_scale, activation)
+    one_scale = output_scale if targets.ndim > 1 else float(output_scale[0])
+    return Network(shift, scale, tuple(weights), tuple(biases), one_scale, activation)
 
 
 def flatten(network: Network) -> Array:
@@ -60,18 +62,24 @@ def flatten(network: Network) -> Array:
 
 def unflatten(parameters: Array, like: Network) -> Network:
     """The network with these parameters, of the sizes and scales of ``like``."""
-    shapes = layer_shapes(len(like.input_shift), like.hidden)
-    layers = [layer.copy() for layer in _split(np.asarray(parameters), shapes)]
+    shapes = layer_shapes(len(like.input_shift), like.hidden, like.outputs)
+    layers = [layer.copy() for layer in split(np.asarray(parameters), shapes)]
     weights, biases = tuple(v[:, :-1].copy() for v in layers), tuple(v[:, -1].copy() for v in layers)
     return Network(like.input_shift, like.input_scale, weights, biases, like.output_scale, like.activation)
 
 
-def _split(parameters: Any, shapes: tuple[tuple[int, int], ...]) -> list[Any]:
+def split(parameters: Any, shapes: tuple[tuple[int, int], ...]) -> list[Any]:
+    """The layers in a vector of parameters, as views of it."""
     layers, start = [], 0
     for neurons, width in shapes:
         layers.append(parameters[start : start + neurons * width].reshape(neurons, width))
         start += neurons * width
     return layers
+
+
+def _half_square(residuals: Any) -> float:
+    flat = residuals.reshape(-1)
+    return 0.5 * float(flat @ flat)
 
 
 class Mlp:
@@ -93,7 +101,8 @@ class Mlp:
         self.arrays, self.xp = arrays, arrays.xp
         self._activation = activation_of(like.activation)
         self.like, self.rows, self.chunk_rows = like, len(targets), chunk_rows
-        self.shapes = layer_shapes(inputs.shape[1], like.hidden)
+        self.outputs = like.outputs
+        self.shapes = layer_shapes(inputs.shape[1], like.hidden, self.outputs)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
         self.row_weights = weights * like.output_scale
         scaled = np.column_stack([(inputs - like.input_shift) / like.input_scale, np.ones(self.rows)])
@@ -101,12 +110,20 @@ class Mlp:
         self._weight = arrays.array(self.row_weights)
         self._target = arrays.array(targets / like.output_scale)
         self._current, self._tried = self._buffers(), self._buffers()
-        self._delta = [arrays.empty(self.rows, neurons) for neurons, _ in self.shapes]
-        self._delta[-1][:, 0] = self._weight
-        self._residuals = arrays.empty(self.rows)
-        self._tried_residuals = arrays.empty(self.rows)
+        self._residuals, self._tried_residuals = arrays.zeros(*self._target.shape), arrays.zeros(*self._target.shape)
         self._jacobian_rows: Any = None
         self.flop = 0
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Buffers for the products."""
+        self._delta = [self.arrays.empty(self.rows, neurons) for neurons, _ in self.shapes]
+        self._delta[-1][:, 0] = self._weight
+
+    @property
+    def draw_weights(self) -> Array:
+        """Weight (rows,) by which rows are drawn for the preconditioner."""
+        return np.abs(self.row_weights)
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each row and parameter."""
@@ -135,46 +152,55 @@ class Mlp:
         and Pereyra 1973); solving it at every trial nearly halves the error reached in a given time. The result never
         has a higher loss than ``parameters`` as given; not a number or infinity is returned as an infinite loss.
         """
-        layers, tried = _split(parameters, self.shapes), self._tried
-        width = self.shapes[-1][1]
-        gram, right = self.arrays.zeros(width, width), self.arrays.zeros(width)
+        layers, tried = split(parameters, self.shapes), self._tried
         for c in self._chunks():
             for level, layer in enumerate(layers[:-1]):
                 self._activate(tried[level][c] @ layer.T, tried[level + 1][c][:, :-1])
         self._count(1)
-        residuals = self._output_residuals(layers[-1][0])
-        loss = 0.5 * float(residuals @ residuals)
+        residuals = self._weight * (self._output(tried[-1], layers[-1]) - self._target)
+        loss = _half_square(residuals)
         self._tried_residuals = residuals
         if not np.isfinite(loss):
             return parameters, np.inf
         if not solve_output:
             return parameters, loss
-        for c in self._chunks():
-            weighted = tried[-1][c] * self._weight[c][:, None]
-            gram += weighted.T @ weighted
-            right += weighted.T @ residuals[c]
-        self.flop += 2 * self.rows * width**2
-        factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
-        if factor is None:
+        step = self._output_step(residuals)
+        if step is None:
             return parameters, loss
         projected = self.arrays.array(self.arrays.numpy(parameters).copy())
-        projected[-width:] -= self.arrays.solve(factor, right)
-        residuals = self._output_residuals(projected[-width:])
-        solved = 0.5 * float(residuals @ residuals)
+        output = split(projected, self.shapes)[-1]
+        output -= step
+        residuals = self._weight * (self._output(tried[-1], output) - self._target)
+        solved = _half_square(residuals)
         if not solved < loss:
             return parameters, loss
         self._tried_residuals = residuals
         return projected, solved
 
-    def _output_residuals(self, output: Any) -> Any:
-        """w·(ã·v - target) with the tried activations of the last hidden layer."""
-        return self._weight * (self._tried[-1] @ output - self._target)
+    def _output(self, a: Any, layer: Any) -> Any:
+        """y from the inputs ã of the output layer, (rows,) or (rows, outputs)."""
+        return a @ layer[0]
+
+    def _output_step(self, residuals: Any) -> Any | None:
+        """What the output layer (outputs, width) has too much, with the tried activations; None where undetermined."""
+        return self._least_squares(self._weight, residuals)
+
+    def _least_squares(self, weight: Any, residuals: Any) -> Any | None:
+        """v that minimises Σ(w·ã·v - r)² over rows with the tried activations ã of the last hidden layer."""
+        width = self.shapes[-1][1]
+        gram, right = self.arrays.zeros(width, width), self.arrays.zeros(width)
+        for c in self._chunks():
+            weighted = self._tried[-1][c] * weight[c][:, None]
+            gram += weighted.T @ weighted
+            right += weighted.T @ residuals[c]
+        self.flop += 2 * self.rows * width**2
+        factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
+        return None if factor is None else self.arrays.solve(factor, right)
 
     def accept(self, parameters: Any) -> Any:
         """Make the parameters that `evaluate` returned last current; returns the gradient Jᵀr."""
-        self._current, self._tried = self._tried, self._current
-        self._residuals, self._tried_residuals = self._tried_residuals, self._residuals
-        layers = _split(parameters, self.shapes)
+        self._swap()
+        layers = split(parameters, self.shapes)
         for c in self._chunks():
             for level in range(len(layers) - 2, -1, -1):
                 delta = self._delta[level][c]
@@ -183,6 +209,11 @@ class Mlp:
         self._count(1)
         return self.vjp(self._residuals)
 
+    def _swap(self) -> None:
+        """Make what was tried last current."""
+        self._current, self._tried = self._tried, self._current
+        self._residuals, self._tried_residuals = self._tried_residuals, self._residuals
+
     @property
     def residuals(self) -> Any:
         """r (rows,) at the current parameters."""
@@ -190,7 +221,7 @@ class Mlp:
 
     def jvp(self, direction: Any) -> Any:
         """J·v (rows,)."""
-        layers, product = _split(direction, self.shapes), self.arrays.zeros(self.rows)
+        layers, product = split(direction, self.shapes), self.arrays.zeros(*self._target.shape)
         for c in self._chunks():
             product[c] = self._forward_product(layers, c)
         self._count(1)
@@ -206,7 +237,7 @@ class Mlp:
 
     def gram_product(self, direction: Any) -> Any:
         """JᵀJ·v (parameters,), each chunk of rows read once."""
-        layers, total = _split(direction, self.shapes), self.arrays.zeros(self.parameter_count)
+        layers, total = split(direction, self.shapes), self.arrays.zeros(self.parameter_count)
         for c in self._chunks():
             self._add_reverse_product(total, self._forward_product(layers, c), c)
         self._count(2)
@@ -219,7 +250,7 @@ class Mlp:
         return product
 
     def _add_reverse_product(self, total: Any, rows: Any, c: slice) -> None:
-        for level, layer in enumerate(_split(total, self.shapes)):
+        for level, layer in enumerate(split(total, self.shapes)):
             layer += (self._delta[level][c] * rows[:, None]).T @ self._current[level][c]
 
     def jacobian(self, rows: Any, out: Any | None = None) -> Any:
@@ -237,22 +268,22 @@ class Mlp:
     def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> Any:
         """JᵀJ (upper triangle at least), of all rows or of chosen ones, each multiplied by its scale."""
         count = self.rows if rows is None else len(rows)
+        at_once = min(500 // self.outputs, self.rows)
         if self._jacobian_rows is None:
-            self._jacobian_rows = self.arrays.empty(min(500, self.rows), self.parameter_count)
-        buffer = self._jacobian_rows
+            self._jacobian_rows = self.arrays.empty(at_once * self.outputs, self.parameter_count)
         gram = self.arrays.new_gram(self.parameter_count)
-        for start in range(0, count, len(buffer)):
-            c = slice(start, min(start + len(buffer), count))
-            part = self.jacobian(c if rows is None else rows[c], out=buffer)
+        for start in range(0, count, at_once):
+            c = slice(start, min(start + at_once, count))
+            part = self.jacobian(c if rows is None else rows[c], out=self._jacobian_rows)
             if row_scales is not None:
-                part *= self.arrays.array(row_scales[c])[:, None]
+                part *= self.arrays.array(np.repeat(row_scales[c], self.outputs))[:, None]
             gram = self.arrays.add_gram(gram, part)
-        self.flop += count * self.parameter_count**2  # half of the products: JᵀJ is symmetric
+        self.flop += count * self.outputs * self.parameter_count**2  # half of the products: JᵀJ is symmetric
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:
         """w·(y - target) of these rows at any parameters, without touching the current ones."""
-        layers, parts = _split(parameters, self.shapes), []
+        layers, parts = split(parameters, self.shapes), []
         for c in self._chunks():
             a = self._first[c]
             for layer in layers[:-1]:
@@ -260,6 +291,6 @@ class Mlp:
                 a = self.arrays.empty(len(z), z.shape[1] + 1)
                 self._activate(z, a[:, :-1])
                 a[:, -1] = 1.0
-            parts.append(self.arrays.numpy(self._weight[c] * (a @ layers[-1][0] - self._target[c])))
+            parts.append(self.arrays.numpy(self._weight[c] * (self._output(a, layers[-1]) - self._target[c])))
         self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

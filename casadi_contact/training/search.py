@@ -15,6 +15,7 @@ from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
 from casadi_contact.training.settings import TrainingSettings
+from casadi_contact.training.trunk import TrunkMlp
 
 # A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
 _SHARE_FOR_ANOTHER = 0.2
@@ -197,7 +198,8 @@ class Search:
 
         def mlp(rows: np.ndarray) -> Mlp:
             columns = (regression.inputs[rows], regression.targets[rows], regression.weights[rows])
-            return Mlp(network, *columns, self._arrays, settings.chunk_rows)
+            kind = Mlp if network.outputs == 1 else TrunkMlp
+            return kind(network, *columns, self._arrays, settings.chunk_rows)
 
         seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
         self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), seed, state)
@@ -209,4 +211,4 @@ class Search:
         if self._validation_mlp is None:
             return np.nan
         residuals = self._validation_mlp.weighted_residuals(self._arrays.array(self._lm.parameters))
-        return float(np.sqrt(np.mean(residuals**2)))
+        return float(np.sqrt(np.sum(residuals**2) / len(residuals)))

@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from casadi_contact.files import replacing
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.training.fit import Fit, Progress, check, fit
 from casadi_contact.training.settings import TrainingSettings
 
@@ -31,17 +31,19 @@ def fit_all(
     executor: Executor | None = None,
     checkpoint_folder: Path | None = None,
     progress: Progress | None = None,
+    starts: Mapping[str, Network] | None = None,
 ) -> dict[str, Fit]:
     """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
 
     settings: by the regression's name, or a function of the regression. executor: None fits one after the other
     here. checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
+    starts: networks to go on from instead of random weights, by the regression's name.
     progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``.
 
     Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits still waiting are
     then cancelled, those running go on in their workers until the executor is shut down.
     """
-    chosen = _settings_by_name(regressions, settings)
+    chosen, given = _settings_by_name(regressions, settings), starts or {}
     for regression in regressions:
         check(regression)
     order = sorted(regressions, key=lambda r: -chosen[r.name].max_gflop)
@@ -50,11 +52,13 @@ def fit_all(
         folder.mkdir(parents=True, exist_ok=True)
         checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
         if executor is None:
-            fits = {r.name: fit(r, chosen[r.name], checkpoints[r.name], progress) for r in order}
+            fits = {r.name: fit(r, chosen[r.name], checkpoints[r.name], progress, given.get(r.name)) for r in order}
         else:
             reports = {r.name: _beside(folder, r.name, "progress.json") for r in order}
             futures = {
-                r.name: executor.submit(_fit_and_tell, r, chosen[r.name], checkpoints[r.name], reports[r.name])
+                r.name: executor.submit(
+                    _fit_and_tell, r, chosen[r.name], checkpoints[r.name], reports[r.name], given.get(r.name)
+                )
                 for r in order
             }
             fits = _collect(futures, reports, progress)
@@ -78,7 +82,9 @@ def _beside(folder: Path, name: str, ending: str) -> Path:
     return folder / f"{quote(name, safe='')}.{ending}"
 
 
-def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint: Path | None, report: Path) -> Fit:
+def _fit_and_tell(
+    regression: Regression, settings: TrainingSettings, checkpoint: Path | None, report: Path, start: Network | None
+) -> Fit:
     """In the worker: fit, and write the progress file now and then."""
     told = -_TELL_EVERY_S
 
@@ -92,7 +98,7 @@ def _fit_and_tell(regression: Regression, settings: TrainingSettings, checkpoint
             beside.write_text(json.dumps([name, used, allotted, rms, hidden]), "utf-8")
 
     try:
-        return fit(regression, settings, checkpoint, tell)
+        return fit(regression, settings, checkpoint, tell, start)
     finally:
         with suppress(OSError):
             report.unlink(missing_ok=True)

@@ -40,41 +40,63 @@ def _constant(array: np.ndarray) -> ca.MX:
 
 
 def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | None = None) -> NetworkValue:
-    """y for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent T (k x m).
+    """y of a network of one output for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent
+    T (k x m).
 
     Without a tangent, with respect to x itself. With it, dy/dx·T and Tᵀ·d²y/dx²·T: m columns pass through the
     network instead of k.
     """
+    return network_values(network, x, order, (0,), tangent)[0]
+
+
+def network_values(
+    network: Network, x: ca.MX, order: int, outputs: Sequence[int], tangent: ca.MX | None = None
+) -> list[NetworkValue]:
+    """The same for several outputs of a network; the hidden neurons are evaluated once."""
     # Input and output scales are folded into the first and last weights; the shift stays, for the digits' sake.
     weights = [np.asarray(w, dtype=float) for w in network.weights]
     weights[0] = weights[0] / np.asarray(network.input_scale)
-    weights[-1] = network.output_scale * weights[-1]
+    weights[-1] = np.reshape(network.output_scale, (-1, 1)) * weights[-1]
     a, sigma = x - _constant(network.input_shift), activation_of(network.activation).derivatives
     slopes, curvatures = [], []
     for weight, bias in zip(weights[:-1], network.biases[:-1], strict=True):
         a, slope, curvature = sigma(ca, ca.mac(_constant(weight), a, _constant(bias)), 2)  # unused ones never enter
         slopes.append(slope)
         curvatures.append(curvature)
-    value = ca.mac(_constant(weights[-1]), a, _constant(network.output_scale * network.biases[-1]))
-    if order == 0:
-        return NetworkValue(value)
+    hidden, biases = _Hidden(weights[:-1], slopes, curvatures), network.output_scale * network.biases[-1]
+    values = [(ca.mac(_constant(weights[-1][[k]]), a, _constant(biases[[k]])), weights[-1][[k]]) for k in outputs]
+    return [hidden.value(value, last, order, tangent) for value, last in values]
 
-    r = _constant(weights[-1].T)
-    adjoints = []
-    for weight, slope in zip(weights[-2::-1], slopes[::-1], strict=True):
-        adjoints.append(r)
-        r = ca.mtimes(_constant(weight.T), r * slope)
-    gradient = r.T if tangent is None else ca.mtimes(r.T, tangent)
-    if order == 1:
-        return NetworkValue(value, gradient, input_gradient=r.T)
 
-    columns = gradient.shape[1]
-    hessian = ca.MX.zeros(columns, columns)
-    for weight, slope, curvature, adjoint in zip(weights[:-1], slopes, curvatures, adjoints[::-1], strict=True):
-        Z = _constant(weight) if tangent is None else ca.mtimes(_constant(weight), tangent)
-        hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
-        tangent = Z * ca.repmat(slope, 1, columns)
-    return NetworkValue(value, gradient, hessian, input_gradient=r.T)
+@dataclass(frozen=True)
+class _Hidden:
+    """Hidden layers at a point: weights, and σ' and σ'' of every layer."""
+
+    weights: Sequence[np.ndarray]
+    slopes: Sequence[ca.MX]
+    curvatures: Sequence[ca.MX]
+
+    def value(self, value: ca.MX, last: np.ndarray, order: int, tangent: ca.MX | None) -> NetworkValue:
+        """An output's value with its derivatives, from its weights (1, neurons) of the last hidden layer."""
+        if order == 0:
+            return NetworkValue(value)
+        r = _constant(last.T)
+        adjoints = []
+        for weight, slope in zip(self.weights[::-1], self.slopes[::-1], strict=True):
+            adjoints.append(r)
+            r = ca.mtimes(_constant(weight.T), r * slope)
+        gradient = r.T if tangent is None else ca.mtimes(r.T, tangent)
+        if order == 1:
+            return NetworkValue(value, gradient, input_gradient=r.T)
+
+        columns = gradient.shape[1]
+        hessian = ca.MX.zeros(columns, columns)
+        layers = zip(self.weights, self.slopes, self.curvatures, adjoints[::-1], strict=True)
+        for weight, slope, curvature, adjoint in layers:
+            Z = _constant(weight) if tangent is None else ca.mtimes(_constant(weight), tangent)
+            hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
+            tangent = Z * ca.repmat(slope, 1, columns)
+        return NetworkValue(value, gradient, hessian, input_gradient=r.T)
 
 
 def stack(values: Sequence[NetworkValue], order: int) -> Output:

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import casadi_contact as cc
 from casadi_contact.conventions import REFLECTION
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.mirror import either_side, mirrored
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import PatchSurrogate
+from casadi_contact.structures import PatchSurrogate, TrunkSurrogate
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.two_spheres import TwoSpheres
 
@@ -29,13 +30,14 @@ def test_mirrored_samples_of_a_symmetric_joint_are_the_model_s_own():
     assert 0.3 < np.mean((either_side(samples).poses == samples.poses).all(axis=1)) < 0.7
 
 
-def test_a_surrogate_of_reflected_networks_mirrors_loads():
+@pytest.mark.parametrize("kind", [PatchSurrogate, TrunkSurrogate], ids=["patch", "trunk"])
+def test_a_surrogate_of_reflected_networks_mirrors_loads(kind):
     scene = cc.load_scene("knee")
-    networks = random_surrogate(scene, "patch", seed=2).networks
-    twins = PatchSurrogate.twins(scene)
-    networks |= {twin: PatchSurrogate.reflection(twin, networks[of], scene) for twin, of in twins.items()}
+    networks = random_surrogate(scene, kind.structure, seed=2).networks
+    twins = kind.twins(scene)
+    networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
     assert set(twins) | set(twins.values()) == set(networks)
-    surrogate, poses = PatchSurrogate(scene, networks), random_poses(40)
+    surrogate, poses = kind(scene, networks), random_poses(40)
     image = surrogate.wrenches(poses * REFLECTION)[:, ::-1] * REFLECTION
     assert (surrogate.wrenches(poses) != 0.0).any()
     np.testing.assert_allclose(surrogate.wrenches(poses), image, rtol=1e-10, atol=1e-10)

@@ -9,7 +9,7 @@ import numpy as np
 
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene, load_scene
-from casadi_contact.structures import PatchSurrogate, Surrogate, TwoStageSurrogate
+from casadi_contact.structures import STRUCTURES, Surrogate
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
 POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])
@@ -39,23 +39,25 @@ def random_poses(count: int, seed: int = 0) -> np.ndarray:
 
 
 def random_network(rng, shift, scale, hidden, activation, output_scale, bias=0.0) -> Network:
-    sizes = [len(shift), *hidden, 1]
+    sizes = [len(shift), *hidden, np.size(output_scale)]
     weights = tuple(rng.normal(size=(b, a)) / np.sqrt(a) for a, b in pairwise(sizes))
     biases = tuple(0.3 * rng.normal(size=b) for b in sizes[1:-1])
-    return Network(shift, scale, weights, (*biases, np.array([bias / output_scale])), output_scale, activation)
+    return Network(shift, scale, weights, (*biases, np.atleast_1d(bias / output_scale)), output_scale, activation)
 
 
 def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic", seed: int = 0) -> Surrogate:
     """Random networks of two hidden layers; torque-like outputs are larger than force-like ones."""
     rng = np.random.default_rng(seed)
-    kind = {"patch": PatchSurrogate, "two_stage": TwoStageSurrogate}[structure]
-    networks = {}
+    kind, networks = STRUCTURES[structure], {}
+    outputs = kind.network_outputs(scene)
     for name, inputs in kind.network_inputs(scene).items():
         shift, scale = np.zeros(inputs), np.full(inputs, 500.0)
         shift[:6], scale[:6] = POSE_CENTRE, POSE_SPREAD
-        if structure == "patch":
+        if structure != "two_stage":
             shift[:3] += scene.anchors_mm[[p in name.split("_") for p in scene.patch_names].index(True)]
             output = 1.5 if name.startswith("root") else (20.0 if "_T" in name else 0.3)
+            if outputs[name] > 1:
+                output = np.linspace(0.3, 20.0, outputs[name])
         else:
             output = 20000.0 if name.startswith("T") else 800.0
         networks[name] = random_network(rng, shift, scale, (14, 9), activation, output)

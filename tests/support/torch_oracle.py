@@ -8,6 +8,7 @@ import torch
 from casadi_contact.conventions import WRENCH_NAMES, load_selection
 from casadi_contact.network import Network
 from casadi_contact.structures import Surrogate
+from casadi_contact.structures.trunk.targets import trunk_outputs
 
 torch.set_default_dtype(torch.float64)
 
@@ -16,12 +17,13 @@ def _tensor(array) -> torch.Tensor:
     return torch.tensor(np.asarray(array, dtype=float))
 
 
-def _network(network: Network, x: torch.Tensor) -> torch.Tensor:
+def _network(network: Network, x: torch.Tensor, output: int = 0) -> torch.Tensor:
     a = (x - _tensor(network.input_shift)) / _tensor(network.input_scale)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
         z = _tensor(weight) @ a + _tensor(bias)
         a = {"tanh": torch.tanh, "algebraic": lambda z: z / torch.sqrt(1 + z**2)}[network.activation](z)
-    return network.output_scale * (_tensor(network.weights[-1])[0] @ a + network.biases[-1][0])
+    scale = np.ravel(network.output_scale)[output]
+    return scale * (_tensor(network.weights[-1])[output] @ a + network.biases[-1][output])
 
 
 def _rotation(q: torch.Tensor) -> torch.Tensor:
@@ -45,10 +47,19 @@ def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tenso
             if component == sensitive:
                 wrenches.append(normal if pressed.startswith("+") else -normal)
             else:
-                wrenches.append(normal * _network(surrogate.networks[f"ratio_{patch}_{component}"], local))
+                wrenches.append(normal * _ratio(surrogate, patch, component, local))
     of_patches = load_selection(surrogate.load_names, scene.patch_names)
     selection = of_patches[:, [part.patch for part in scene.parts]].reshape(len(surrogate.load_names), -1)
     return _tensor(selection) @ torch.stack(wrenches) if loads else torch.stack([_together(s) for s in roots])
+
+
+def _ratio(surrogate: Surrogate, patch: str, component: str, local: torch.Tensor) -> torch.Tensor:
+    if surrogate.structure == "patch":
+        return _network(surrogate.networks[f"ratio_{patch}_{component}"], local)
+    outputs = trunk_outputs(surrogate.scene).get(f"ratios_{patch}", ())
+    if component in outputs:
+        return _network(surrogate.networks[f"ratios_{patch}"], local, outputs.index(component))
+    return torch.zeros(())  # no load needs it
 
 
 def _together(roots: list[torch.Tensor]) -> torch.Tensor:
@@ -77,7 +88,7 @@ def oracle(
     surrogate: Surrogate, pose: np.ndarray, weights: np.ndarray, *, loads: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Value (m,), Jacobian (m, 6) and Hessian (6, 6) of weights (m,)·value, of loads or root loads by autograd."""
-    rule = {"patch": _patch, "two_stage": _two_stage}[surrogate.structure]
+    rule = {"patch": _patch, "trunk": _patch, "two_stage": _two_stage}[surrogate.structure]
 
     def f(x):
         return rule(surrogate, x, loads)

@@ -11,8 +11,9 @@ from tests.support.random_surrogates import IN_PARTS, random_poses, random_surro
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
-CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
+CASES += [("hip", "trunk"), (IN_PARTS, "trunk")]
 
 
 def second_derivatives(function: ca.Function) -> ca.Function:

@@ -48,7 +48,7 @@ class Exported:
         return status, loads, jacobian, roots, slopes, validity[0], errors
 
 
-@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage")])
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "trunk"), ("knee", "two_stage")])
 def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and_says_what_was_learned(
     scene, structure, tmp_path
 ):

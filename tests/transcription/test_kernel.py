@@ -22,8 +22,9 @@ from tests.transcription.test_consistency import evaluated
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 pytestmark = needs_compiler
 
-CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
+CASES += [("hip", "trunk"), (IN_PARTS, "trunk")]
 
 
 def far_poses(count: int) -> np.ndarray:
@@ -69,7 +70,7 @@ def test_kernel_equals_numpy_and_torch(scene, structure, activation):
             agree(got, want, order, amplified=amplified)
 
 
-@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
 def test_loads_and_roots_together_and_single_loads(structure):
     surrogate, pose, poses = (
         random_surrogate(load_scene("knee"), structure, seed=8),
@@ -87,7 +88,7 @@ def test_loads_and_roots_together_and_single_loads(structure):
             agree(got, want, order)
 
 
-@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
 @pytest.mark.parametrize("batch", [33])
 def test_batches_equal_single_calls(structure, batch):
     surrogate = random_surrogate(load_scene("knee"), structure, seed=9)

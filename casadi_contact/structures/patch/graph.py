@@ -19,14 +19,15 @@ from casadi_contact.network import Network
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.network_graph import NetworkValue, network_value
+from casadi_contact.transcription.network_graph import NetworkValue, network_value, network_values
 
 
 @dataclass(frozen=True)
 class PatchNetworks:
     """The networks of one patch: root s_p and ratios ρ_pk by wrench component.
 
-    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio.
+    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio. ratios: a network for
+    each component; or together: one network, with the components that it gives, in order.
     """
 
     name: str
@@ -35,6 +36,17 @@ class PatchNetworks:
     root: Network
     ratios: Mapping[str, Network]
     sign: float = -1.0
+    together: tuple[Network, tuple[str, ...]] | None = None
+
+    def ratio_values(
+        self, x: ca.MX, components: Sequence[str], order: int, tangent: ca.MX | None
+    ) -> dict[str, NetworkValue]:
+        """Ratios of these components at the free columns x of a local pose, for `network_value`."""
+        if self.together is None:
+            return {k: network_value(self.ratios[k], x, order, tangent) for k in components}
+        network, known = self.together
+        values = network_values(network, x, order, [known.index(k) for k in components], tangent)
+        return dict(zip(components, values, strict=True))
 
 
 def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
@@ -84,15 +96,14 @@ def patch_expressions(
     space = PoseSpace() if space is None else space
     held = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
     tangent = None if space.whole else ca.MX(ca.DM.eye(6)[list(space.free), :])
-
-    def network(net: Network, local: LocalPose) -> NetworkValue:
-        return network_value(net, local.x if tangent is None else local.x[list(space.free)], order, tangent)
-
     at_patches = local_pose_expressions(held, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
-        s = network(patch.root, local)
-        roots.append(_in_pose(local, [s], order))
         used = [k for k in range(6) if selection[:, p, k].any()]
+        components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
+        x = local.x if tangent is None else local.x[list(space.free)]
+        s = network_value(patch.root, x, order, tangent)
+        ratios = patch.ratio_values(x, components, order, tangent)
+        roots.append(_in_pose(local, [s], order))
         if not used:
             continue
         normal = _normal(s, reference_load, order)
@@ -102,7 +113,7 @@ def patch_expressions(
             if component == patch.sensitive:
                 wrench.append(_sensitive_component(patch.sign, normal))
             else:
-                wrench.append(_times(normal, network(patch.ratios[component], local), order))
+                wrench.append(_times(normal, ratios[component], order))
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
         loads.append([ca.mtimes(pick, part) for part in _in_pose(local, wrench, order)])
     summed = [sum(parts[1:], parts[0]) for parts in zip(*loads, strict=True)]

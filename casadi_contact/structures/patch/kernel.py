@@ -138,11 +138,15 @@ def _patch(
     """Networks and functions of one patch; selection (L, 6) picks its wrench components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
     ratios = [name for name in used if name != patch.sensitive]
+    of_ratios = {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios} if patch.together is None else {}
+    if patch.together is not None and ratios:
+        network, components = patch.together
+        ratios, of_ratios = list(components), {f"{', '.join(components)} by N {patch.name}": network}
     sign = "-" if patch.sign < 0.0 else ""
     columns = None if space.whole else space.free
     bundles = [
         Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}, columns),
-        Bundle(f"ratios_{patch.name}", 6, {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios}, columns),
+        Bundle(f"ratios_{patch.name}", 6, of_ratios, columns),
     ]
     picked = [
         (int(load), name, float(selection[load, WRENCH_NAMES.index(name)]))
@@ -160,7 +164,8 @@ def _patch(
         ]
 
     def weight(component: str | None) -> str:
-        return " + ".join(f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
+        shares = (f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
+        return " + ".join(shares) or "0.0"
 
     code = _PATCH.substitute(
         patch=identifier(patch.name),
@@ -180,7 +185,7 @@ def _patch(
         lane_loads=_lines(sums("loads[{load}][l]", f"{sign}normal", "normal * all_ratios[{m} * LANES + l]"), 4),
         ratio_weights=", ".join(weight(name) for name in ratios) or "0.0",
         sign=sign,
-        sensitive_weight=weight(patch.sensitive) or "0.0",
+        sensitive_weight=weight(patch.sensitive),
     )
     return bundles, code
 
@@ -230,7 +235,7 @@ def patch_kernel(
         ),
         batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in names], 2),
     )
-    most = max(1, *(len(bundles[1].networks) for bundles, _ in made))
+    most = max(1, *(sum(net.outputs for net in bundles[1].networks.values()) for bundles, _ in made))
     code = [
         c_text("pose.h"),
         c_text("patch.h", __package__),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +11,15 @@ from casadi_contact.conventions import REFLECTION, WRENCH_NAMES
 from casadi_contact.network import Network
 
 
-def reflected(network: Network, columns: tuple[int, ...], component: str | None) -> Network:
-    """x -> ±network(S·x), for a network of these columns of a pose; the sign is that of S for a wrench component."""
+def reflected(network: Network, columns: tuple[int, ...], components: Sequence[str | None]) -> Network:
+    """x -> ±network(S·x), for a network of these columns of a pose; the sign of each output is that of S for its wrench
+    component, 1 without."""
     signs = REFLECTION[list(columns)]
-    sign = 1.0 if component is None else float(REFLECTION[WRENCH_NAMES.index(component)])
+    sign = np.array([1.0 if k is None else REFLECTION[WRENCH_NAMES.index(k)] for k in components])
     return replace(
         network,
         input_shift=network.input_shift * signs,
-        weights=(network.weights[0] * signs, *network.weights[1:-1], sign * network.weights[-1]),
+        weights=(network.weights[0] * signs, *network.weights[1:-1], sign[:, None] * network.weights[-1]),
         biases=(*network.biases[:-1], sign * network.biases[-1]),
     )
 

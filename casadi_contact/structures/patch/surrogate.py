@@ -85,7 +85,7 @@ class PatchSurrogate(Surrogate):
     def reflection(name: str, network: Network, scene: Scene) -> Network:
         """The twin `name` of a network: its reflection in the plane z = 0."""
         component = name.rpartition("_")[2] if name.startswith("ratio_") else None
-        return reflected(network, scene.pose_space.free, component)
+        return reflected(network, scene.pose_space.free, (component,))
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
@@ -95,9 +95,14 @@ class PatchSurrogate(Surrogate):
         for p, part in enumerate(scene.parts):
             used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
             if used:
-                ratios = (ratio_name(part.name, k) for k in used if k != part.normal.component)
-                names += [root_name(part.name), *ratios]
+                ratios = (cls.ratio_network(part.name, k) for k in used if k != part.normal.component)
+                names += [root_name(part.name), *dict.fromkeys(ratios)]
         return names
+
+    @staticmethod
+    def ratio_network(part: str, component: str) -> str:
+        """Name of the network that gives a ratio."""
+        return ratio_name(part, component)
 
     def _root_networks(self) -> list[str]:
         return [root_name(part.name) for part in self.scene.parts]
@@ -128,8 +133,16 @@ class PatchSurrogate(Surrogate):
     def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         return self._network(root_name(part.name), poses, part, derivative=derivative)
 
+    def _ratios(
+        self, poses: Array, part: Part, components: Sequence[str], *, derivative: bool
+    ) -> dict[str, tuple[Array, Array]]:
+        """Ratios (n,) of a part by wrench component, with their derivatives as for `_network`."""
+        names = {k: ratio_name(part.name, k) for k in components}
+        return {k: self._network(name, poses, part, derivative=derivative) for k, name in names.items()}
+
     def _network(self, name: str, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
-        """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for."""
+        """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for; (n, m) and (n, m, 6) of
+        a network of m outputs."""
         network, anchor, space = self.networks[name], part.anchor_mm, self.scene.pose_space
         held, free = space.onto(poses), list(space.free)
         local = local_poses(held, anchor)[:, free]
@@ -137,7 +150,7 @@ class PatchSurrogate(Surrogate):
             return network.value(local), np.empty((0, 6))
         value, gradient = network.value_and_gradient(local)
         jacobian = local_pose_jacobian(held, anchor)[:, free]
-        return value, np.einsum("ni,nij->nj", gradient, jacobian if space.whole else jacobian @ space.matrix)
+        return value, np.einsum("n...i,nij->n...j", gradient, jacobian if space.whole else jacobian @ space.matrix)
 
     def _wrenches(self, poses: Array, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array]:
         """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), zero where used (parts, 6) is False."""
@@ -150,13 +163,15 @@ class PatchSurrogate(Surrogate):
             contact = np.maximum(s, 0.0)
             normal = self.scene.reference_load * contact**2
             d_normal = 2.0 * self.scene.reference_load * contact[:, None] * ds if derivative else ds
+            components = [k for c, k in enumerate(WRENCH_NAMES) if used[p, c] and k != part.normal.component]
+            ratios = self._ratios(poses, part, components, derivative=derivative)
             for k, component in enumerate(WRENCH_NAMES):
                 if not used[p, k]:
                     continue
                 if component == part.normal.component:
                     ratio, d_ratio = np.full(n, part.normal.sign), np.zeros_like(ds)
                 else:
-                    ratio, d_ratio = self._network(ratio_name(part.name, component), poses, part, derivative=derivative)
+                    ratio, d_ratio = ratios[component]
                 wrenches[:, p, k] = normal * ratio
                 if derivative:
                     jacobian[:, p, k] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
@@ -199,11 +214,12 @@ class PatchSurrogate(Surrogate):
 
     def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
         """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
-        known = [p for p, part in enumerate(self.scene.parts) if root_name(part.name) in self.networks]
-        of_parts = []
-        for part in (self.scene.parts[p] for p in known):
-            names = {k: ratio_name(part.name, k) for k in WRENCH_NAMES}
-            ratios = {k: self.networks[name] for k, name in names.items() if name in self.networks}
-            root, normal = self.networks[root_name(part.name)], part.normal
-            of_parts.append(PatchNetworks(part.name, part.anchor_mm, normal.component, root, ratios, sign=normal.sign))
+        roots = self._root_networks()
+        known = [p for p, name in enumerate(roots) if name in self.networks]
+        of_parts = [self._part_networks(self.scene.parts[p], self.networks[roots[p]]) for p in known]
         return of_parts, self.scene.part_selection(loads)[:, known]
+
+    def _part_networks(self, part: Part, root: Network) -> PatchNetworks:
+        names = {k: ratio_name(part.name, k) for k in WRENCH_NAMES}
+        ratios = {k: self.networks[name] for k, name in names.items() if name in self.networks}
+        return PatchNetworks(part.name, part.anchor_mm, part.normal.component, root, ratios, sign=part.normal.sign)

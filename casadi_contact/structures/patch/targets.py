@@ -44,6 +44,18 @@ def root_regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regr
     return [r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_")]
 
 
+def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
+    """Of every part that the scene's loads need: the wrench components whose ratio to the normal load they need."""
+    selection = scene.part_selection(scene.load_names)
+    return {
+        part.name: tuple(
+            name for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != part.normal.component
+        )
+        for p, part in enumerate(scene.parts)
+        if selection[:, p].any()
+    }
+
+
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
     """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
 
@@ -59,13 +71,13 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
     gaps_mm = samples.gaps[rows]
-    selection = scene.part_selection(scene.load_names)
+    selection, components = scene.part_selection(scene.load_names), part_components(scene)
     regressions = []
     for p, part in enumerate(scene.parts):
         patch, pressed = part.name, part.normal
-        used = [k for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != pressed.component]
-        if not selection[:, p].any():
+        if patch not in components:
             continue
+        used = [WRENCH_NAMES.index(name) for name in components[patch]]
         wrench = all_wrenches[:, p]
         normal = pressed.of(wrench)
         if normal.min() < -0.01 * scene.boundary_load:  # beyond rounding of a model that extrapolates

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from casadi_contact.activations import activation_of
-from casadi_contact.transcription.kernel.networks import Bundle, Shape
+from casadi_contact.transcription.kernel.networks import Bundle, Shape, padded
 
 LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
 
@@ -63,7 +63,7 @@ def _bundle(bundle: Bundle) -> str:
         lines += before
         for group in bundle.groups:
             lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m, **names)});")
-            m += len(group.networks)
+            m += sum(network.outputs for network in group.networks)
         if not bundle.groups:
             unused = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
             lines.append(f"  {', '.join(f'(void){name}' for name in unused)};")
@@ -73,7 +73,7 @@ def _bundle(bundle: Bundle) -> str:
 
 def _picked(bundle: Bundle, columns: Sequence[int], what: str) -> tuple[list[str], list[str]]:
     """C before and after the calls of networks that take these columns of x: inputs gathered, derivatives put back."""
-    inputs, k, count = bundle.inputs, len(columns), len(bundle.networks)
+    inputs, k, count = bundle.inputs, len(columns), sum(network.outputs for network in bundle.networks.values())
     if what == "batch":
         copies = [
             f"memcpy(of_x + {t} * LANES, x + {c} * LANES, LANES * sizeof(double));" for t, c in enumerate(columns)
@@ -129,9 +129,20 @@ def _forward(shape: Shape, order: int) -> list[str]:
             lines.append(_each(shape, f"affine({sizes}, {_weights(shape, layer)}, {before}, {after});"))
         arrays = ", ".join(f"{name}[{layer}]" for name in "ade"[: order + 1])
         lines.append(f"  {shape.activation}_{order}({n}, {arrays});")
+    if shape.outputs > 1:
+        return [*lines, f"  double z[{padded(shape.outputs)}];", *_last_layer(shape, "affine", f"a[{shape.last}]", "y")]
     output = f"dot({shape.rows[-1]}, {_of(shape, shape.last, f'w + {shape.output}')}, "
     output += f"{_of(shape, shape.last, f'a[{shape.last}]')})"
     return [*lines, _each(shape, f"y[m] = w[{shape.output_bias} + m] + {output};")]
+
+
+def _last_layer(shape: Shape, product: str, a: str, y: str) -> list[str]:
+    """Outputs y of one network of several, from what goes into its last layer."""
+    sizes = f"{shape.hidden[-1]}, {padded(shape.outputs)}"
+    return [
+        f"  {product}({sizes}, w + {shape.output}, {a}, z);",
+        f"  memcpy({y}, z, {shape.outputs} * sizeof(double));",
+    ]
 
 
 def _reverse(shape: Shape, layer: int, q: str, r: str) -> str:
@@ -150,7 +161,35 @@ def _value(shape: Shape) -> list[str]:
     ]
 
 
+def _gradient_forward(shape: Shape) -> list[str]:
+    """Derivatives of several outputs, along each input in turn."""
+    k, ahead = shape.inputs, "ahead"
+    lines = [
+        f"/* y[m] and g[{k} m + t] = dy_m/dx_t */",
+        f"FUNCTION void {shape.symbol}_gradient(const double *w, const double *x, double *y, double *g) {{",
+        f"  double offset[{k}], {_arrays(shape, 'ad')}, damped[WIDEST], ahead[WIDEST];",
+        *_forward(shape, 1),
+        f"  for (int t = 0; t < {k}; t++) {{",
+        f"    times({shape.stacked[0]}, d[0], {_first_row(shape)}, damped);",
+    ]
+    for layer in range(1, len(shape.hidden)):
+        sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
+        lines += [
+            f"    linear({sizes}, w + {shape.layer(layer)}, damped, {ahead});",
+            f"    times({shape.rows[layer]}, d[{layer}], {ahead}, damped);",
+        ]
+    return [
+        *lines,
+        f"    linear({shape.hidden[-1]}, {padded(shape.outputs)}, w + {shape.output}, damped, z);",
+        f"    for (int m = 0; m < {shape.outputs}; m++) g[{k} * m + t] = z[m];",
+        "  }",
+        "}",
+    ]
+
+
 def _gradient(shape: Shape) -> list[str]:
+    if shape.outputs > 1:
+        return _gradient_forward(shape)
     k = shape.inputs
     lines = [
         f"/* y[m] and g[{k} m + t] = dy_m/dx_t */",
@@ -171,9 +210,21 @@ def _gradient(shape: Shape) -> list[str]:
     ]
 
 
+def _seed(shape: Shape) -> list[str]:
+    """r of the last hidden layer: the weighted sum of the outputs by its activations."""
+    r = f"r[{shape.last}]"
+    if shape.outputs > 1:
+        return [
+            f"  memset(z, 0, sizeof z), memcpy(z, c, {shape.outputs} * sizeof(double));",
+            f"  transposed({shape.hidden[-1]}, {padded(shape.outputs)}, w + {shape.output}, z, {r});",
+        ]
+    loop = f"for (int i = m * {shape.rows[-1]}; i < (m + 1) * {shape.rows[-1]}; i++)"
+    return [_each(shape, f"{loop} {r}[i] = c[m] * w[{shape.output} + i];")]
+
+
 def _hessian(shape: Shape) -> list[str]:
     k, layers = shape.inputs, len(shape.hidden)
-    scratch = f"z[{k} * WIDEST], " if layers > 2 else ""
+    scratch = f"tangents[{k} * WIDEST], " if layers > 2 else ""
     lines = [
         f"/* y[m]; g += sum_m c_m dy_m/dx; h += sum_m c_m d2y_m/dx2, lower triangle of {k} x {k} */",
         f"FUNCTION void {shape.symbol}_hessian(const double *w, const double *x, const double *c, double *y,",
@@ -181,11 +232,7 @@ def _hessian(shape: Shape) -> list[str]:
         f"  double offset[{k}], {_arrays(shape, 'ade')}, q[WIDEST], r[{layers}][WIDEST] = {{{{0}}}};",
         *([f"  double {scratch}ahead[{k} * WIDEST], damped[WIDEST];"] if layers > 1 else []),
         *_forward(shape, 2),
-        _each(
-            shape,
-            f"for (int i = m * {shape.rows[-1]}; i < (m + 1) * {shape.rows[-1]}; i++) "
-            f"r[{shape.last}][i] = c[m] * w[{shape.output} + i];",
-        ),
+        *_seed(shape),
     ]
     for layer in range(shape.last, 0, -1):
         lines += [
@@ -201,7 +248,7 @@ def _hessian(shape: Shape) -> list[str]:
     ]
     for layer in range(1, layers):
         before, n = shape.stacked[layer - 1], shape.stacked[layer]
-        tangent = _first_row(shape) if layer == 1 else f"z + t * {before}"
+        tangent = _first_row(shape) if layer == 1 else f"tangents + t * {before}"
         sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
         arrays = f"{_of(shape, layer - 1, 'damped')}, {_of(shape, layer, f'ahead + t * {n}')}"
         lines += [
@@ -213,7 +260,7 @@ def _hessian(shape: Shape) -> list[str]:
             f"  curvature({k}, {n}, q, ahead, h);",
         ]
         if layer < shape.last:
-            lines.append(f"  memcpy(z, ahead, {k * n} * sizeof(double));")
+            lines.append(f"  memcpy(tangents, ahead, {k * n} * sizeof(double));")
     return [*lines, "}"]
 
 
@@ -242,6 +289,9 @@ def _batch(shape: Shape) -> list[str]:
             f"  {shape.activation}_0({shape.count * shape.hidden[layer]} * LANES, {there});",
         ]
         here, there = there, here
+    if shape.outputs > 1:
+        sizes = f"{shape.hidden[-1]}, {shape.outputs}, {padded(shape.outputs)}"
+        return [*lines, f"  lanes({sizes}, w + {shape.output}, {here}, y);", "}"]
     output = f"{_of(shape, shape.last, f'w + {shape.output}')}, w[{shape.output_bias} + m]"
     result = f"{lanes(shape.hidden[-1], here)}, y + m * LANES"
     return [*lines, _each(shape, f"lanes_out({shape.hidden[-1]}, {output}, {result});"), "}"]

@@ -31,19 +31,21 @@ class Shape:
     """What decides the C code of a group: sigmoid, inputs, hidden layers, number of networks. Offsets count doubles.
 
     Packed weights: shift | first layer, all networks in one row | further layers, network after network | output
-    weights, network after network | output biases. A layer is its biases, then one row per input.
+    weights, network after network | output biases. A layer is its biases, then one row per input. One network of
+    several outputs ends in a layer like the others instead.
     """
 
     activation: str
     inputs: int
     hidden: tuple[int, ...]
     count: int
+    outputs: int = 1
 
     @property
     def symbol(self) -> str:
         """What names the shape in C."""
         sizes = "_".join(map(str, (self.inputs, *self.hidden)))
-        return f"{self.activation}_{sizes}_by_{self.count}"
+        return f"{self.activation}_{sizes}_by_{self.count}" + ("" if self.outputs == 1 else f"_to_{self.outputs}")
 
     @property
     def last(self) -> int:
@@ -63,7 +65,7 @@ class Shape:
     @property
     def widest(self) -> int:
         """Doubles of the largest layer, all networks together."""
-        return max(self.stacked)
+        return max(*self.stacked, padded(self.outputs))
 
     def slab(self, layer: int) -> int:
         """Doubles that one network takes in a layer."""
@@ -87,7 +89,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Group:
-    """Networks of one shape and input shift; ``symbol`` names their weights in C."""
+    """Networks of one shape and input shift, or one network of several outputs; ``symbol`` names its weights in C."""
 
     symbol: str
     names: tuple[str, ...]
@@ -97,7 +99,7 @@ class Group:
     def shape(self) -> Shape:
         """What its networks have in common."""
         first = self.networks[0]
-        return Shape(first.activation, len(first.input_shift), first.hidden, len(self.networks))
+        return Shape(first.activation, len(first.input_shift), first.hidden, len(self.networks), first.outputs)
 
     def packed(self) -> Array:
         """The weights as `Shape` describes them; input and output scales are folded in."""
@@ -106,8 +108,12 @@ class Group:
         parts = [nets[0].input_shift, np.hstack(first)]
         for layer in range(1, len(self.shape.hidden)):
             parts += [_widened(np.vstack([net.biases[layer], net.weights[layer].T])) for net in nets]
-        parts += [_widened(net.output_scale * net.weights[-1]) for net in nets]
-        parts.append(np.array([net.output_scale * net.biases[-1][0] for net in nets]))
+        if self.shape.outputs > 1:
+            (net,) = nets
+            parts.append(_widened(net.output_scale * np.vstack([net.biases[-1], net.weights[-1].T])))
+        else:
+            parts += [_widened(net.output_scale * net.weights[-1]) for net in nets]
+            parts.append(np.array([net.output_scale * net.biases[-1][0] for net in nets]))
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
 
     def declaration(self) -> str:
@@ -135,11 +141,12 @@ class Bundle:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """Neighbours of equal shape and input shift."""
+        """Neighbours of one output, equal shape and input shift; networks of several outputs alone."""
 
         def key(item: tuple[str, Network]) -> object:
-            network = item[1]
-            return network.hidden, network.activation, network.input_shift.tobytes()
+            name, network = item
+            alone = name if network.outputs > 1 else ""
+            return alone, network.hidden, network.activation, network.input_shift.tobytes()
 
         groups = []
         for i, (_, members) in enumerate(itertools.groupby(self.networks.items(), key)):

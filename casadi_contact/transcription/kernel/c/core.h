@@ -39,19 +39,54 @@ INLINE void fill_nan(int n, double *values) {
   for (int i = 0; i < n; i++) values[i] = NAN;
 }
 
+/* As many doubles as a register holds, and the widest part of a layer whose sums all stay in registers. */
+#if defined(__AVX512F__)
+#define BYTES 64
+#define BLOCK 32
+#elif defined(__AVX__)
+#define BYTES 32
+#define BLOCK 24
+#else
+#define BYTES 16
+#define BLOCK 8
+#endif
+#if defined(__GNUC__)
+typedef double Vector __attribute__((vector_size(BYTES)));
+typedef double Stored __attribute__((vector_size(BYTES), aligned(8), may_alias));
+#define UNROLL _Pragma("GCC unroll 32")
+#else
+typedef double Vector, Stored;
+#define UNROLL
+#endif
+#define VECTOR ((int)(sizeof(Vector) / sizeof(double)))
+
+/* Inputs in turn go to one of two sums, so that one does not wait for the other. */
 INLINE void layer_block(int biased, int inputs, int width, int stride, const double *w, const double *a, double *z) {
-  double sum[32];
-  KEEP_LOOP for (int i = 0; i < width; i++) sum[i] = biased ? w[i] : 0.0;
-  for (int j = 0; j < inputs; j++) {
-    const double *row = w + (j + 1) * stride;
-    KEEP_LOOP for (int i = 0; i < width; i++) sum[i] += row[i] * a[j];
+  const int vectors = width / VECTOR;
+  const Vector zero = {0};
+  Vector even[32], odd[32];
+  int j = 0;
+  UNROLL for (int i = 0; i < vectors; i++) {
+    even[i] = odd[i] = zero;
+    if (biased) even[i] = *(const Stored *)(w + i * VECTOR);
   }
-  KEEP_LOOP for (int i = 0; i < width; i++) z[i] = sum[i];
+  for (; j + 1 < inputs; j += 2) {
+    const double *row = w + (j + 1) * stride, *next = row + stride;
+    UNROLL for (int i = 0; i < vectors; i++) {
+      even[i] += *(const Stored *)(row + i * VECTOR) * a[j];
+      odd[i] += *(const Stored *)(next + i * VECTOR) * a[j + 1];
+    }
+  }
+  if (j < inputs) {
+    const double *row = w + (j + 1) * stride;
+    UNROLL for (int i = 0; i < vectors; i++) even[i] += *(const Stored *)(row + i * VECTOR) * a[j];
+  }
+  UNROLL for (int i = 0; i < vectors; i++) *(Stored *)(z + i * VECTOR) = even[i] + odd[i];
 }
 
 INLINE void layer(int biased, int inputs, int outputs, const double *w, const double *a, double *z) {
   int i = 0;
-  for (; i + 32 <= outputs; i += 32) layer_block(biased, inputs, 32, outputs, w + i, a, z + i);
+  for (; i + BLOCK <= outputs; i += BLOCK) layer_block(biased, inputs, BLOCK, outputs, w + i, a, z + i);
   if (outputs - i >= 24) layer_block(biased, inputs, 24, outputs, w + i, a, z + i);
   else if (outputs - i >= 16) layer_block(biased, inputs, 16, outputs, w + i, a, z + i);
   else if (outputs - i >= 8) layer_block(biased, inputs, 8, outputs, w + i, a, z + i);
