@@ -7,7 +7,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.reach import pressed_poses
-from casadi_contact.contact.convergence import WORST, forces_tried
+from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
@@ -26,29 +26,12 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     cells are as large as one of `SIZES_MM`. Raises ValueError where nothing is good enough and where no pose presses
     the patches.
     """
-    range_n = forces_tried(scene)
-    tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
-    truth = _Truth(scene, range_n)
-    for cells in CANDIDATES:
-        errors = truth.errors(cells)
-        if truth.misses(errors, tolerances) <= 1.0:
-            break
-    else:
-        worst = int(np.argmax(errors.max(axis=0) / tolerances))
-        raise ValueError(
-            f"scene {scene.name}: {cells} are wrong by up to {errors[:, worst].max():.3g} in "
-            f"{scene.load_names[worst]}, expected less: relax the scene's tolerances, or take cc.ElasticFoundation"
-        )
-    model = CellFoundation(scene, cells, compiled=compiled)
-    model.record = {
-        "model": "cubic cells",
-        "cells_mm": [cells.u_mm, cells.v_mm],
-        "sub_points": [cells.along_u, cells.along_v],
-        "against": str(CONVERGED),
-        "poses": len(errors),
-        "forces_n": list(range_n),
-        "rms": dict(zip(scene.load_names, np.sqrt(np.mean(errors**2, axis=0)).tolist(), strict=True)),
-        "largest": dict(zip(scene.load_names, errors.max(axis=0).tolist(), strict=True)),
+    truth = _Truth(scene)
+    models = (CellFoundation(scene, cells, compiled=compiled) for cells in CANDIDATES)
+    model = cheapest(scene, models, truth.errors, truth.force_n, model="cubic cells", against=str(CONVERGED))
+    model.record |= {
+        "cells_mm": [model.cells.u_mm, model.cells.v_mm],
+        "sub_points": [model.cells.along_u, model.cells.along_v],
     }
     return model
 
@@ -56,11 +39,10 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
 class _Truth:
     """Poses that press each patch, and the wrenches of converged cells there."""
 
-    def __init__(self, scene: Scene, range_n: tuple[float, float]) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene) -> None:
         self.poses, self.wrenches = [], []
         for patch, coarse in zip(cell_patches(scene, CONVERGED), cell_patches(scene, CANDIDATES[0]), strict=True):
-            R, t = pressed_poses(coarse, scene.start_pose, range_n, _POSES)
+            R, t = pressed_poses(coarse, scene.start_pose, forces_tried(scene), _POSES)
             self.poses.append((R, t))
             self.wrenches.append(np.array([patch.wrench(*pose) for pose in zip(R, t, strict=True)]).reshape(-1, 6))
         if not any(len(t) for _, t in self.poses):
@@ -69,20 +51,16 @@ class _Truth:
                 "comes down on it; check the axes and the patches' boxes, or take cc.ElasticFoundation"
             )
 
-    def errors(self, cells: Cells) -> Array:
-        """Absolute errors of the named loads (poses, loads), each pose with one patch pressed."""
-        selection = load_selection(self.scene.load_names, self.scene.patch_names)
-        errors = []
-        for p, patch in enumerate(cell_patches(self.scene, cells)):
-            found = np.array([patch.wrench(*pose) for pose in zip(*self.poses[p], strict=True)]).reshape(-1, 6)
-            errors.append(np.abs((found - self.wrenches[p]) @ selection[:, p].T))
-        return np.concatenate(errors)
+        self.force_n = np.linalg.norm(np.concatenate(self.wrenches)[:, :3], axis=1)
 
-    def misses(self, errors: Array, tolerances: Array) -> float:
-        """The largest of RMS over tolerance and of largest error over what a single pose may be wrong by."""
-        force = np.linalg.norm(np.concatenate(self.wrenches)[:, :3], axis=1) / self.scene.reference_load
-        largest = (errors / np.maximum(force, 1.0)[:, None]).max(axis=0)
-        return float((np.maximum(np.sqrt(np.mean(errors**2, axis=0)), largest / WORST) / tolerances).max())
+    def errors(self, model: CellFoundation) -> Array:
+        """Errors of the named loads (poses, loads), each pose with one patch pressed."""
+        selection = load_selection(model.load_names, model.patch_names)
+        errors = []
+        for p, patch in enumerate(model.patches):
+            found = np.array([patch.wrench(*pose) for pose in zip(*self.poses[p], strict=True)]).reshape(-1, 6)
+            errors.append((found - self.wrenches[p]) @ selection[:, p].T)
+        return np.concatenate(errors)
 
 
 def _sized(u_mm: float, v_mm: float) -> Cells:
