@@ -91,7 +91,8 @@ def _cell_surface(quadrature: Quadrature) -> FixedSurface:
     _, first, number = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(len(corners), len(xi), len(eta))
     quads = np.stack([number[:, :-1, :-1], number[:, 1:, :-1], number[:, 1:, 1:], number[:, :-1, 1:]], -1)
-    c, n = points.reshape(-1, 3)[first], normals.reshape(-1, 3)[first]
+    # Few digits of places compress well, and drawn points are no more exact.
+    c, n = (array.reshape(-1, 3)[first].astype(np.float32).astype(float) for array in (points, normals))
     return FixedSurface(Triangles.of_quads(c, n, quads.reshape(-1, 4)), np.concatenate([c, n], 1))
 
 

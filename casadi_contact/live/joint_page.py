@@ -116,8 +116,8 @@ def _arrays(
     named = dict(zip(contact.patch_names, (surface.triangles for surface in surfaces), strict=True))
     behind = [part.behind(contact.scene.material.thickness) for part in named.values()]
     for name, part in {**named, "behind": Triangles.together(behind), "moving": moving}.items():
-        arrays[f"{name}_points"] = part.points_mm.astype(np.float32)
-        arrays[f"{name}_normals"] = np.round(part.normals, 3).astype(np.float32)
+        arrays[f"{name}_points"] = np.round(part.points_mm, 2).astype(np.float32)
+        arrays[f"{name}_normals"] = np.round(part.normals, 2).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in zip(contact.patch_names, surfaces, strict=True):
         arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
