@@ -13,6 +13,7 @@ from casadi_contact.commands.build import build, calibrate, evaluate, export, sa
 from casadi_contact.commands.compare import chart, choose, speed
 from casadi_contact.commands.convert import cycle
 from casadi_contact.commands.examples import examples
+from casadi_contact.commands.live import page
 from casadi_contact.commands.look import info, report, show
 from casadi_contact.commands.propose import scene
 from casadi_contact.files import short
@@ -41,7 +42,7 @@ def options(
 
 
 _PROJECT = (build, sample, train, calibrate, evaluate, export, chart, speed, choose)
-for command in (scene, *_PROJECT, info, report, cycle, show):
+for command in (scene, *_PROJECT, info, report, cycle, show, page):
     app.command(epilog=examples(command.__name__))(command)
 
 

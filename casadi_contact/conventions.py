@@ -30,6 +30,7 @@ WRENCH_NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 ANATOMY = {"x": ("posterior", "anterior"), "y": ("superior", "inferior"), "z": ("medial", "lateral")}
 POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
 LEVER_MM = 25.0  # about what a knee's condyles lie off its middle: turns N·mm into comparable N, rad into comparable mm
+REFLECTION = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])  # of a pose, and of a wrench, in the plane z = 0
 POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors
+from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Regression
 from casadi_contact.presets import Effort, effort_for
@@ -25,6 +26,7 @@ from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.workers import worker_pool
 
 _log = logging.getLogger(__name__)
+_COURSE_POINTS = 60  # of a fit that the record keeps
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
@@ -98,15 +100,18 @@ def fit_surrogate(
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
     efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a later call goes on from.
-    command: what a reader of the record runs to make it again. loads: fit only the networks that these need.
-    update is called as (title and network, Gflop used, Gflop allotted, remark). One logged warning names the networks
-    that stopped because their budget was used up.
+    command: what a reader of the record runs to make it again. loads: fit only the networks that these need. Of a joint
+    that is its own mirror image one side is fitted, on the samples of both. update is called as (title and network,
+    Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their budget was
+    used up.
     """
     kind = STRUCTURES[structure]
-    needed = None if loads is None else kind.networks_for(project.scene, loads)
+    needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
+    twins = {twin: of for twin, of in kind.twins(project.scene).items() if twin in needed}
+    fitted = {twins.get(name, name) for name in needed}
     regressions, settings = [], {}
-    for regression in kind.regressions(samples):
-        if needed is not None and regression.name not in needed:
+    for regression in kind.regressions(either_side(samples) if twins else samples):
+        if regression.name in twins or (loads is not None and regression.name not in fitted):
             continue
         effort = effort_for(efforts, regression.name)
         wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
@@ -127,6 +132,9 @@ def fit_surrogate(
                 f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
             )
     networks = {name: fit.network for name, fit in fits.items()}
+    networks |= {twin: kind.reflection(twin, networks[of], project.scene) for twin, of in twins.items()}
+    if loads is not None:
+        networks = {name: networks[name] for name in needed}
     surrogate = kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
     if line := budget_line(surrogate.record):
         _log.warning("%s: %s", title, line)
@@ -136,6 +144,17 @@ def fit_surrogate(
 def size_text(hidden: Sequence[int]) -> str:
     """Neurons per hidden layer as people write them: "12-12"."""
     return "-".join(map(str, hidden))
+
+
+def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Work done [Gflop] and RMS of the fit at up to `_COURSE_POINTS` of its iterations, evenly spaced in log work."""
+    gflop, rms = history["gflop"], history["training_rms"]
+    begun = np.flatnonzero(gflop > 0.0)
+    if not len(begun):
+        return {"gflop": [], "rms": []}
+    wanted = np.geomspace(gflop[begun[0]], gflop[-1], _COURSE_POINTS)
+    chosen = np.unique(np.minimum(np.searchsorted(gflop, wanted), len(gflop) - 1))
+    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}
 
 
 def _record(
@@ -150,6 +169,7 @@ def _record(
         "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
+        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
         "machine": machine_record(),
     }

@@ -119,6 +119,15 @@ PRESETS: dict[str, Preset] = {
             peer_gflop=9_000.0,
         ),
     ),
+    "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger roots than around a motion
+        sampling_scale=0.4,
+        efforts={
+            "patch": {
+                "root": Effort(((24, 24, 24),), 6_200.0, tolerance_share=0.2),
+                "ratio": Effort(((14, 14),), 300.0, tolerance_share=0.2),
+            }
+        },
+    ),
     "paper": Preset(
         sampling_scale=1.0,
         efforts={

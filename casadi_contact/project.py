@@ -33,11 +33,12 @@ Update = Callable[[str, float, float, str], None]
 
 @dataclass(frozen=True)
 class Project:
-    """A scene, a preset and the folder that holds everything made from them."""
+    """A scene, a preset and the folder that holds everything made from them; own: a preset that has no name."""
 
     scene: Scene
     preset_name: str
     folder: Path
+    own: Preset | None = None
 
     @classmethod
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
@@ -57,7 +58,7 @@ class Project:
     @property
     def preset(self) -> Preset:
         """How much is sampled and trained."""
-        return PRESETS[self.preset_name]
+        return PRESETS[self.preset_name] if self.own is None else self.own
 
     @property
     def samples_path(self) -> Path:
@@ -129,7 +130,7 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         content = read_npz(project.motion_path)
         if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):
             raise ValueError("curves or poses are not finite")
-        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]])
+        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]], project.scene.pose_space)
         cycles = [str(name) for name in content["cycles"]]
         return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:

@@ -14,11 +14,13 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "terminal", "machine", "quantities", "conventions", "pressure_laws"),
+    *("compilation", "files", "page", "workers", "cluster", "terminal", "machine", "quantities"),
+    *("conventions", "pressure_laws"),
     *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
     *("dataset", "sampling", "training", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
-    *("benchmark", "show", "report", "proposal", "pipeline", "progress", "commands", "cli", "__main__"),
+    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
+    *("commands", "cli", "__main__"),
 ]
 
 

@@ -126,3 +126,14 @@ def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path
         cc.ElasticFoundation(own_contact.SCENE)
     with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
         pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
+
+
+def test_out_of_contact_root_loads_fall_with_the_model_s_own_gaps():
+    """At 0.1 mm from touching: s = -gap_slope·gap, whose slope leads back along the displacement."""
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    away = np.array([0.0, 0.6, 0.8])
+    pose = np.array([[*(own_contact.CENTRE_MM + (own_contact.CLEARANCE_MM - 0.1) * away), 0.1, 0.0, -0.2]])
+    roots, slopes = model.root_loads(pose)
+    scale = own_contact.SCENE.gap_slope
+    np.testing.assert_allclose(roots, [[-scale * 0.1]], rtol=1e-9)
+    np.testing.assert_allclose(slopes[0, 0], [*(scale * away), 0.0, 0.0, 0.0], atol=1e-4)

@@ -3,7 +3,7 @@
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.assembly.file import load_assembly, ready_assemblies
-from casadi_contact.assembly.settle import Equilibrium, settle_assembly
+from casadi_contact.assembly.settle import Equilibrium, Settling, settle_assembly
 
 __all__ = [
     "Assembly",
@@ -11,6 +11,7 @@ __all__ = [
     "Equilibrium",
     "Ligament",
     "Pull",
+    "Settling",
     "Spring",
     "load_assembly",
     "ready_assemblies",

@@ -32,7 +32,7 @@ class Assembly:
     springs: Sequence[Spring] = ()
 
     def __post_init__(self) -> None:
-        known = (self.ground, *self.start)
+        known = tuple(identifier("body", body) for body in (self.ground, *self.start))
         parts: list[Contact | Line | Spring] = [*self.contacts, *self.ligaments, *self.pulls, *self.springs]
         names = [identifier("name", part.name) for part in parts]
         if not self.start or len(set(known)) != len(known) or len(set(names)) != len(names):

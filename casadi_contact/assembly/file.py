@@ -8,7 +8,8 @@ pose = [0.0, 28.0, 0.0, 0.0, 0.0, 0.0]               # start, in the ground
 [contacts.tibiofemoral]
 scene = "knee"                                       # ready scene, or scene .toml beside this file
 fixed = "tibia"
-moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie
+moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie;
+                                                     # change = {thickness = 9.0}: other parameters of the scene
 [ligaments.mcl]
 bodies = ["femur", "tibia"]
 points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
@@ -20,7 +21,6 @@ slack_length_mm = 78.0
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -32,12 +32,12 @@ from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.shapes.checks import fail, number, plain_values, scene_name, table_of
 
 FORMAT = 1
-MOST_CHARACTERS = 1_000_000
 _FRAMES = ("fixed_frame", "moving_frame")
 _ROOM = "casadi_contact.assembly"
 
@@ -56,9 +56,7 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
     """
     path = Path(name_or_path)
     if str(name_or_path).endswith(".toml"):
-        if not path.is_file():
-            raise FileNotFoundError(f"assembly file {path} does not exist")
-        text = path.read_text("utf-8")
+        text = toml_text(path, "assembly")
     elif str(name_or_path) in ready_assemblies():
         text = (resources.files(_ROOM) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
     else:
@@ -66,12 +64,9 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
         raise ValueError(
             f"unknown assembly {str(name_or_path)!r}, expected one of {possible}, or a path to a .toml file"
         )
-    if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"{name_or_path}: {len(text)} characters, expected at most {MOST_CHARACTERS}")
+    tables = toml_tables(text, str(name_or_path))
     try:
-        return _assembly(tomllib.loads(text), path.parent, contact or foundation)
-    except RecursionError:
-        raise ValueError(f"{name_or_path}: tables are nested too deep, expected a few levels") from None
+        return _assembly(tables, path.parent, contact or foundation)
     except ValueError as error:
         raise ValueError(f"{name_or_path}: {error}") from None
 
@@ -122,9 +117,11 @@ def _body_pose(key: str, table: object) -> Array:
 
 def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Contact:
     key = f"contacts.{name}"
-    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=_FRAMES)
-    scene = str(given["scene"])
-    found = load_scene(folder / scene if scene.endswith(".toml") else scene)
+    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=(*_FRAMES, "change"))
+    scene, change = str(given["scene"]), given.get("change", {})
+    if not isinstance(change, Mapping):
+        raise fail(f"{key}.change", change, "a table of the scene's parameters")
+    found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
     frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
     return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
 

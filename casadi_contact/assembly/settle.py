@@ -31,6 +31,72 @@ class Equilibrium:
     converged: bool
 
 
+class Settling:
+    """Settles the free pose parameters of bodies (by name), again and again for other poses and tensions.
+
+    Raises ValueError for bodies that the assembly has not.
+    """
+
+    def __init__(self, assembly: Assembly, free: Mapping[str, Sequence[str]]) -> None:
+        _check_bodies(assembly, free)
+        self.assembly, count = assembly, len(assembly.bodies)
+        self.rows = [
+            6 * assembly.bodies.index(body) + pose_index(name) for body, names in free.items() for name in names
+        ]
+        x, given, tensions = (
+            ca.MX.sym("x", 6 * count),
+            ca.MX.sym("given", 6 * count),
+            ca.MX.sym("tensions", len(assembly.pulls)),
+        )
+        forces = ca.vec(assembly.forces()(ca.reshape(x, 6, count), tensions)) + given
+        slopes = ca.jacobian(forces, x)[self.rows, self.rows]
+        self._evaluate = ca.Function("settle", [x, given, tensions], [forces[self.rows], slopes])
+
+    def __call__(
+        self,
+        poses: ArrayLike,
+        applied: Mapping[str, ArrayLike] | None = None,
+        tensions: Sequence[float] = (),
+        *,
+        tolerance: float = 1e-6,
+        max_iterations: int = 1000,
+    ) -> Equilibrium:
+        """As `settle_assembly`."""
+        assembly, rows = self.assembly, self.rows
+        q, applied = as_poses(poses).copy(), applied or {}
+        _check_bodies(assembly, applied)
+        if len(q) != len(assembly.bodies) or len(tensions) != len(assembly.pulls):
+            raise ValueError(
+                f"got {len(q)} poses and {len(tensions)} tensions; assembly {assembly.name} has the free bodies "
+                f"{', '.join(assembly.bodies)} and {len(assembly.pulls)} pulls"
+            )
+        given = np.zeros(6 * len(q))
+        for body, force in applied.items():
+            given[6 * assembly.bodies.index(body) :][:6] = np.asarray(force, dtype=float)
+        in_mm = np.tile(POSE_IN_MM, len(q))[rows]
+        step, position = _FIRST_STEP_S, q.ravel()
+        for _ in range(max_iterations):
+            left, slope = (np.asarray(part) for part in self._evaluate(position, given, list(tensions)))
+            residual = float(np.abs(left.ravel() / in_mm).max())
+            if residual <= tolerance or not np.isfinite(residual):
+                break
+            while True:
+                move = np.linalg.solve(np.diag(in_mm**2 / step) - slope, left.ravel())
+                if np.abs(move * in_mm).max() <= _LARGEST_MOVE_MM or step < 1e-12:
+                    break
+                step *= 0.5
+            position[rows] += move
+            step = min(2.0 * step, _LONGEST_STEP_S)
+        return Equilibrium(position.reshape(-1, 6), residual, residual <= tolerance)
+
+
+def _check_bodies(assembly: Assembly, named: Mapping[str, object]) -> None:
+    unknown = set(named) - set(assembly.bodies)
+    if unknown:
+        known = ", ".join(assembly.bodies)
+        raise ValueError(f"got the bodies {', '.join(named)}; assembly {assembly.name} has the free bodies {known}")
+
+
 def settle_assembly(
     assembly: Assembly,
     poses: ArrayLike,
@@ -47,33 +113,5 @@ def settle_assembly(
     body; tensions [N] of the pulls. Raises ValueError for unknown names and wrong numbers; what does not converge is
     reported, not raised.
     """
-    q = as_poses(poses).copy()
-    applied = applied or {}
-    unknown = {*free, *applied} - set(assembly.bodies)
-    if unknown or len(q) != len(assembly.bodies) or len(tensions) != len(assembly.pulls):
-        raise ValueError(
-            f"got {len(q)} poses, {len(tensions)} tensions, and the bodies {', '.join([*free, *applied])}; assembly "
-            f"{assembly.name} has {len(assembly.pulls)} pulls and the free bodies {', '.join(assembly.bodies)}"
-        )
-    rows = [6 * assembly.bodies.index(body) + pose_index(name) for body, names in free.items() for name in names]
-    given = np.zeros(6 * len(q))
-    for body, force in applied.items():
-        given[6 * assembly.bodies.index(body) :][:6] = np.asarray(force, dtype=float)
-    x = ca.MX.sym("x", 6 * len(q))
-    forces = ca.vec(assembly.forces()(ca.reshape(x, 6, len(q)), ca.DM(list(tensions)))) + ca.DM(given)
-    evaluate = ca.Function("settle", [x], [forces[rows], ca.jacobian(forces, x)[rows, rows]])
-    in_mm = np.tile(POSE_IN_MM, len(q))[rows]
-    step, position = _FIRST_STEP_S, q.ravel()
-    for _ in range(max_iterations):
-        left, slope = (np.asarray(part) for part in evaluate(position))
-        residual = float(np.abs(left.ravel() / in_mm).max())
-        if residual <= tolerance or not np.isfinite(residual):
-            break
-        while True:
-            move = np.linalg.solve(np.diag(in_mm**2 / step) - slope, left.ravel())
-            if np.abs(move * in_mm).max() <= _LARGEST_MOVE_MM or step < 1e-12:
-                break
-            step *= 0.5
-        position[rows] += move
-        step = min(2.0 * step, _LONGEST_STEP_S)
-    return Equilibrium(position.reshape(-1, 6), residual, residual <= tolerance)
+    settle = Settling(assembly, free)
+    return settle(poses, applied, tensions, tolerance=tolerance, max_iterations=max_iterations)

@@ -106,4 +106,4 @@ def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iter
 
 
 def _sized(project: Project) -> dict[str, Sized]:
-    return {sized.name: sized for sized in chart_surrogates(project.preset.chart)}
+    return {sized.name: sized for sized in chart_surrogates(project.preset.chart, project.scene)}

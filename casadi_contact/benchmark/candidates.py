@@ -82,7 +82,7 @@ def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]
     """Name on the chart, sweep, surrogate: the preset's own, then the sized ones that are on disk."""
     for structure, surrogate in project_surrogates(project).items():
         yield own_name(project, structure), SIZE, surrogate
-    for sized in chart_surrogates(project.preset.chart):
+    for sized in chart_surrogates(project.preset.chart, project.scene):
         yield sized.name, sized.sweep, load_surrogate(sized_path(project, sized))
 
 

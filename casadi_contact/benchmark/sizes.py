@@ -15,6 +15,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.fitting import fit_surrogate, size_text
 from casadi_contact.presets import ChartEffort, Effort
 from casadi_contact.project import Project, Update, alone
+from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
 from casadi_contact.workers import worker_pool
 
@@ -49,9 +50,10 @@ class Sized:
         return {name: replace(self.effort, gflop=share * self.effort.gflop) for name, share in shares.items()}
 
 
-def chart_surrogates(chart: ChartEffort) -> list[Sized]:
-    """Every surrogate that a preset's chart shows, sizes first."""
-    sizes = [Sized(structure, effort) for structure, efforts in chart.sizes.items() for effort in efforts]
+def chart_surrogates(chart: ChartEffort, scene: Scene) -> list[Sized]:
+    """Every surrogate that a preset's chart shows, sizes first, of the structures that fit the scene."""
+    fitting = {structure: efforts for structure, efforts in chart.sizes.items() if STRUCTURES[structure].fits(scene)}
+    sizes = [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
     structure, size = chart.swept
     swept = [sized for sized in sizes if sized.structure == structure and sized.effort.sizes == (size,)]
     return [
@@ -104,7 +106,7 @@ def train_sizes(
     Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
     FileNotFoundError without samples, ValueError for samples of another scene.
     """
-    wanted = chart_surrogates(project.preset.chart) if wanted is None else list(wanted)
+    wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
     missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
     if missing:
         samples = project.samples()

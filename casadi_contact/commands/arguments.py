@@ -29,6 +29,10 @@ ModelName = Annotated[
     typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
 ]
 SurrogateName = Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
+]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 
 

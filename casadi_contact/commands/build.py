@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from casadi_contact import pipeline
+from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
     Cycles,
     ModelName,
@@ -15,6 +19,7 @@ from casadi_contact.commands.arguments import (
     Out,
     PresetName,
     SceneName,
+    Scheduler,
     Table,
     console,
     say_shipped,
@@ -26,6 +31,7 @@ from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.sampling import model_pair
 from casadi_contact.sampling.drops import dropped_shares
+from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
 from casadi_contact.verification.fitness import fitness
 
 
@@ -36,16 +42,45 @@ def build(
     more_cycles: MoreCycles = None,
     table: Table = None,
     model: ModelName = "elements",
+    scheduler: Scheduler = None,
     out: Out = None,
+    force_tol: Annotated[
+        float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
+    ] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
-    project = Project.open(scene, preset, out)
-    with folder_lock(project.folder):
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model)
-        _train(project)
-        _evaluate(project)
-        _export(project)
-        _report(project)
+    files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
+    project = _project_within(scene, out, table, force_tol, torque_tol) if within else Project.open(scene, preset, out)
+    with folder_lock(project.folder), cluster_workers(scheduler) as executor:
+        stages: dict[str, Callable[[], None]] = {
+            "samples": lambda: _sample(project, files, table, model, executor),
+            "training": lambda: _train(project, executor),
+        }
+        if within:
+            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
+        stages |= {
+            "evaluation": lambda: _evaluate(project),
+            "export": lambda: _export(project),
+            "report": lambda: _report(project),
+        }
+        for number, (stage, run) in enumerate(stages.items(), start=1):
+            console.print(f"stage {number} of {len(stages)}: {stage}", highlight=False)
+            run()
+
+
+def _project_within(
+    scene: str, out: Path | None, table: Path | None, force_tol: float | None, torque_tol: float | None
+) -> Project:
+    """The project of a build whose scene has these tolerances [N, N·mm]."""
+    if table is not None:
+        raise ValueError(
+            "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
+        )
+    wanted = [f"{tol:g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
+    project = Project.open(scene, "quick", folder)
+    return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
 
 
 def sample(
@@ -55,20 +90,26 @@ def sample(
     more_cycles: MoreCycles = None,
     table: Table = None,
     model: ModelName = "elements",
+    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    _sample(Project.open(scene, preset, out), [*(cycles or []), *(more_cycles or [])], table, model)
+    project = Project.open(scene, preset, out)
+    with cluster_workers(scheduler) as executor:
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model, executor)
 
 
 def train(
     scene: SceneName,
     preset: PresetName = "quick",
     structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
+    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Train the preset's networks on the samples."""
-    _train(Project.open(scene, preset, out), structure)
+    project = Project.open(scene, preset, out)
+    with cluster_workers(scheduler) as executor:
+        _train(project, executor, structure)
 
 
 def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
@@ -103,7 +144,9 @@ def export(
     _export(Project.open(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
 
 
-def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
+def _sample(
+    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None
+) -> None:
     if table is not None:
         if cycle_files:
             raise ValueError("got cycle files and a table of samples, expected one of them")
@@ -115,6 +158,7 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None, model
             project,
             cycle_files,
             lambda done, total: update("samples", done, total, ""),
+            executor,
             models=model_pair(model),
         )
     if report is not None:
@@ -129,9 +173,14 @@ def _sample(project: Project, cycle_files: list[Path], table: Path | None, model
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 
-def _train(project: Project, structure: str | None = None) -> None:
+def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
     with progress_bars(console) as update:
-        paths = pipeline.train(project, update, structure=structure)
+        train_to_tolerance(project, files, update, executor, model_pair(model))
+
+
+def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:
+    with progress_bars(console) as update:
+        paths = pipeline.train(project, update, executor, structure=structure)
     for path in paths:
         console.print(f"surrogate in {path}", highlight=False)
 

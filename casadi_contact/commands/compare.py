@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from casadi_contact import benchmark, pipeline
-from casadi_contact.commands.arguments import Out, PresetName, SceneName, console, say_shipped
+from casadi_contact.cluster import cluster_workers
+from casadi_contact.commands.arguments import Out, PresetName, SceneName, Scheduler, console, say_shipped
 from casadi_contact.pipeline import Project
 from casadi_contact.progress import progress_bars
 from casadi_contact.report import kernel_speed_tables, read_kernel_speed
@@ -20,12 +21,19 @@ def chart(
     peers: Annotated[
         bool, typer.Option("--peers", help=r"measure the peers too (pip install casadi_contact\[peers])")
     ] = False,
+    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = Project.open(scene, preset, out)
-    with progress_bars(console) as update:
-        paths = pipeline.chart(project, peers=peers, update=update, tell=lambda what: update("measuring", 0, 1, what))
+    with cluster_workers(scheduler) as executor, progress_bars(console) as update:
+        paths = pipeline.chart(
+            project,
+            peers=peers,
+            update=update,
+            tell=lambda what: update("measuring", 0, 1, what),
+            executor=executor,
+        )
     for path in paths:
         console.print(f"written {path}", highlight=False)
 

@@ -60,6 +60,10 @@ _EXAMPLES = {
         "show knee --pose=0.5,27.35,0.1,0,-0.05,-0.3 --out knee.png",
         "show my_knee.toml --poses poses.csv",
     ),
+    "page": (
+        "page knee --out knee.html",
+        "page my_knee.toml --poses poses.csv --surrogate results/my_knee-quick/patch.h5",
+    ),
 }
 
 

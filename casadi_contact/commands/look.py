@@ -10,7 +10,7 @@ import typer
 
 from casadi_contact.commands.arguments import SceneName, SurrogateName, console
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.files import file_stem
+from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.report import write_report
 from casadi_contact.scenes import load_scene
@@ -31,7 +31,9 @@ def report(
     """Write one page (HTML) that says what a surrogate is fit for, where it was sampled and how wrong it is."""
     folder = Path(surrogate).parent
     loaded = load_surrogate(surrogate)
-    path = write_report({loaded.title: loaded}, folder, folder / "report.html" if out is None else out)
+    path = folder / "report.html" if out is None else out
+    writable_folder(path.parent)
+    write_report({loaded.title: loaded}, folder, path)
     console.print(str(fitness(loaded)), f"report in {path}", sep="\n", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -10,12 +10,13 @@ import typer
 
 from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.files import file_stem, write_text
+from casadi_contact.files import file_stem, writable_folder, write_text
 from casadi_contact.proposal.joint import JOINTS
 from casadi_contact.proposal.propose import propose
 from casadi_contact.proposal.tables import MATERIALS
 from casadi_contact.proposal.text import proposal_lines, scene_text
 from casadi_contact.scenes import load_scene
+from casadi_contact.shapes.checks import scene_name
 from casadi_contact.show.scene_picture import draw_scene
 
 SIDES = ("right", "left")
@@ -40,7 +41,9 @@ def scene(
     if path.suffix != ".toml":
         raise ValueError(f"--out is {path}, expected a scene file, for example my.toml")
     named: Sequence[str] | None = None if axes is None else [axis.strip() for axis in axes.split(",")]
-    proposal = propose(moving, fixed, name=file_stem(path.stem), side=side, kind=joint, axes=named, material=material)
+    name = scene_name(path.stem)
+    writable_folder(path.parent)  # before minutes of trying
+    proposal = propose(moving, fixed, name=name, side=side, kind=joint, axes=named, material=material)
     write_text(path, scene_text(proposal, path.parent))
     picture = path.with_suffix(".png")
     written = load_scene(path)

@@ -16,9 +16,12 @@ Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m
 _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive
 
 
-def contact_callback(name: str, outputs: Sequence[Output]) -> ca.Function:
-    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them."""
-    callback = _Values(check_name(name), outputs)
+def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.Function:
+    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them.
+
+    size: numbers of the input, for more than a pose.
+    """
+    callback = _Values(check_name(name), outputs, size)
     _KEPT.append(callback)
     return callback
 
@@ -47,9 +50,9 @@ def model_callback(
 
 
 class _Values(ca.Callback):
-    def __init__(self, name: str, outputs: Sequence[Output]) -> None:
+    def __init__(self, name: str, outputs: Sequence[Output], size: int) -> None:
         super().__init__()
-        self._outputs = outputs
+        self._outputs, self._size = outputs, size
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -65,14 +68,14 @@ class _Values(ca.Callback):
         return self._outputs[i][0]
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(6, 1)
+        return ca.Sparsity.dense(self._size, 1)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._outputs[i][1], 1)
 
     def eval(self, arg: Sequence[Any]) -> list[Array]:
         """CasADi's call; NaN for a pose that is not finite."""
-        pose = np.array(arg[0], dtype=float).reshape(1, 6)
+        pose = np.array(arg[0], dtype=float).reshape(1, self._size)
         if not np.isfinite(pose).all():
             return [np.full(rows, np.nan) for _, rows, _ in self._outputs]
         return [model(pose)[0][0] for _, _, model in self._outputs]
@@ -81,15 +84,15 @@ class _Values(ca.Callback):
         return True
 
     def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
-        jacobian = _Jacobians(name, self._outputs, opts)
+        jacobian = _Jacobians(name, self._outputs, self._size, opts)
         _KEPT.append(jacobian)
         return jacobian
 
 
 class _Jacobians(ca.Callback):
-    def __init__(self, name: str, outputs: Sequence[Output], options: Any) -> None:
+    def __init__(self, name: str, outputs: Sequence[Output], size: int, options: Any) -> None:
         super().__init__()
-        self._outputs = outputs
+        self._outputs, self._size = outputs, size
         self.construct(name, {**options, "enable_fd": True, "fd_method": "central"})
 
     def get_n_in(self) -> int:
@@ -99,14 +102,16 @@ class _Jacobians(ca.Callback):
         return len(self._outputs)
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity(self._outputs[i - 1][1], 1) if i else ca.Sparsity.dense(6, 1)  # outputs are not needed
+        return (
+            ca.Sparsity(self._outputs[i - 1][1], 1) if i else ca.Sparsity.dense(self._size, 1)
+        )  # outputs are not needed
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._outputs[i][1], 6)
+        return ca.Sparsity.dense(self._outputs[i][1], self._size)
 
     def eval(self, arg: Sequence[Any]) -> list[Array]:
         """CasADi's call; NaN for a pose that is not finite."""
-        pose = np.array(arg[0], dtype=float).reshape(1, 6)
+        pose = np.array(arg[0], dtype=float).reshape(1, self._size)
         if not np.isfinite(pose).all():
-            return [np.full((rows, 6), np.nan) for _, rows, _ in self._outputs]
+            return [np.full((rows, self._size), np.nan) for _, rows, _ in self._outputs]
         return [model(pose)[1][0] for _, _, model in self._outputs]

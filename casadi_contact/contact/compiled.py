@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from casadi_contact.conventions import Array, angular_velocity_map, load_selecti
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel, export_c
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.contact_functions import ContactFunctions
 from casadi_contact.transcription.fmu import export_fmu
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
@@ -32,11 +33,13 @@ from casadi_contact.transcription.kernel.tables import roots_source
 BOTH = "contact_loads_and_roots"
 
 
-class CompiledFoundation(ABC):
+class CompiledFoundation(ContactFunctions):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
     """
+
+    compiled_by_default = True
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
         self.scene = scene
@@ -128,7 +131,7 @@ class CompiledFoundation(ABC):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads",
         *,
-        compiled: bool = True,
+        compiled: bool | None = None,
         batch: int | None = None,
         parameters: Iterable[str] = (),
     ) -> ca.Function:
@@ -141,10 +144,9 @@ class CompiledFoundation(ABC):
         """
         wanted = check_parameters(parameters, self.scene.material)
         if not wanted:
-            return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
-        function = parametric_function(
-            check_name(name), wanted, self.scene.material, self._rows(loads), self._wrench_function(compiled)
-        )
+            return super().function(loads, name, compiled=compiled, batch=batch)
+        wrenches = self._wrench_function(compiled is not False)
+        function = parametric_function(check_name(name), wanted, self.scene.material, self._rows(loads), wrenches)
         return function if batch is None else function.map(batch)
 
     def _wrench_function(self, compiled: bool) -> ca.Function:
@@ -159,23 +161,6 @@ class CompiledFoundation(ABC):
             return values.reshape(len(poses), -1), slopes.reshape(len(poses), -1, 6)
 
         return contact_callback(name, [("loads", len(names), wrenches)])
-
-    def root_function(
-        self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
-        return self._function(name, (), ("roots",), compiled, batch)
-
-    def load_and_root_function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = BOTH,
-        *,
-        compiled: bool = True,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
-        return self._function(name, self.check_loads(loads), ("loads", "roots"), compiled, batch)
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads and root loads; raises ValueError for a pressure law without C."""
@@ -217,8 +202,6 @@ class CompiledFoundation(ABC):
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        if batch is not None and batch < 1:
-            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
         path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
         if path is not None:
             return ca.external(name, str(path))

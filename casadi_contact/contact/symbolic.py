@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
@@ -10,6 +10,7 @@ import casadi as ca
 from casadi_contact.contact.callback import check_loads, model_callback
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, pose_or_poses
+from casadi_contact.transcription.contact_functions import ContactFunctions
 
 
 @runtime_checkable
@@ -32,7 +33,7 @@ class SymbolicContact(ContactModel, Protocol):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads",
         *,
-        compiled: bool = False,
+        compiled: bool | None = None,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch)."""
@@ -42,7 +43,7 @@ class SymbolicContact(ContactModel, Protocol):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads_and_roots",
         *,
-        compiled: bool = False,
+        compiled: bool | None = None,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), signed root loads (P)."""
@@ -53,7 +54,7 @@ def symbolic(model: ContactModel) -> SymbolicContact:
     return model if isinstance(model, SymbolicContact) else CallbackContact(model)
 
 
-class CallbackContact:
+class CallbackContact(ContactFunctions):
     """Any contact model with CasADi functions that call it back, through Python, with its own Jacobian."""
 
     def __init__(self, model: ContactModel) -> None:
@@ -84,24 +85,7 @@ class CallbackContact:
         """The loads asked for (None: all); ValueError where one is not the scene's."""
         return check_loads(self.load_names, loads)
 
-    def function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L); there is nothing to compile."""
-        return model_callback(self.model, name, self.check_loads(loads), ("loads",), batch)
-
-    def load_and_root_function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads_and_roots",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), signed root loads (P)."""
-        return model_callback(self.model, name, self.check_loads(loads), ("loads", "roots"), batch)
+        return model_callback(self.model, name, loads, wanted, batch)  # there is nothing to compile

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,13 @@ import numpy as np
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import one_line, write_text
 from casadi_contact.page import save_page
-from casadi_contact.quantities import ANGLE, quantity
+from casadi_contact.quantities import quantity
+from casadi_contact.report.convergence import draw_convergence
 from casadi_contact.report.html import heading, page, paragraph, picture, table
+from casadi_contact.report.reach import draw_reach
 from casadi_contact.report.scatter import draw_speed_accuracy
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import Scene
@@ -80,7 +80,7 @@ def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
     info, loads = surrogate.info(), surrogate.load_names
     return [
         heading(f"{name}: reach"),
-        _reach(info.record.get("pose_range", {})),
+        *_reach(surrogate),
         heading(f"{name}: errors by domain"),
         _errors(info.test_errors, loads, surrogate.scene.tolerances),
         heading(f"{name}: coverage"),
@@ -90,15 +90,13 @@ def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
     ]
 
 
-def _reach(ranges: Mapping[str, Sequence[float]]) -> str:
-    if not ranges:
-        return paragraph("The file does not record the sampled poses.")
-    rows = []
-    for name in POSE_NAMES:
-        degrees = quantity(name).kind == ANGLE
-        low, high = (math.degrees(bound) if degrees else bound for bound in ranges[name])
-        rows.append([name, f"{low:.1f}", f"{high:.1f}", "°" if degrees else "mm"])
-    return table(["sampled poses", "from", "to", "unit"], rows)
+def _reach(surrogate: Surrogate) -> list[str]:
+    rows = surrogate.info().reach
+    if not rows:
+        return [paragraph("The file does not record the sampled poses.")]
+    shown = picture(lambda path: save_page(draw_reach(surrogate), path), "sampled ranges of pose parameters and loads")
+    cells = [[name, f"{low:.1f}", f"{high:.1f}", unit] for name, low, high, unit in rows]
+    return [shown, table(["sampled", "from", "to", "unit"], cells)]
 
 
 def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping[str, float]) -> str:
@@ -138,7 +136,13 @@ def _training(surrogate: Surrogate) -> str:
         rows.append([name, hidden, "-" if fit is None else f"{fit:.3g}", str(ended)])
     made = record.get("command", "not recorded")
     said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene_digest[:12]}.")
-    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows)
+    courses = record.get("convergence", {})
+    drawn = (
+        picture(lambda path: save_page(draw_convergence(courses), path), "RMS of the fit against the work done")
+        if courses
+        else paragraph("The file does not record how the fits converged.")
+    )
+    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows) + drawn
 
 
 def _dropped(samples: Samples | None) -> list[str]:

@@ -9,7 +9,7 @@ from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
-AROUND_COUNTS = (4000, 16_000)  # at least, at most; in between a sixth as many as the samples
+AROUND_COUNTS = (4000, 40_000)  # at least, at most; in between a third as many as the samples
 
 
 def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = None, seed: int = 12) -> Samples:
@@ -20,14 +20,14 @@ def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = 
     """
     rng = np.random.default_rng(seed)
     if count is None:
-        count = int(np.clip(len(samples) // 6, *AROUND_COUNTS))
+        count = int(np.clip(len(samples) // 3, *AROUND_COUNTS))
     known = samples.select("D1").poses
     if not len(known):
         known = samples.poses
     poses = known[rng.integers(len(known), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
-    poses = poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3)
+    poses = samples.scene.pose_space.onto(poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3))
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     wrenches, gaps, edge = evaluated(model, poses, len(samples.scene.parts))
     kept, domain = ~edge, np.ones(count, dtype=np.uint8)

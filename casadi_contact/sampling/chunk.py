@@ -16,10 +16,11 @@ from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.domains import plan_domains
 from casadi_contact.sampling.liftoff import lift_all, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
+from casadi_contact.sampling.sample_point import pressed
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
-from casadi_contact.statics import settle
+from casadi_contact.statics import first_touch, settle
 
 _PULL_N = 1e-9
 
@@ -64,8 +65,8 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses."""
     chunks = []
     point = motion.point
-    for block in plan_domains(motion.envelopes, scene.normal_loads, scene.boundary_load, settings):
-        starts = motion.starts(block.inputs)
+    for block in plan_domains(motion.envelopes, pressed(scene), scene.boundary_load, settings):
+        starts = motion.starts(block.inputs, scene.pose_space)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)
             loads = {name: block.inputs[rows, point.inputs.index(name)] for name in point.load_inputs}
@@ -89,7 +90,9 @@ def draw_chunk(
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
     dropped: Counter[str] = Counter()
     tolerance = settings.settle_tolerance_n
-    poses, report = settle(settle_model, chunk.starts, chunk.free, chunk.loads, tolerance=tolerance)
+    # Of the whole reach no pose of the reference motion is near.
+    starts = first_touch(settle_model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
+    poses, report = settle(settle_model, starts, chunk.free, chunk.loads, tolerance=tolerance)
     _count(dropped, "not settled", report.reason)
     kept = report.converged
     lost = [poses[~kept]]

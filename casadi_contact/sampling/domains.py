@@ -8,6 +8,10 @@
 
 No input pulls: normal loads end at the contact boundary. With one patch, one patch out of contact is all patches out
 of contact: D4 and D6 are then left out (`left_out`).
+
+The plan `reach` (``[sampling.reach]``) follows no motion: the box of D3 to D7 has the given ranges, wide enough for
+every pose whose contact lies on the fixed surface (others are dropped where it runs off), and normal loads are drawn
+evenly in their roots √N, so that light and heavy contact are known alike. D1 and D2 are left out.
 """
 
 from __future__ import annotations
@@ -51,9 +55,10 @@ def plan_domains(
     ValueError where D4 to D7 are wanted and a normal load is no input.
     """
     fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
-    tight = envelopes.expand(settings.d1_fraction, settings.d1_offset, fixed[0])
-    loose = envelopes.expand(settings.d2_fraction, settings.d2_offset, fixed[1])
-    box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
+    if settings.reach:
+        box = Envelopes(envelopes.names, *(np.array([[settings.reach[n][k] for n in envelopes.names]]) for k in (0, 1)))
+    else:
+        box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
     box = box.without_pull(normals, boundary_load)
     patches = len(normals)
     missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
@@ -66,7 +71,8 @@ def plan_domains(
         if domain >= 4 and missing:
             raise ValueError(f"{name} needs {', '.join(missing)} as an input, expected it there or counts.{name} = 0")
         if domain in (1, 2):
-            boxes = (tight if domain == 1 else loose).without_pull(normals, boundary_load)
+            rules = (settings.d1_fraction, settings.d1_offset), (settings.d2_fraction, settings.d2_offset)
+            boxes = envelopes.expand(*rules[domain - 1], fixed[domain - 1]).without_pull(normals, boundary_load)
             parts = [(-1, _cluster(boxes, domain, count, settings))]
         elif domain == 3:
             parts = [(-1, _fill(box, [], count, None))]
@@ -78,6 +84,8 @@ def plan_domains(
         else:
             shift = _rng(settings, domain, _FILLING, 0).random(len(envelopes.names))
             parts = [(-1, _at_boundary(box, normals, count, shift, boundary_load))]
+        if settings.reach:
+            parts = [(lifted, _rooted(inputs, box, normals)) for lifted, inputs in parts]
         roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
         for lifted, inputs in parts:
             blocks.append(Block(domain, lifted, inputs, roles[: len(inputs)]))
@@ -86,11 +94,12 @@ def plan_domains(
 
 
 def left_out(normals: Sequence[NormalLoad], settings: SamplingSettings) -> dict[str, str]:
-    """Domains that make no sense for these patches though they are wanted, with the reason."""
-    if len(normals) > 1:
-        return {}
-    wanted = [domain for domain in ("D4", "D6") if settings.counts[domain]]
-    return dict.fromkeys(wanted, "one patch out of contact is all patches out of contact (D5, D7)")
+    """Domains that make no sense for these patches or this plan though they are wanted, with the reason."""
+    reasons = dict.fromkeys(("D1", "D2"), "the plan reach follows no motion") if settings.reach else {}
+    if len(normals) == 1:
+        alone = "one patch out of contact is all patches out of contact (D5, D7)"
+        reasons |= dict.fromkeys(("D4", "D6"), alone)
+    return {domain: reason for domain, reason in reasons.items() if settings.counts[domain]}
 
 
 def _rng(settings: SamplingSettings, *stream: int) -> np.random.Generator:
@@ -148,6 +157,19 @@ def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) 
     points = hammersley(count, len(moving), None if shift is None else shift[moving])
     inputs[:, moving] = box.lower[0, moving] + points * (box.upper[0, moving] - box.lower[0, moving])
     return inputs
+
+
+def _rooted(inputs: Array, box: Envelopes, normals: Sequence[NormalLoad]) -> Array:
+    """Inputs whose directed normal loads are spread evenly in √N over their range instead of in N."""
+    spread = inputs.copy()
+    for normal in normals:
+        if normal.component is None or normal.loads[0] not in box.names:
+            continue
+        column = box.names.index(normal.loads[0])
+        low, high = np.sort(normal.sign * np.array([box.lower[0, column], box.upper[0, column]]))
+        share = (normal.sign * inputs[:, column] - low) / (high - low)
+        spread[:, column] = normal.sign * (np.sqrt(low) + share * (np.sqrt(high) - np.sqrt(low))) ** 2
+    return spread
 
 
 def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: Array, boundary_load: float) -> Array:

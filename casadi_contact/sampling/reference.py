@@ -12,8 +12,9 @@ from scipy.spatial import cKDTree
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.sampling.envelopes import Envelopes
-from casadi_contact.sampling.sample_point import SamplePoint
+from casadi_contact.sampling.sample_point import SamplePoint, pressed
 from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.statics import SettleReport, first_touch, settle
 
 
@@ -78,11 +79,11 @@ class ReferenceMotion:
         """The reference envelopes of the inputs."""
         return Envelopes.over(self.point.inputs, self.curves)
 
-    def starts(self, inputs: Array) -> Array:
+    def starts(self, inputs: Array, space: PoseSpace | None = None) -> Array:
         """Start poses (n, 6) for static analyses of inputs (n, inputs).
 
         The free parameters are those of the reference pose nearest in the pose inputs, each measured in its range
-        over the reference motion.
+        over the reference motion; locked and tied ones are as the space says.
         """
         columns = self.point.columns(self.point.pose_inputs)
         curves = self.curves.reshape(-1, self.curves.shape[2])[:, columns]
@@ -91,7 +92,7 @@ class ReferenceMotion:
         _, nearest = cKDTree(curves / scale).query(inputs[:, columns] / scale)
         starts = self.poses.reshape(-1, 6)[nearest]
         starts[:, [pose_index(name) for name in self.point.pose_inputs]] = inputs[:, columns]
-        return starts
+        return starts if space is None else space.onto(starts)
 
 
 def reference_motion(
@@ -138,16 +139,17 @@ def reference_poses(
     measured = tuple(cycles[0].measured_pose())
     if any(tuple(cycle.measured_pose()) != measured for cycle in cycles):
         raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
-    free = tuple(name for name in POSE_NAMES if name not in measured)
     scene = model.scene
+    free = tuple(name for name in scene.pose_space.free_names if name not in measured)
     targets = [_on_frames(cycle, frames) for cycle in cycles]
     wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
     poses = np.tile(scene.start_pose if start is None else start, (len(cycles) * frames, 1))
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
+    poses = scene.pose_space.onto(poses)
     if start is None:
         poses = first_touch(model, poses, wanted)
-    sensitive = {name: wanted[name] for name in scene.sensitive_loads if name in wanted}
+    sensitive = {name: wanted[name] for normal in pressed(scene) for name in normal.loads if name in wanted}
     if len(sensitive) == len(scene.sensitive_pose):
         poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)

@@ -7,26 +7,29 @@ from dataclasses import dataclass
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.scenes.pose_space import PoseSpace
 
 
 @dataclass(frozen=True)
 class SamplePoint:
     """Inputs (pose parameters and loads, any mix) and the free pose parameters a static analysis finds for them.
 
-    Every pose parameter is an input or free, and there is one load for each free parameter:
-    the knee's is {tx, Fy_med, tz, Fy_lat, ry, rz} -> (ty, rx).
+    Every pose parameter that the scene neither locks nor ties (`movable`) is an input or free, and there is one load
+    for each free parameter: the knee's is {tx, Fy_med, tz, Fy_lat, ry, rz} -> (ty, rx).
     """
 
     inputs: tuple[str, ...]
     free: tuple[str, ...]
+    movable: tuple[str, ...] = POSE_NAMES
 
     def __post_init__(self) -> None:
         if len(set(self.inputs)) != len(self.inputs):
             raise ValueError(f"sample point inputs {', '.join(self.inputs)} repeat a name, expected each once")
-        if set(self.free) != set(POSE_NAMES) - set(self.inputs) or len(self.free) + len(self.pose_inputs) != 6:
+        if sorted((*self.free, *self.pose_inputs)) != sorted(self.movable):
             raise ValueError(
                 f"sample point has inputs {', '.join(self.inputs)} and free {', '.join(self.free)}, "
-                f"expected each of {', '.join(POSE_NAMES)} in exactly one of them"
+                f"expected each of {', '.join(self.movable)} in exactly one of them"
             )
         for name in self.load_inputs:
             if name.partition("_")[0] not in WRENCH_NAMES:
@@ -52,22 +55,35 @@ class SamplePoint:
         return [self.inputs.index(name) for name in names]
 
     @classmethod
-    def of_inputs(cls, inputs: Sequence[str]) -> SamplePoint:
-        """The definition with these inputs; the pose parameters not among them are free."""
-        return cls(tuple(inputs), tuple(name for name in POSE_NAMES if name not in inputs))
+    def of_inputs(cls, inputs: Sequence[str], space: PoseSpace | None = None) -> SamplePoint:
+        """The definition with these inputs; the pose parameters of the space that are not among them are free."""
+        movable = POSE_NAMES if space is None else space.free_names
+        return cls(tuple(inputs), tuple(name for name in movable if name not in inputs), movable)
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
-        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load."""
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `pressed`)."""
         if not scene.sensitive_pose:
             raise ValueError(
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
                 "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
             )
-        if len(scene.sensitive_pose) != len(scene.sensitive_loads):
+        loads = [name for normal in pressed(scene) for name in normal.loads]
+        if len(scene.sensitive_pose) != len(loads):
             raise ValueError(
                 f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "
-                f"{len(scene.sensitive_loads)} sensitive loads, expected as many; give sampling.inputs"
+                f"{len(loads)} sensitive loads, expected as many; give sampling.inputs"
             )
-        swap = dict(zip(scene.sensitive_pose, scene.sensitive_loads, strict=True))
-        return cls.of_inputs([swap.get(name, name) for name in POSE_NAMES])
+        swap = dict(zip(scene.sensitive_pose, loads, strict=True))
+        return cls.of_inputs([swap.get(name, name) for name in scene.pose_space.free_names], scene.pose_space)
+
+
+def pressed(scene: Scene) -> tuple[NormalLoad, ...]:
+    """The normal loads that a static analysis can set one by one: those of the patches; their sum where patches that
+    are pressed along one direction share a single sensitive pose parameter (a knee whose r_x is locked)."""
+    normals = scene.normal_loads
+    directions = {(normal.component, normal.sign) for normal in normals}
+    component, sign = next(iter(directions))
+    if len(normals) == 1 or len(scene.sensitive_pose) != 1 or len(directions) > 1 or component is None:
+        return normals
+    return (NormalLoad("", component, sign, (component,)),)

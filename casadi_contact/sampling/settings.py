@@ -29,7 +29,8 @@ class SamplingSettings:
     leave other motions and an optimiser's steps outside all domains); fixed_offsets: for an input known
     from a single curve, its offset in D1 and in D2 [mm, rad or N] (the paper gives no number for ry: these are 1.1
     and 3.4 degrees); settle_tolerance_n: largest force error of a static analysis; most_dropped: share of
-    a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if empty.
+    a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if empty; reach: ranges (low,
+    high) of all inputs [mm, rad, N], the plan `reach` instead of the paper's: see `domains`.
     """
 
     counts: Mapping[str, int] = field(default_factory=lambda: dict(PAPER_COUNTS))
@@ -53,6 +54,7 @@ class SamplingSettings:
     chunk_size: int = 500
     most_dropped: float = MOST_DROPPED
     inputs: tuple[str, ...] = ()
+    reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.counts, Mapping) or set(self.counts) - set(DOMAINS):
@@ -96,6 +98,9 @@ class SamplingSettings:
         object.__setattr__(self, "inputs", tuple(self.inputs))
         if self.inputs:
             SamplePoint.of_inputs(self.inputs)
+        if not isinstance(self.reach, Mapping):
+            raise _bad("reach", self.reach, "pairs (low, high) by input")
+        object.__setattr__(self, "reach", {name: _range(f"reach.{name}", pair) for name, pair in self.reach.items()})
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
@@ -119,18 +124,21 @@ class SamplingSettings:
 
     def sample_point(self, scene: Scene) -> SamplePoint:
         """The sample-point definition: these settings' inputs, or the scene's [EF15 §3.2]."""
-        point = SamplePoint.of_inputs(self.inputs) if self.inputs else SamplePoint.of_scene(scene)
+        point = SamplePoint.of_inputs(self.inputs, scene.pose_space) if self.inputs else SamplePoint.of_scene(scene)
         for setting in ("fixed_offsets", "d3_minimum_widths"):
             for name in getattr(self, setting):
                 if name not in (*POSE_NAMES, *point.inputs):
                     raise _bad(setting, name, f"inputs among {', '.join(point.inputs)}")
+        if self.reach and set(self.reach) != set(point.inputs):
+            raise _bad("reach", list(self.reach), f"a range of each input: {', '.join(point.inputs)}")
         return point
 
     def to_table(self) -> dict[str, Any]:
-        """Plain numbers, lists and tables, as JSON keeps them; without `most_dropped`, which changes no sample."""
+        """Plain numbers, lists and tables, as JSON keeps them; without `most_dropped`, which changes no sample, and
+        without an empty reach, which files of before do not know."""
         table = json.loads(json.dumps(asdict(self)))
         del table["most_dropped"]
-        return table
+        return {key: value for key, value in table.items() if key != "reach" or value}
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> SamplingSettings:
@@ -146,6 +154,13 @@ def _whole(name: str, value: object, *, least: int, most: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
         raise _bad(name, value, f"a whole number from {least} to {most}")
     return value
+
+
+def _range(name: str, pair: object) -> tuple[float, float]:
+    numbers = [v for v in pair if isinstance(v, int | float)] if isinstance(pair, list | tuple) else []
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)) or not numbers[0] < numbers[1]:
+        raise _bad(name, pair, "two numbers, low < high")
+    return float(numbers[0]), float(numbers[1])
 
 
 def _number(name: str, value: object, *, positive: bool = False) -> float:

@@ -7,7 +7,6 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,11 +17,14 @@ from typing import Any
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
+from casadi_contact.scenes.like import completed
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.shapes import shape_named
 from casadi_contact.shapes.checks import (
     distinct_names,
@@ -36,7 +38,6 @@ from casadi_contact.shapes.checks import (
 )
 
 FORMAT = 1
-MOST_CHARACTERS = 1_000_000  # of a scene's text
 MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
@@ -59,6 +60,7 @@ class Scene:
     load_names: tuple[str, ...]
     tolerances: Mapping[str, float]
     sensitive_pose: tuple[str, ...]
+    pose_space: PoseSpace = field(compare=False)
     normal_loads: tuple[NormalLoad, ...]
     parts: tuple[Part, ...] = field(compare=False)
     reference_load: float
@@ -82,6 +84,7 @@ class Scene:
             "tolerances",
             "sampling",
             "motion",
+            "pose",
         )
         plain_values("", tables)
         table_of("scene", tables, known, complete=False)
@@ -105,8 +108,10 @@ class Scene:
         sensitive_pose = (
             distinct_names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
         )
+        space = PoseSpace.from_table(tables.get("pose", {}))
         for parameter in sensitive_pose:
-            pose_index(parameter)
+            if pose_index(parameter) not in space.free:
+                raise fail("loads.sensitive_pose", list(sensitive_pose), "pose parameters that are free (see [pose])")
         tolerances = {
             load: number(f"tolerances.{load}", value, low=0.0)
             for load, value in table_of("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
@@ -135,6 +140,7 @@ class Scene:
             load_names=load_names,
             tolerances=tolerances,
             sensitive_pose=sensitive_pose,
+            pose_space=space,
             normal_loads=pressed,
             parts=parts,
             reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
@@ -147,16 +153,11 @@ class Scene:
 
     @classmethod
     def from_toml(cls, text: str) -> Scene:
-        """Read a scene from TOML text; raises ValueError for text that is not TOML or not a scene."""
-        if len(text) > MOST_CHARACTERS:
-            raise ValueError(f"scene: the text has {len(text)} characters, expected at most {MOST_CHARACTERS}")
-        try:
-            tables = tomllib.loads(text)
-        except RecursionError:
-            raise ValueError("scene: tables or lists are nested too deep, expected a few levels") from None
-        except ValueError as error:  # not TOML, or an integer of thousands of digits
-            raise ValueError(f"scene: not valid TOML ({error})") from None
-        return cls.from_tables(tables)
+        """Read a scene from TOML text; raises ValueError for text that is not TOML or not a scene.
+
+        ``like`` names a ready-made scene that holds what the text leaves out.
+        """
+        return cls.from_tables(completed(toml_tables(text, "scene"), _ready_tables))
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -222,8 +223,14 @@ class Scene:
         return found
 
     @property
+    def symmetric(self) -> bool:
+        """True where the joint's two patches, and the poses it can take, mirror each other in the plane z = 0."""
+        space = self.pose_space
+        return shape_named(self.shape).symmetric(self.geometry) and len(self.parts) == 2 and space.symmetric
+
+    @property
     def insensitive_pose(self) -> tuple[str, ...]:
-        """The pose parameters that are not sensitive [EF15 §2.1], in pose order."""
+        """The pose parameters that are not sensitive [EF15 §2.1], locked and tied ones among them, in pose order."""
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
 
     def with_overrides(self, **overrides: Any) -> Scene:
@@ -240,6 +247,10 @@ class Scene:
             tables[homes[0]][key] = list(value) if isinstance(value, tuple) else value
         return Scene.from_tables(tables)
 
+    def with_tolerances(self, **tolerances: float) -> Scene:
+        """A copy with the tolerances of these loads replaced [N, N·mm]."""
+        return Scene.from_tables({**self.tables, "tolerances": {**self.tolerances, **tolerances}})
+
     def with_sensitive_pose(self, names: Sequence[str]) -> Scene:
         """A copy with these sensitive pose parameters, for a scene that leaves them out."""
         loads = {**self.tables["loads"], "sensitive_pose": list(names)}
@@ -254,19 +265,19 @@ def ready_scenes() -> list[str]:
     """Names of the scenes that come with the library."""
     folder = resources.files("casadi_contact.scenes") / "ready"
     texts = {p.name[:-5]: p.read_text("utf-8") for p in folder.iterdir() if p.name.endswith(".toml")}
-    return sorted(name for name, text in texts.items() if "shape = " in text)
+    return sorted(name for name, text in texts.items() if "shape = " in text or "like = " in text)
 
 
-def _scene_text(path: Path) -> str:
-    """The text of a scene file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
-    if not path.is_file():
-        raise FileNotFoundError(f"scene file {path} does not exist")
-    if path.stat().st_size > 4 * MOST_CHARACTERS:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, expected a scene of at most {4 * MOST_CHARACTERS}")
-    try:
-        return path.read_text("utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected a scene .toml") from None
+def _ready_text(name: str) -> str:
+    """The text of a ready-made scene; raises ValueError for an unknown name."""
+    if name not in ready_scenes():
+        possible = ", ".join(ready_scenes())
+        raise ValueError(f"unknown scene {name!r}, expected one of {possible}, or a path to a .toml file")
+    return (resources.files("casadi_contact.scenes") / "ready" / f"{name}.toml").read_text("utf-8")
+
+
+def _ready_tables(name: str) -> Mapping[str, Any]:
+    return toml_tables(_ready_text(name), "scene")
 
 
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
@@ -278,13 +289,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
     """
     text_name = str(name_or_path)
-    if text_name.endswith(".toml"):
-        text = _scene_text(Path(name_or_path))
-    elif text_name in ready_scenes():
-        text = (resources.files("casadi_contact.scenes") / "ready" / f"{text_name}.toml").read_text("utf-8")
-    else:
-        possible = ", ".join(ready_scenes())
-        raise ValueError(f"unknown scene {text_name!r}, expected one of {possible}, or a path to a .toml file")
+    text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else _ready_text(text_name)
     try:
         scene = Scene.from_toml(text)
         given = scene.tables["geometry"]

@@ -75,6 +75,11 @@ class Knee(Shape):
         common = {key: value for key, value in geometry.items() if key not in SIDES}
         return common | dict(geometry.get(patch, {}))
 
+    def symmetric(self, geometry: Geometry) -> bool:
+        """True where both sides have the same numbers."""
+        medial, lateral = (self.patch_geometry(geometry, side) for side in SIDES)
+        return medial == lateral
+
     def anchors(self, geometry: Geometry) -> Array:
         """The condyles' centres."""
         medial, lateral = (self.patch_geometry(geometry, side)["condyle_offset"] for side in SIDES)

@@ -79,6 +79,10 @@ class Shape(ABC):
         """A pose (6,) from which the moving body can be brought into contact."""
         return np.zeros(6)
 
+    def symmetric(self, geometry: Geometry) -> bool:
+        """True where the joint has two patches that mirror each other in the plane z = 0."""
+        return False
+
     @abstractmethod
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The moving surface that faces each patch, in patch order."""

@@ -20,7 +20,9 @@ class Equilibrium:
     A patch's normal load that is one load is compared as a signed root load, r = s - √(N*/N0), which is nearly
     linear in the pose and keeps its slope out of contact. Where it is the magnitude of three wanted forces these are
     compared as a root vector likewise: r = s·u - √(N*/N0)·u*, with u the direction of the force (out of contact, that
-    in which the body closes the gap). Any other load as r = (load - wanted)/N0 (torques over N0·LEVER_MM).
+    in which the body closes the gap). The total of normal loads along one direction likewise, with the root
+    S = √(Σ max(s, 0)²) of all patches, out of contact that of the nearest. Any other load as r = (load - wanted)/N0
+    (torques over N0·LEVER_MM).
     """
 
     model: ContactModel
@@ -55,6 +57,16 @@ class Equilibrium:
         return {column: patches[name] for column, name in enumerate(self.names) if name in patches}
 
     @property
+    def _total_targets(self) -> list[int]:
+        """Columns of targets that are the total of all patches' normal loads along one direction."""
+        normals = self.model.scene.normal_loads
+        component = normals[0].component
+        if len({(normal.component, normal.sign) for normal in normals}) > 1 or component not in self.names:
+            return []
+        column = self.names.index(component)
+        return [] if column in self._directed_targets else [column]
+
+    @property
     def _vector_targets(self) -> dict[int, list[int]]:
         """Columns of the three targets whose magnitude is a patch's normal load, by patch."""
         normals = self.model.scene.normal_loads
@@ -67,7 +79,8 @@ class Equilibrium:
     def pulls(self) -> np.ndarray:
         """True (n,) where a wanted normal load would pull, which no contact can."""
         normals = self.model.scene.normal_loads
-        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in self._directed_targets.items()]
+        patches = self._directed_targets | dict.fromkeys(self._total_targets, 0)
+        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in patches.items()]
         return np.any(pulling, axis=0) if pulling else np.zeros(len(self.wanted), dtype=bool)
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
@@ -85,11 +98,15 @@ class Equilibrium:
         loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
         r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
-        directed, vectors = self._directed_targets, self._vector_targets
-        roots = model.root_loads(poses) if directed or vectors else (np.empty(0), np.empty(0))
+        directed, vectors, totals = self._directed_targets, self._vector_targets, self._total_targets
+        roots = model.root_loads(poses) if directed or vectors or totals else (np.empty(0), np.empty(0))
         for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
             r[:, column] = misfit[:, column] / scale
             slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
+        for column in totals:
+            wanted = model.scene.normal_loads[0].sign * self.wanted[rows, column]
+            total, slope[:, column] = _total_root(*roots)
+            r[:, column] = total - np.sqrt(np.maximum(wanted, 0.0) / n0)
         for column, patch in directed.items():
             wanted = model.scene.normal_loads[patch].sign * self.wanted[rows, column]
             r[:, column] = roots[0][:, patch] - np.sqrt(np.maximum(wanted, 0.0) / n0)
@@ -108,6 +125,17 @@ class Equilibrium:
     def free_scales(self) -> Array:
         """Size of one comparable step of each free parameter: 1 mm, or 1/LEVER_MM rad."""
         return np.array([1.0 if i < 3 else 1.0 / LEVER_MM for i in self.free])
+
+
+def _total_root(s: Array, ds: Array) -> tuple[Array, Array]:
+    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); where no patch is in contact, those of the
+    nearest."""
+    inside, rows = np.maximum(s, 0.0), np.arange(len(s))
+    total, nearest = np.linalg.norm(inside, axis=1), s.argmax(axis=1)
+    loaded = total > 0.0
+    shares = inside / np.where(loaded, total, 1.0)[:, None]
+    value = np.where(loaded, total, s[rows, nearest])
+    return value, np.where(loaded[:, None], np.einsum("np,npj->nj", shares, ds), ds[rows, nearest])
 
 
 def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:

@@ -93,6 +93,16 @@ class Surrogate(SurrogateFunctions):
         """The regressions, one for each network, that samples pose."""
 
     @classmethod
+    def twins(cls, scene: Scene) -> dict[str, str]:
+        """Networks that need no training, each with the one that it is the mirror image of (`reflection`)."""
+        return {}
+
+    @staticmethod
+    def reflection(name: str, network: Network, scene: Scene) -> Network:
+        """The twin `name` of a network."""
+        raise NotImplementedError(f"{name} is no twin")
+
+    @classmethod
     @abstractmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""

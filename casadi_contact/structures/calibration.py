@@ -66,10 +66,13 @@ def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     known = samples.select(role=(TRAIN, VALIDATION))
     trust = _with_border(trust, surrogate, known, around.select(role=VALIDATION))
     trust = _confirmed(trust, surrogate, known.join_samples(around))
-    trust = _bounded(trust, surrogate, known, held_out, around.select(role=VALIDATION))
+    trust = _bounded(trust, surrogate, training, held_out, around.select(role=VALIDATION))
     with_trust = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    coverage = trust_coverage(with_trust, samples.select(role=TEST), around.select(role=TEST))
-    return kind(surrogate.scene, surrogate.networks, {**surrogate.record, "coverage": coverage}, trust)
+    test = samples.select(role=TEST)
+    record = {**surrogate.record, "coverage": trust_coverage(with_trust, test, around.select(role=TEST))}
+    if len(test):
+        record["valid_share"] = float(np.mean(with_trust.validity(test.poses) > 0.9))
+    return kind(surrogate.scene, surrogate.networks, record, trust)
 
 
 def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
@@ -168,29 +171,40 @@ def _centres(points: Array, count: int) -> Array:
     return centres[np.bincount(member, minlength=count) > 0]
 
 
-def _bounded(trust: Trust, surrogate: Surrogate, known: Samples, held_out: Samples, around: Samples) -> Trust:
+def _bounded(trust: Trust, surrogate: Surrogate, training: Samples, held_out: Samples, around: Samples) -> Trust:
     """Error levels from the samples around each centre, shares θ by quantile regression on validation rows and the
     valid ones of `around`, growth from those that are not valid.
 
     Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero. The
-    valid poses around count as much as all held-out samples, and these as they are.
+    valid poses around count as much as all held-out samples, and these as they are; each group has its coverage.
     """
     names = surrogate.load_names
     both = held_out.join_samples(around)
     excess = trust.excess(both.poses, surrogate.trust_roots(both.poses), surrogate.trust_claims(both.poses))
     valid, moved = excess < -_EXCESS, np.arange(len(both)) >= len(held_out)
-    trust = _levelled(trust, surrogate, known.join_samples(both.rows(valid & moved)))
     wanted, roots = both.loads(names), surrogate.trust_roots(both.poses)
     errors, loaded = np.abs(surrogate(both.poses) - wanted), wanted != 0.0
-    level, features = trust.level(both.poses, roots), trust.features(both.poses, roots)
+    # Where the levels know a row's own error, its share of them looks too small: each half is fitted on levels from
+    # the other.
+    used, half = valid | ~moved, np.arange(len(both)) % 2 == 0
+    level, features = np.zeros_like(errors), trust.features(both.poses, roots)
+    for rows in (half, ~half):
+        others = _levelled(trust, surrogate, training.join_samples(both.rows(used & ~rows)))
+        level[rows] = others.level(both.poses[rows], roots[rows])
+    trust = _levelled(trust, surrogate, training.join_samples(both.rows(used)))
     shares = np.zeros_like(trust.shares)
     for k in range(len(names)):
-        rows = loaded[:, k] & (valid | ~moved)
+        rows = loaded[:, k] & used
         if not rows.any():
             shares[k] = 1.0
             continue
         weights = np.where(moved, (rows & ~moved).sum() / max((rows & moved).sum(), 1), 1.0)
-        shares[k] = _quantile_shares(features[rows], errors[rows, k] / level[rows, k], weights[rows])
+        ratios = errors[:, k] / level[:, k]
+        shares[k] = _quantile_shares(features[rows], ratios[rows], weights[rows])
+        # One formula for both groups may give to one what the other lacks: neither has less than its share.
+        bound = features @ shares[k]
+        groups = [group for group in (rows & ~moved, rows & moved) if group.sum() >= _LEAST_ROWS]
+        shares[k] *= max([1.0, *(float(np.quantile((ratios / bound)[group], FITTED)) for group in groups)])
     trust = replace(trust, shares=shares)
     inside = level * (features @ shares.T)
     growing = trust.outside(excess)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,26 +10,22 @@ import casadi as ca
 
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription import function_with_derivatives
+from casadi_contact.transcription.contact_functions import ContactFunctions
 from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
 
 
-class SurrogateFunctions(ABC):
-    """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use."""
+class SurrogateFunctions(ContactFunctions):
+    """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use.
+
+    Derivatives are exact and explicit; only the networks that the loads need are in a function.
+    """
 
     patch_names: tuple[str, ...]
 
     @abstractmethod
-    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all); ValueError where one is unknown or lacks a network."""
-
-    @abstractmethod
     def require_trust(self) -> Trust:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
-
-    @abstractmethod
-    def check_roots(self) -> None:
-        """Raise ValueError where a network of the root loads is missing."""
 
     @abstractmethod
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
@@ -64,48 +60,9 @@ class SurrogateFunctions(ABC):
         pose = ca.MX.sym("pose", 6)
         return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"])
 
-    def function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), with exact, explicit first and second derivatives.
-
-        Only the networks that the loads need are in it. Works in ``map`` and in nlpsol. compiled: a C kernel instead
-        of a CasADi graph, compiled once and kept in the user's cache folder; where that fails, one warning and the
-        graph. It has no third derivatives, and is not for `save_function` (the library lies in the cache). batch:
-        pose (6 x batch) -> loads (L x batch), in one call.
-        """
-        return self._function(name, self.check_loads(loads), ("loads",), compiled, batch)
-
-    def root_function(
-        self, name: str = "contact_roots", *, compiled: bool = False, batch: int | None = None
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
-        self.check_roots()
-        return self._function(name, (), ("roots",), compiled, batch)
-
-    def load_and_root_function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads_and_roots",
-        *,
-        compiled: bool = False,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
-        names = self.check_loads(loads)
-        self.check_roots()
-        return self._function(name, names, ("loads", "roots"), compiled, batch)
-
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        if batch is not None and batch < 1:
-            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
         if "roots" not in wanted or self._root_count() == len(self.patch_names):
             return self._transcription(name, loads, wanted, compiled, batch)
         of_parts = self._transcription(f"{name}_of_parts", loads, wanted, compiled, batch)

@@ -5,29 +5,42 @@ all others are kept and printed as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
     pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
+    load_range       {"Fy_med": [-1900.0, 0.0], ...}                and of the loads [N, N·mm]
+    valid_share      0.98                                           share of held-back samples with validity above 0.9
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9,
                                                                     and of errors below the expected error
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
     command, versions, seed, ...                                    how it was made
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import ANGLE, quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
 
-_TABLES = ("samples", "training_errors", "test_errors", "coverage")
+_TABLES = (
+    "samples",
+    "pose_range",
+    "load_range",
+    "valid_share",
+    "training_errors",
+    "test_errors",
+    "coverage",
+    "convergence",
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,16 @@ class SurrogateInfo:
     def samples(self) -> Mapping[str, int]:
         """Samples trained on, per domain."""
         return self.record.get("samples", {})
+
+    @property
+    def reach(self) -> list[tuple[str, float, float, str]]:
+        """Sampled range of each pose parameter and load: name, low, high, unit (mm, °, N, N·mm)."""
+        rows = []
+        for name, (low, high) in (self.record.get("pose_range", {}) | self.record.get("load_range", {})).items():
+            angle = quantity(name).kind == ANGLE
+            low, high = (math.degrees(low), math.degrees(high)) if angle else (low, high)
+            rows.append((name, low, high, "°" if angle else quantity(name).unit))
+        return rows
 
     @property
     def training_errors(self) -> Mapping[str, float]:
@@ -90,10 +113,19 @@ class SurrogateInfo:
             lines.append("trained on: not recorded")
         if line := budget_line(self.record):
             lines.append(line)
+        lines += self._reach_lines()
         lines += self._test_lines()
         lines += self._coverage_lines()
         lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
         return "\n".join(lines)
+
+    def _reach_lines(self) -> list[str]:
+        if not self.reach:
+            return ["reach: not recorded"]
+        lines = [f"  {name:<7}{low:10.4g} to {high:.4g} {unit}" for name, low, high, unit in self.reach]
+        share = self.record.get("valid_share")
+        said = "" if share is None else f", {100.0 * share:.1f} % of its held-back poses called valid (above 0.9)"
+        return [f"reach (sampled){said}:", *lines]
 
     def _test_lines(self) -> list[str]:
         if not self.test_errors:
@@ -140,10 +172,14 @@ def budget_line(record: Mapping[str, Any]) -> str:
 
 def samples_record(samples: Samples) -> dict[str, Any]:
     """The record's ``samples`` and ``pose_range`` of a surrogate trained on the samples that are not held back."""
-    used = samples.select(role=(TRAIN, VALIDATION)).poses
+    used = samples.select(role=(TRAIN, VALIDATION))
+    names = samples.scene.load_names
     return {
         "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
-        "pose_range": {
-            name: [float(column.min()), float(column.max())] for name, column in zip(POSE_NAMES, used.T, strict=True)
-        },
+        "pose_range": _ranges(POSE_NAMES, used.poses),
+        "load_range": _ranges(names, used.loads(names)),
     }
+
+
+def _ranges(names: Sequence[str], columns: Array) -> dict[str, list[float]]:
+    return {name: [float(column.min()), float(column.max())] for name, column in zip(names, columns.T, strict=True)}

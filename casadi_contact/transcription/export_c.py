@@ -94,7 +94,9 @@ def _quoted(names: Sequence[str]) -> str:
 
 
 def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pose: Sequence[float]) -> list[Path]:
-    """Write ``name.c`` and ``name.h``, ``example.c`` and a ``Makefile`` into folder; return their paths.
+    """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave.
+
+    Returns their paths in folder.
 
     C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
     each with a status; also loadable by casadi.external.
@@ -105,6 +107,7 @@ def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pos
     texts = {
         f"{name}.h": model.header(name),
         f"{name}.c": model.c_source(name),
+        f"{name}_mex.c": Template(c_text("export_mex.c")).substitute(words),
         "example.c": Template(c_text("export_example.c")).substitute(words),
         "Makefile": Template(c_text("export_makefile")).safe_substitute(words),
     }

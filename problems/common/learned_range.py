@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
+from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
+from casadi_contact.verification import Verdict
 from casadi_contact.verification.verify import LEAST_VALIDITY
 
 
-def beyond_learned(model: SymbolicContact, poses: Array) -> np.ndarray:
-    """By how much, in which parameter, each pose (n, 6) lies outside of what a surrogate has learned (n,); "" inside,
-    and for a model that learned nothing."""
+def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
+    """By how much, in which pose parameter or patch's normal load, each pose (n, 6) lies outside of what a surrogate
+    has learned (n,); "" inside, and for a model that learned nothing."""
     words = np.full(len(poses), "", dtype=object)
     if not isinstance(model, Surrogate):
         return words
@@ -22,5 +23,23 @@ def beyond_learned(model: SymbolicContact, poses: Array) -> np.ndarray:
     validity = model.validity(poses)
     for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
         named = [f"{POSE_NAMES[i]} by {excess[k, i]:.2g} {POSE_UNITS[i]}" for i in np.flatnonzero(excess[k] > 0.0)]
+        named += _loads_beyond(model, poses[k])
         words[k] = f"outside the learned range ({', '.join([*named, f'validity {validity[k]:.2g}'])})"
     return words
+
+
+def _loads_beyond(model: Surrogate, pose: Array) -> list[str]:
+    """The patches that press harder at a pose (6,) than any sample, and by how much [N]."""
+    if model.trust is None:
+        return []
+    pressed, learned = np.maximum(model.trust_roots(pose[None])[0], 0.0), np.maximum(model.trust.root_high, 0.0)
+    excess = model.scene.reference_load * (pressed**2 - learned**2)
+    return [f"{model.patch_names[p]} load by {excess[p]:.2g} N" for p in np.flatnonzero(excess > 0.0)]
+
+
+def reasons(model: ContactModel, poses: Array, verdict: Verdict, known: np.ndarray | None = None) -> np.ndarray:
+    """Why frames (n,) are not verified: what is known of them already, else how far outside the learned range they
+    lie; "" for frames that are verified, and where nothing is known."""
+    beyond = beyond_learned(model, poses)
+    words = np.where(verdict.verified, "", beyond)
+    return words if known is None else np.where(known != "", known, words)

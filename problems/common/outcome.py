@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import Protocol
 
 import numpy as np
 from rich.console import Console
+
+from casadi_contact.verification import Verdict
 
 
 class Outcome(Protocol):
@@ -32,6 +35,21 @@ class Outcome(Protocol):
         """Time of the solution with its start."""
 
 
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """The first line of every report."""
+    console.print(str(verdict), highlight=False, soft_wrap=True)
+
+
+def print_reasons(console: Console, reason: np.ndarray, row: str = "frame") -> None:
+    """Why rows (n,) are not verified: neighbouring ones together, with the reason of the middle one."""
+    for given, group in groupby(range(len(reason)), key=lambda k: reason[k] != ""):
+        rows = list(group)
+        if given:
+            middle = rows[len(rows) // 2]
+            which = f"{row} {rows[0]}" if len(rows) == 1 else f"{row}s {rows[0]} to {rows[-1]}, as {middle}"
+            console.print(f"{which}: {reason[middle]}", highlight=False, soft_wrap=True)
+
+
 def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:
     """How many rows are solved, what IPOPT needed, and whatever there is to say of single ones."""
     console.print(
@@ -40,4 +58,4 @@ def print_outcome(console: Console, result: Outcome, what: str = "frames converg
         highlight=False,
     )
     for k in np.flatnonzero(~result.converged | (result.reason != "")):
-        console.print(f"{row} {k}: {result.reason[k]}", highlight=False)
+        console.print(f"{row} {k}: {result.reason[k]}", highlight=False, soft_wrap=True)

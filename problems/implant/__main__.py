@@ -9,6 +9,7 @@ build`` does; run again, it goes on from what is there).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +23,7 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
+from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
@@ -63,6 +65,7 @@ def run(
         loads = problem.wanted.load_names
         verdict = judge(model, result.poses, result.converged, elements, loads, result.on_model)
         tried = solve_from_random_starts(source, cycle, result.poses, starts) if starts else None
+        result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
         report(problem, result, verdict, folder / "poses" / path.stem, tried, source.kind)
         codes.append(verdict.exit_code)
     if any(codes):

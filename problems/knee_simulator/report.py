@@ -14,6 +14,8 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.learned_range import reasons
+from problems.common.outcome import print_reasons, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.knee_simulator.balance import EnergyBalance, unbalanced
 from problems.knee_simulator.problem import KneeSimulator
@@ -28,11 +30,13 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     """
     writable_folder(out)
     console = PlainConsole()
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     console.print(_race_table(runs, motion.settings["integrator"]))
     balance = EnergyBalance.of(simulator, motion)
     left = {label(foundation): unbalanced(motion, foundation) for foundation in foundations(simulator.model.scene)}
     console.print(_balance_table(balance, left, runs[0].model))
+    reason = reasons(simulator.model, motion.poses, verdict)
+    print_reasons(console, reason)
     summary = {
         "verdict": str(verdict),
         "integrator": motion.settings["integrator"],
@@ -50,7 +54,7 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
         },
     }
     write_summary(out / "knee_simulator.json", summary)
-    _write_table(out / "knee_simulator.csv", motion, verdict)
+    _write_table(out / "knee_simulator.csv", motion, verdict, reason)
     draw(simulator, motion, runs, balance, out / "knee_simulator.png")
     console.print(f"results in {out}", highlight=False)
 
@@ -111,10 +115,10 @@ def _balance_table(balance: EnergyBalance, left: dict[str, Array], kind: str) ->
     return table
 
 
-def _write_table(path: Path, motion: Simulation, verdict: Verdict) -> None:
+def _write_table(path: Path, motion: Simulation, verdict: Verdict, reason: np.ndarray) -> None:
     columns: dict[str, Any] = {"frame": range(len(motion.time_s)), "time_s": motion.time_s}
     columns |= pose_columns(motion.poses) | load_columns(WRENCH_NAMES, motion.wrenches)
-    write_columns(path, {**columns, "verdict": verdict.words}, digits=DIGITS)
+    write_columns(path, {**columns, "reason": reason, "verdict": verdict.words}, digits=DIGITS)
 
 
 def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance: EnergyBalance, path: Path) -> None:

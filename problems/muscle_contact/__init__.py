@@ -3,7 +3,16 @@
 Run ``python -m problems.muscle_contact --help``.
 """
 
-from problems.muscle_contact.problem import BALANCED, FREE, RESERVE_SIZES, MuscleContact, build
+from problems.muscle_contact.problem import BALANCED, FREE, LEAST_SQUARES, RESERVE_SIZES, MuscleContact, build
 from problems.muscle_contact.solve import MuscleContactResult, solve
 
-__all__ = ["BALANCED", "FREE", "RESERVE_SIZES", "MuscleContact", "MuscleContactResult", "build", "solve"]
+__all__ = [
+    "BALANCED",
+    "FREE",
+    "LEAST_SQUARES",
+    "RESERVE_SIZES",
+    "MuscleContact",
+    "MuscleContactResult",
+    "build",
+    "solve",
+]

@@ -10,16 +10,24 @@ import typer
 
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.load_cycle import read_cycle
-from casadi_contact.motion.opensim import ColumnMap
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
-from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.cocontraction import SHANK_M
+from problems.muscle_contact.diagnosis import diagnose
+from problems.muscle_contact.given import (
+    InverseDynamicsOption,
+    MapOption,
+    MusclesOption,
+    ParametersOption,
+    RotationsOption,
+    given_walk,
+)
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
-from problems.muscle_contact.problem import BALANCED, FREE, build
+from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
-from problems.muscle_contact.walk import ROTATION_MAPS, read_length_range, read_walk
+from problems.muscle_contact.walk import read_length_range
 
 NAME = "muscle_contact"
 app = new_app()
@@ -27,13 +35,11 @@ app = new_app()
 
 @app.command()
 def run(
-    inverse_dynamics: Annotated[Path | None, typer.Option(help="CSV or .sto; the built-in walk if left out")] = None,
-    muscles: Annotated[Path | None, typer.Option(help="CSV, or folder of a MuscleAnalysis: lengths and arms")] = None,
-    parameters: Annotated[Path | None, typer.Option(help="CSV of the muscles' parameters")] = None,
-    rotations: Annotated[Path | None, typer.Option(help="CSV or .sto with flexion_rz_rad and rotation_ry_rad")] = None,
-    maps: Annotated[
-        list[str] | None, typer.Option("--map", help="other columns of it, such as knee_angle_r=-rz:deg")
-    ] = None,
+    inverse_dynamics: InverseDynamicsOption = None,
+    muscles: MusclesOption = None,
+    parameters: ParametersOption = None,
+    rotations: RotationsOption = None,
+    maps: MapOption = None,
     measured: Annotated[Path | None, typer.Option(help="cycle (CSV) to compare with; never used to solve")] = None,
     surrogate: SurrogateOption = None,
     scene: SceneOption = None,
@@ -45,8 +51,16 @@ def run(
     fit_also: Annotated[
         list[Path] | None, typer.Option(help="muscles of further cycles of the same person, to scale to as well")
     ] = None,
-    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 2.0,
+    exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 3.0,
     least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
+    margin: Annotated[float, typer.Option(help="both sides stay closed though the load passes so many mm beside")] = (
+        MARGIN_MM
+    ),
+    share_heads: Annotated[bool, typer.Option(help="heads of one muscle share an activation")] = True,
+    ankle: Annotated[bool, typer.Option(help="the calf balances the ankle too, with soleus")] = True,
+    shank: Annotated[float, typer.Option(help="length of the shank, knee to ankle [m]")] = SHANK_M,
+    activation_dynamics: Annotated[bool, typer.Option(help="activations rise in 15 ms and fall in 60 ms")] = False,
+    compliant_tendons: Annotated[bool, typer.Option(help="tendons stretch by 4.9 % under the greatest force")] = False,
     all_six: Annotated[
         bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
     ] = False,
@@ -56,15 +70,7 @@ def run(
     Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
     """
     writable_folder(out)
-    files = {"inverse-dynamics": inverse_dynamics, "muscles": muscles, "parameters": parameters, "rotations": rotations}
-    missing = [f"--{name}" for name, path in files.items() if path is None]
-    if inverse_dynamics and muscles and parameters and rotations:
-        columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
-        walk = read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
-    elif len(missing) == len(files):
-        walk = example_walk()
-    else:
-        raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
+    walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
     comparison = None if measured is None else read_cycle(measured)
     others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
     source = ContactSource.of(surrogate, scene)
@@ -78,12 +84,18 @@ def run(
         free=("tx", "ty", "tz", "rx") if all_six else FREE,
         exponent=exponent,
         least_activation=least_activation,
+        margin_mm=margin,
+        share_heads=share_heads,
+        ankle=ankle,
+        shank_m=shank,
+        activation_dynamics=activation_dynamics,
+        compliant_tendons=compliant_tendons,
     )
     result = solve(problem)
     verdict = judge(
         problem.contact_model, result.poses, result.converged, own_model(problem.contact_model.scene), CONTACT_LOADS
     )
-    report(problem, result, verdict, out, comparison, source.kind)
+    report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind)
     end_with(verdict, NAME, out)
 
 

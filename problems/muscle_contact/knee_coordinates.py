@@ -25,7 +25,8 @@ COORDINATES = {
     "knee_rotation": "ry",
     "knee_flexion": "rz",
 }
-CONTACT_LOADS = ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz")
+SIDES = ("Fy_med", "Fy_lat")
+CONTACT_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
 
 
 def coordinate_unit(coordinate: str) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -29,24 +30,26 @@ MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
 LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest
 
 
-def active_force_length(length: Array) -> Array:
-    """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1."""
-    height, place, width, growth = np.array(_GAUSSIANS).T
-    away = (length[..., None] - place) / (width + growth * length[..., None])
-    return (height * np.exp(-0.5 * away**2)).sum(axis=-1)
+def active_force_length(length: Any, xp: Any = np) -> Any:
+    """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1. xp: numpy or casadi, whose
+    numbers are given."""
+    bells = (
+        height * xp.exp(-0.5 * ((length - place) / (width + growth * length)) ** 2)
+        for height, place, width, growth in _GAUSSIANS
+    )
+    return sum(bells)
 
 
-def force_velocity(velocity: Array) -> Array:
+def force_velocity(velocity: Any, xp: Any = np) -> Any:
     """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
     d1, d2, d3, d4 = _VELOCITY
-    inner = d2 * velocity + d3
-    return d1 * np.log(inner + np.sqrt(inner**2 + 1.0)) + d4
+    return d1 * xp.arcsinh(d2 * velocity + d3) + d4
 
 
-def passive_force_length(length: Array) -> Array:
+def passive_force_length(length: Any, xp: Any = np) -> Any:
     """f_p(l): 0 at l = 0.2, about 0.02 at l = 1, 1 at l = 1.6."""
     offset = np.exp(_PASSIVE_SHAPE * (_SHORTEST - 1.0) / _PASSIVE_STRAIN)
-    return (np.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
+    return (xp.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
 
 
 @dataclass(frozen=True)
@@ -73,16 +76,16 @@ class MuscleParameters:
                 raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected a positive size")
             object.__setattr__(self, key, values)
 
-    def fitted_to(self, lengths_m: Array) -> MuscleParameters:
+    def fitted_to(self, lengths_m: Array, longest_fibre: float = LONGEST_FIBRE) -> MuscleParameters:
         """Fibres and tendons of an average person scaled to one of another size, from musculotendon lengths (n, m) of
         all cycles that are at hand:
 
-        1. One factor for each muscle, so that its longest length stretches the fibre to `LONGEST_FIBRE`.
+        1. One factor for each muscle, so that its longest length stretches the fibre to longest_fibre of its optimum.
         2. Where that leaves the tendon slack at its shortest length, fibre and tendon have a factor each: the longest
-           length stretches the fibre to `LONGEST_FIBRE`, the shortest just straightens the tendon.
+           length stretches the fibre to longest_fibre, the shortest just straightens the tendon.
         """
         shortest, longest = lengths_m.min(axis=0), lengths_m.max(axis=0)
-        stretched = np.sqrt(LONGEST_FIBRE**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
+        stretched = np.sqrt(longest_fibre**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
         factor = longest / (self.tendon_slack_length_m + self.optimal_fibre_length_m * stretched)
         fibre, tendon = factor * self.optimal_fibre_length_m, factor * self.tendon_slack_length_m
         slack = tendon > shortest

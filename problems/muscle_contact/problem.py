@@ -3,15 +3,18 @@
 Muscles pull the femur onto the tibia, contact pushes back, and both balance the knee's inverse-dynamics loads. For all
 frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz by choice) and reserve loads r:
 
-    min Σ a^p + Σ (r/size)²        p = 2: least squared activation
+    min Σ a^p + Σ (r/size)²        p = 3: endurance (Crowninshield and Brand, J Biomech 14 (1981) 793-801)
 
     Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
-    s_med(q), s_lat(q) >= 0,   least activation <= a <= 1,   q in the learned range
+    s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
 
-F is linear in a (`force_capacity`). contact(q) is the contact model's load on the femur, as a generalised load: F of
-translations, Eᵀ(T - t×F) of rotations, about the moving origin (`angular_velocity_map`). s is the signed root load: a
-side that carries nothing just touches, because nothing else says where it floats. tx and tz where they are not free
-stand where equal forces on both sides cause no shear. ry and rz are prescribed. Measured contact forces enter nowhere.
+Heads of one muscle share an activation, both sides stay closed, and the calf works for the ankle too, with soleus as
+one more activation (`cocontraction`); each by choice. By choice activations lag and tendons are compliant
+(`dynamics`), which couples frames; else F is linear in a (`force_capacity`). contact(q) is the contact model's load on
+the femur, as a generalised load: F of translations, Eᵀ(T - t×F) of rotations, about the moving origin
+(`angular_velocity_map`). s is the signed root load: a side that need not carry anything at least touches, because
+nothing else says where it floats. tx and tz where they are not free stand where equal forces on both sides cause no
+shear. ry and rz are prescribed. Measured contact forces enter nowhere.
 """
 
 from __future__ import annotations
@@ -24,10 +27,12 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, ContactFrames, shear_free_poses
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation import ContactFrames, shear_free_poses
+from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
+from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows, tension_bounds
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
-from problems.muscle_contact.muscle import ForceCapacity, force_capacity
+from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
 
 BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
@@ -42,6 +47,8 @@ RESERVE_SIZES = {
     "knee_rotation": 10.0,
     "knee_flexion": 1.0,
 }
+MARGIN_MM = 20.0  # two standard deviations of where the load passes the knee from step to step (see docs)
+LEAST_SQUARES: dict[str, Any] = {"exponent": 2.0, "margin_mm": 0.0, "share_heads": False, "ankle": False}
 _MAY_MOVE = ("tx", "ty", "tz", "rx")
 
 
@@ -49,28 +56,42 @@ _MAY_MOVE = ("tx", "ty", "tz", "rx")
 class MuscleContact:
     """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
 
-    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates.
+    Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates,
+    where the ankle counts soleus' activation, which is not held below 1 (what is beyond stands in like a reserve), and
+    where tendons are compliant their tensions over F0. solution: those variables -> activations (m, n), poses (6, n),
+    forces along the tendons (m, n) [N], reserves [N, N·m] and soleus' activation.
     """
 
     contact_model: SymbolicContact
     walk: MuscleWalk
     balanced: tuple[str, ...]
     free: tuple[str, ...]
+    muscles: MuscleParameters
     capacity: ForceCapacity
-    shear_free: Array
     nlp: dict[str, Any]
     lower: Array
     upper: Array
     lower_g: Array
     upper_g: Array
     start: Array
+    solution: ca.Function
 
-    @property
-    def scales(self) -> Array:
-        """Size of one unit of each variable of a frame: activation, mm or rad, N or N·m."""
-        moves = KNEE_STEPS[[pose_index(name) for name in self.free]]
-        reserves = [RESERVE_SIZES[name] for name in self.balanced]
-        return np.concatenate([np.ones(len(self.walk.muscles.names)), moves, reserves])
+
+class _Rows:
+    """Constraints low <= expression <= high, numbers or one for each entry, column by column."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[ca.MX, Array, Array]] = []
+
+    def add(self, expression: ca.MX, low: Any, high: Any) -> None:
+        """Take up an expression (r, n), bounds numbers or (n, r)."""
+        low, high = (np.broadcast_to(bound, expression.shape[::-1]).ravel() for bound in (low, high))
+        self.parts.append((ca.vec(expression), low, high))
+
+    def together(self) -> tuple[ca.MX, Array, Array]:
+        """All of them as one column, with bounds."""
+        expressions, lows, highs = zip(*self.parts, strict=True)
+        return ca.vertcat(*expressions), np.concatenate(lows), np.concatenate(highs)
 
 
 def _contact_function(balanced: Sequence[str]) -> ca.Function:
@@ -89,15 +110,24 @@ def build(
     other_lengths_m: Array | None = None,
     balanced: Sequence[str] = BALANCED,
     free: Sequence[str] = FREE,
-    exponent: float = 2.0,
+    exponent: float = 3.0,
     least_activation: float = 0.01,
+    margin_mm: float = MARGIN_MM,
+    share_heads: bool = True,
+    by_volume: bool = False,
+    ankle: bool = True,
+    shank_m: float = SHANK_M,
+    activation_dynamics: bool = False,
+    compliant_tendons: bool = False,
 ) -> MuscleContact:
     """Pose the problem for all frames of a walk.
 
     model: "hill" or "isometric" (`force_capacity`); fit_lengths scales generic fibre and tendon lengths to the
     person (`MuscleParameters.fitted_to`), by lengths only: those of this walk and, if given, of the person's other
-    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and
-    by choice tx and tz. exponent p >= 2 of the cost.
+    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
+    exponent p >= 2 of the cost; by_volume weighs each muscle by F0·L0 over the mean. margin_mm, share_heads, ankle and
+    shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out. activation_dynamics, compliant_tendons: see
+    `dynamics`; tendons are compliant with model "hill" alone.
 
     Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
     """
@@ -106,47 +136,75 @@ def build(
     lengths = walk.lengths_m if other_lengths_m is None else np.vstack([walk.lengths_m, other_lengths_m])
     muscles = walk.muscles.fitted_to(lengths) if fit_lengths else walk.muscles
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
+    if compliant_tendons and model != "hill":
+        raise ValueError(f"muscle model is {model}, expected hill where tendons are compliant")
     try:
         poses = shear_free_poses(contact_model, walk.ry, walk.rz)
     except ValueError as error:
         raise ValueError(f"walk {walk.name}: {error}") from None
     frames, count, size = len(walk), len(muscles.names), len(balanced)
+    least_roots = closed_sides(contact_model, walk.loads["knee_ty"], margin_mm)
 
-    variables = ca.MX.sym("variables", count + len(free) + size, frames)
-    a, q, reserves = ca.vertsplit(variables, [0, count, count + len(free), variables.shape[0]])
+    ends = np.cumsum([0, count, len(free), size, int(ankle), count * int(compliant_tendons)])
+    variables = ca.MX.sym("variables", int(ends[-1]), frames)
+    a, q, reserves, soleus, tensions = ca.vertsplit(variables, ends.tolist())
+    strength = ca.repmat(ca.DM(muscles.max_isometric_force_n), 1, frames)
+    rigid = ca.DM(capacity.active_n.T) * a + ca.DM(capacity.passive_n.T)
+    forces = strength * tensions if compliant_tendons else rigid
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
     knee = ContactFrames(contact_model, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
     contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
-    rows = []
-    for row, name in enumerate(balanced):
-        arms = walk.arms[name]
-        muscle_load = ca.sum1(ca.DM((arms * capacity.active_n).T) * a).T
-        rest = walk.loads[name] - (arms * capacity.passive_n).sum(axis=1)
-        load = muscle_load + contact[row, :].T + RESERVE_SIZES[name] * reserves[row, :].T - ca.DM(rest)
-        rows.append(0.1 * in_newtons(name) * load.T)  # about as large as what a scaled variable changes
-    g = ca.vertcat(*rows, knee.roots)
-    objective = ca.sum1(ca.sum2(a**exponent)) + ca.sumsqr(reserves)
-    nlp = {"x": ca.vec(variables), "f": objective, "g": ca.vec(g)}
+    sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
+    stand_ins = ca.mtimes(sizes, reserves)
 
-    patches, muscles_and_pose = len(contact_model.patch_names), count + len(free)
-    start, lower, upper = np.zeros((3, frames, muscles_and_pose + size))
-    start[:, :count], lower[:, :count], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
+    rows = _Rows()
+    for row, name in enumerate(balanced):
+        load = ca.sum1(ca.DM(walk.arms[name].T) * forces) + contact[row, :] + stand_ins[row, :]
+        left = load - ca.DM(walk.loads[name]).T
+        rows.add(0.1 * in_newtons(name) * left, 0.0, 0.0)  # about as large as what a scaled variable changes
+    rows.add(knee.roots, least_roots, np.inf)
+    if share_heads:
+        first, other = np.array(heads(muscles.names)).T
+        rows.add(a[first.tolist(), :] - a[other.tolist(), :], 0.0, 0.0)
+    if ankle:
+        pull = ca.sum1(forces[calf(muscles.names), :]) + SOLEUS_N * soleus
+        beyond = CALF_ARM_M * pull - ca.DM(ankle_moment(walk, shank_m)).T
+        rows.add(0.1 * in_newtons("knee_flexion") * beyond, 0.0, np.inf)
+    if activation_dynamics:
+        rows.add(activation_rows(ca.vertcat(a, soleus), walk.time_s), 0.0, np.inf)
+    if compliant_tendons:
+        rows.add(10.0 * equilibrium_rows(muscles, walk.lengths_m, walk.time_s, a, tensions), 0.0, 0.0)
+    g, lower_g, upper_g = rows.together()
+    volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
+    weights = volumes / volumes.mean() if by_volume else np.ones(count)
+    objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
+    x = ca.vec(variables)
+
+    start, lower, upper = np.zeros((3, frames, int(ends[-1])))
+    driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
+    start[:, driven], lower[:, driven], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
     for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
-        table[:, count:muscles_and_pose] = values.reshape(frames, -1)
-    lower[:, muscles_and_pose:], upper[:, muscles_and_pose:] = -np.inf, np.inf
+        table[:, ends[1] : ends[2]] = values.reshape(frames, -1)
+    lower[:, ends[2] : ends[3]], upper[:, ends[2] : ends[4]] = -np.inf, np.inf
+    if compliant_tendons:
+        least, most = tension_bounds()
+        lower[:, ends[4] :], upper[:, ends[4] :] = least, most
+        begun = (0.05 * capacity.active_n + capacity.passive_n) / muscles.max_isometric_force_n
+        start[:, ends[4] :] = np.clip(begun, 10.0 * least, most)
     return MuscleContact(
         contact_model,
         walk,
         balanced,
         knee.free,
+        muscles,
         capacity,
-        poses,
-        nlp,
+        {"x": x, "f": objective, "g": g},
         lower=lower.ravel(),
         upper=upper.ravel(),
-        lower_g=np.zeros(frames * (size + patches)),
-        upper_g=np.tile([0.0] * size + [np.inf] * patches, frames),
+        lower_g=lower_g,
+        upper_g=upper_g,
         start=start.ravel(),
+        solution=ca.Function("solution", [x], [a, knee.pose, forces, stand_ins, soleus]),
     )
 
 

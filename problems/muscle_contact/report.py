@@ -18,13 +18,13 @@ from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome
+from problems.common.outcome import print_outcome, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, coordinate_unit
+from problems.muscle_contact.cocontraction import SOLEUS_N
+from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 
-SIDES = ("Fy_med", "Fy_lat")
 _MUSCLES = {
     "bflh": "biceps femoris, long head",
     "bfsh": "biceps femoris, short head",
@@ -138,7 +138,7 @@ def _print(
     problem: MuscleContact, result: MuscleContactResult, verdict: Verdict, errors: dict[str, Any], kind: str
 ) -> None:
     walk, console = problem.walk, PlainConsole()
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     table = Table(title=f"Muscle and contact, {walk.name}: {len(walk)} frames, compression in N")
     table.add_column("")
     for title in ("largest", "predicted - measured: RMS", "mean", f"EF fine - {kind}: RMS / max", "EF teacher"):
@@ -154,9 +154,6 @@ def _print(
     )
     console.print(f"largest reserves: {largest}; largest activation: {result.activations.max():.2f}", highlight=False)
     print_outcome(console, result)
-    if result.overloaded.any():
-        frames = ", ".join(map(str, np.flatnonzero(result.overloaded)))
-        console.print(f"beyond what muscles and contact balance, reserves stand in: frames {frames}", highlight=False)
 
 
 def _write_table(
@@ -171,6 +168,8 @@ def _write_table(
     for muscle, name in enumerate(walk.muscles.names):
         columns[f"{name}_activation"] = result.activations[:, muscle]
         columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
+    if result.soleus is not None:
+        columns |= {"soleus_activation": result.soleus, "soleus_N": SOLEUS_N * result.soleus}
     for name in problem.balanced:
         columns[f"{name}_reserve_{coordinate_unit(name)}"] = result.reserves[name]
         columns[f"{name}_imbalance_{coordinate_unit(name)}"] = result.unbalanced[name]

@@ -29,10 +29,10 @@ from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, pose_bounds, total_selection
 from casadi_contact.quantities import newton_scales
+from problems.common.collocation import Collocation
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
 
-SCHEMES = ("radau", "legendre")
 FLEXION_RAD = np.radians(0.01)  # flexion off by this weighs as much as a force off by 1 N
 _FLEXION_INERTIA = 20.0  # t·mm², that is 0.02 kg·m², as about the other axes
 _FLEXION_DAMPING = 1000.0  # N·mm·s/rad
@@ -94,21 +94,15 @@ def build(
 ) -> OptimalControl:
     """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals or a negative steadiness."""
     rig = Rig() if rig is None else rig
-    if scheme not in SCHEMES:
-        raise ValueError(f"scheme is {scheme!r}, expected one of {', '.join(SCHEMES)}")
-    if intervals < 2 or not 1 <= degree <= 9 or not steadiness >= 0.0:
-        raise ValueError(
-            f"intervals {intervals}, degree {degree}, steadiness {steadiness}: expected >= 2, 1 to 9, and >= 0"
-        )
+    if not steadiness >= 0.0:
+        raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")
+    grid = Collocation(intervals, degree, wanted.time_s[-1] - wanted.time_s[0], scheme)
     if wanted.loads.shape != (len(wanted.time_s), len(model.load_names)):
         raise ValueError(
             f"wanted loads have shape {wanted.loads.shape}, expected "
             f"({len(wanted.time_s)}, {len(model.load_names)}): {' '.join(model.load_names)}"
         )
-    taus = ca.collocation_points(degree, scheme)
-    slopes, ends, _ = (np.asarray(part) for part in ca.collocation_coeff(taus))
-    step = (wanted.time_s[-1] - wanted.time_s[0]) / intervals
-    times = ((np.arange(intervals)[:, None] + np.asarray(taus)) * step).ravel()
+    times, step = grid.times_s, grid.step_s
     points = intervals * degree
     loads, rz = wanted.at(wanted.time_s[0] + times)
 
@@ -116,19 +110,14 @@ def build(
     q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
     forces, off = _point_function(model, rig).map(points)(q, v, u, ca.DM(loads.T), ca.DM(rz[None]))
     inertia = np.append(rig.inertia, _FLEXION_INERTIA)
-    # Each interval's polynomial through its node and collocation points: slopes there, and the value at its end.
     to_steps = ca.DM(RATES / KNEE_STEPS * step)
     to_newtons = ca.DM(inertia * RATES / POSE_IN_MM / step)
-    defects = []
-    for k in range(intervals):
-        here = slice(k * degree, (k + 1) * degree)
-        stacked_q, stacked_v = ca.horzcat(nodes_q[:, k], q[:, here]), ca.horzcat(nodes_v[:, k], v[:, here])
-        defects += [
-            ca.vec(ca.mtimes(stacked_q, slopes) - ca.repmat(to_steps, 1, degree) * v[:, here]),
-            ca.vec(ca.repmat(to_newtons, 1, degree) * ca.mtimes(stacked_v, slopes) - forces[:, here]) / LOAD_SCALE_N,
-            ca.mtimes(stacked_q, ends) - nodes_q[:, k + 1],
-            ca.mtimes(stacked_v, ends) - nodes_v[:, k + 1],
-        ]
+    defects = [
+        ca.vec(grid.slopes(nodes_q, q) - ca.repmat(to_steps, 1, points) * v),
+        ca.vec(ca.repmat(to_newtons, 1, points) * grid.slopes(nodes_v, v) - forces) / LOAD_SCALE_N,
+        ca.vec(grid.jumps(nodes_q, q)),
+        ca.vec(grid.jumps(nodes_v, v)),
+    ]
     if periodic:
         defects += [nodes_q[:, 0] - nodes_q[:, -1], nodes_v[:, 0] - nodes_v[:, -1]]
     changes = LOAD_SCALE_N * (u[:, 1:] - u[:, :-1])

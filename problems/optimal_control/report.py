@@ -15,6 +15,8 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.learned_range import reasons
+from problems.common.outcome import print_reasons, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
@@ -32,7 +34,7 @@ def report(
     off = {f"{kind} - wanted": result.load_error}
     off |= {f"EF {nx}×{nz} - {kind}": ef[name] - result.loads for name, (nx, nz) in grids.items()}
     console = PlainConsole()
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
     table.add_column("RMS / max")
     for what in off:
@@ -48,7 +50,9 @@ def report(
         f"{problem.nlp['x'].numel()} variables, {problem.nlp['g'].numel()} constraints",
         highlight=False,
     )
-    _write_table(out / "optimal_control.csv", problem, result, verdict)
+    reason = reasons(problem.model, result.poses, verdict)
+    print_reasons(console, reason, "point")
+    _write_table(out / "optimal_control.csv", problem, result, verdict, reason)
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "intervals": problem.intervals,
@@ -74,12 +78,14 @@ def _rms_and_largest(errors: Array) -> str:
     return f"{found['rms']:.2g} / {found['max']:.2g}"
 
 
-def _write_table(path: Path, problem: OptimalControl, result: ControlResult, verdict: Verdict) -> None:
+def _write_table(
+    path: Path, problem: OptimalControl, result: ControlResult, verdict: Verdict, reason: np.ndarray
+) -> None:
     names = problem.model.load_names
     columns: dict[str, Any] = {"time_s": problem.times, **pose_columns(result.poses)}
     columns |= {f"actuator_{name}": column for name, column in load_columns(WRENCH_NAMES, result.actuators).items()}
     columns |= load_columns(names, result.loads, "contact") | load_columns(names, result.load_error, "error")
-    write_columns(path, {**columns, "verdict": verdict.words}, digits=DIGITS)
+    write_columns(path, {**columns, "reason": reason, "verdict": verdict.words}, digits=DIGITS)
 
 
 def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from casadi_contact.project import reference_motion_cycles
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
@@ -61,6 +63,7 @@ def run(
     names = problem.wanted.load_names
     verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
     tried = solve_from_random_starts(source, measured, result.poses, starts) if starts else None
+    result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
     report(problem, result, verdict, out, tried, source.kind)
     end_with(verdict, NAME, out)
 

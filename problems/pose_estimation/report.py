@@ -18,7 +18,7 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome
+from problems.common.outcome import print_outcome, print_verdict
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
 from problems.pose_estimation.problem import Cycle, PoseEstimation
@@ -129,7 +129,7 @@ def _print(
     kind: str,
 ) -> None:
     console, frames = PlainConsole(), problem.frames
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
     table.add_column("RMS / max")
     for column in (f"{kind} - wanted", f"EF {grids['fine']} - {kind}", f"EF {grids['teacher']} - {kind}"):

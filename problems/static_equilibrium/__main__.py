@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from casadi_contact.optimisation import middle_pose
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.learned_range import reasons
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
 from problems.static_equilibrium.report import report
@@ -64,6 +66,7 @@ def run(
     foundation = own_model(model.scene)
     result = diagnose(problem, result, foundation)
     verdict = judge(model, result.poses, result.converged, foundation)
+    result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
     report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None, source.kind)
     end_with(verdict, NAME, out)
 

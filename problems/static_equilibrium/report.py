@@ -16,7 +16,7 @@ from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome
+from problems.common.outcome import print_outcome, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult, on_model
@@ -42,7 +42,7 @@ def report(
     }
     ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
     console = PlainConsole()
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
     table.add_column("flexion [deg]", justify="right")
     shown_names = [name for name in problem.free if name != "rz"]

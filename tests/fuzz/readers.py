@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact import pipeline
+from casadi_contact.assembly import load_assembly
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.dataset import read_sample_table, read_samples, write_samples
 from casadi_contact.files import read_npz, write_npz
@@ -25,8 +28,8 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.project import read_motion
 from casadi_contact.report import evaluation_tables, kernel_speed_tables, read_evaluation, read_kernel_speed
 from casadi_contact.sampling.folder import ChunkFolder
-from casadi_contact.scenes import load_scene
-from casadi_contact.structures import load_surrogate
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.structures import Surrogate, load_surrogate
 from casadi_contact.training import checkpoint
 from casadi_contact.transcription import load_function, save_function
 from problems.muscle_contact.example import example_walk
@@ -171,6 +174,49 @@ def _read_mesh(path: Path) -> Any:
     return len(load_mesh(path, "mm").faces)
 
 
+def _button(path: Path) -> None:
+    from tests.support.meshes import cap_mesh, groove, sheet_mesh, write_obj
+
+    vertices, faces = cap_mesh(22.0, 4.0, 0.7)
+    write_obj(path, vertices + np.array([0.0, 22.0, 0.0]), faces)
+    write_obj(path.parent / "groove.obj", *sheet_mesh(40.0, 4.0, groove))
+
+
+def _mesh_scene(path: Path) -> None:
+    from tests.support.meshes import mesh_scene_text
+
+    _button(path.with_name("button.obj"))
+    path.write_text(mesh_scene_text("button.obj", "groove.obj", grid=(12, 8)))
+
+
+def _read_mesh_scene(path: Path) -> Any:
+    model = cc.ElasticFoundation(load_scene(path))
+    return model(model.scene.start_pose).tolist()
+
+
+def _proposal(path: Path) -> Any:
+    """What the command `scene` sees before it settles poses."""
+    from tests.proposal.test_stages import seen
+
+    return seen(*(load_mesh(each, "mm") for each in (path, path.with_name("groove.obj"))))[2].kind
+
+
+@cache
+def _surrogate_of(scene_text: str) -> Surrogate:
+    return random_surrogate(Scene.from_toml(scene_text), "patch")
+
+
+def _assembly(path: Path) -> None:
+    path.write_text(
+        (resources.files("casadi_contact.assembly") / "ready" / "knee_with_patella.toml").read_text("utf-8")
+    )
+
+
+def _read_assembly(path: Path) -> Any:
+    assembly = load_assembly(path, lambda scene: _surrogate_of(scene.to_toml()))
+    return assembly.load_names, assembly.start_poses().tolist()
+
+
 WALK = example_walk(frames=8)
 
 
@@ -230,6 +276,7 @@ READERS = {
     "scene.toml": Reader(
         lambda path: path.write_text(cc.load_scene("knee").to_toml()), lambda path: load_scene(path).to_toml()
     ),
+    "assembly.toml": Reader(_assembly, _read_assembly),
     "own.toml": Reader(lambda path: path.write_text(SCENE.to_toml()), lambda path: load_scene(path).to_toml()),
     "cycle.csv": Reader(lambda path: write_cycle(reference_cycle(), path), read_cycle),
     "joint_cycle.csv": Reader(_joint_cycle, lambda path: read_joint_cycle(path, SCENE)),
@@ -241,6 +288,8 @@ READERS = {
     "walk_inverse_dynamics.csv": Reader(_muscle_walk, _read_muscle_walk),
     "muscles.csv": Reader(_muscle_walk, _read_muscle_walk),
     "parameters.csv": Reader(_muscle_walk, _read_muscle_walk),
+    "button.obj": Reader(_button, _proposal),
+    "meshes.toml": Reader(_mesh_scene, _read_mesh_scene),
     "mesh.stl": Reader(_mesh, _read_mesh),
     "ascii.stl": Reader(_ascii_stl, _read_mesh),
     "mesh.obj": Reader(_mesh, _read_mesh),

@@ -1,6 +1,7 @@
 """Mutated files of every kind: read as they were, or refused in one line; never a crash, a hang or another error.
 
-``pytest tests/fuzz --mutations 2000`` tries more; every file follows from its reader's name and its number.
+``pytest tests/fuzz --mutations 2000 --mutation-seed 7`` tries more and others; every file follows from its reader's
+name, its number and the seed.
 """
 
 import zlib
@@ -25,8 +26,9 @@ def test_mutated(name, tmp_path, pytestconfig):
     fast = sum(1.0 if not other.slow else 1.0 / SLOW_SHARE for other in READERS.values())
     count = int(np.ceil(pytestconfig.getoption("mutations") / fast / (SLOW_SHARE if reader.slow else 1)))
     refused = 0
+    seed = pytestconfig.getoption("mutation_seed")
     for number in range(count):
-        path.write_bytes(reader.mutated(sound, np.random.default_rng([zlib.crc32(name.encode()), number])))
+        path.write_bytes(reader.mutated(sound, np.random.default_rng([zlib.crc32(name.encode()), number, seed])))
         got, error = outcome(reader.read, path)
         if error is None:
             assert not reader.exact or got == expected, f"mutation {number} is read as something else"

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
 from tests.test_failing_disc import _others_may_read
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="limits and rights as POSIX has them")
@@ -21,7 +23,7 @@ BEGUN = {**SOLVED, "optimal_control": [], "muscle_contact": [], "knee_simulator"
 
 RUN = """
 import importlib, json, os, resource, sys
-import zoneinfo  # imported late by others, where another user may not be able to read it
+import encodings.utf_8_sig, zoneinfo  # imported late by others, where another user may not be able to read them
 fault, folder, commands = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
 mains = {name: importlib.import_module(f"problems.{name}.__main__").main for name in commands}
 if fault == "full":
@@ -72,7 +74,9 @@ def test_a_read_only_folder_is_one_line_before_any_work():
         pytest.skip("only root can read this checkout, and root may write in a read-only folder")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        write_cycle(reference_cycle(), folder / "cycle.csv")
         folder.chmod(0o555)
-        said, before = failing("read-only", folder, BEGUN)
+        begun = {**BEGUN, "implant": ["knee", f"{folder}/cycle.csv"]}
+        said, before = failing("read-only", folder, begun)
         folder.chmod(0o755)
-        assert_one_line_each(said, before, BEGUN, folder)
+        assert_one_line_each(said, before, begun, folder)

@@ -45,6 +45,7 @@ def surrogate():
         "pose_range": {name: [-1.0, 1.0] for name in ("tx", "ty", "tz", "rx", "ry", "rz")},
         "command": "<script>alert('got you')</script>",
         "coverage": {"D1": {"valid": 0.5, "Fy": 0.25}},
+        "convergence": {"root": {"gflop": [0.1, 1.0, 10.0], "rms": [50.0, 5.0, 0.5]}},
     }
     return PatchSurrogate(SPHERE, networks, record, random_trust(1, len(made.load_names)))
 
@@ -96,7 +97,7 @@ def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp
     elements = Tags(text).elements
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in elements}
     sources = [attributes["src"] for _, attributes in elements if "src" in attributes]
-    assert sources, "the scene's picture"
+    assert len(sources) == 2, "the scene and the convergence of the fits"
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert not re.search(r"https?://", text)
     assert "&lt;script&gt;alert" in text
@@ -107,7 +108,13 @@ def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp
 def test_what_a_file_does_not_record_is_said(surrogate):
     bare = PatchSurrogate(SPHERE, surrogate.networks)
     text = surrogate_page({"patch": bare})
-    for said in ("not judged", "does not record the sampled poses", "never calibrated", "No samples lie beside"):
+    for said in (
+        "not judged",
+        "does not record the sampled poses",
+        "never calibrated",
+        "No samples lie beside",
+        "how the fits converged",
+    ):
         assert said in text
     with pytest.raises(ValueError, match="no surrogate to report"):
         surrogate_page({})

@@ -116,7 +116,7 @@ def test_files_that_are_no_scene_are_one_line(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     refused(lambda: cc.load_scene(path), "not UTF-8 text")
     path.write_bytes(b"#" * 4_000_001)
-    refused(lambda: cc.load_scene(path), "bytes, expected a scene of at most")
+    refused(lambda: cc.load_scene(path), "bytes, expected at most")
     with pytest.raises(FileNotFoundError, match="does not exist"):
         cc.load_scene(tmp_path / "folder.toml")
 

@@ -9,27 +9,27 @@ INLINE double fade_of(double force, double *slope, double *bend) {
 
 /* The node within the rim that lies nearest to the body, or deepest in it */
 FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  double least[MOST_BLOCKS], found[BLOCK], best = INFINITY;
-  const double *points[BLOCK];
+  double least[MOST_BLOCKS + BLOCK], best = INFINITY;
   int nearest = 0, first_block = 0;
+  Lanes found, points[3];
   for (int b = 0; b < p->block_count; b += BLOCK) {
-    for (int l = 0; l < BLOCK; l++) points[l] = p->blocks[b + l < p->block_count ? b + l : b].middle;
-    distances(points, pose, frame, found);
-    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
-      least[b + l] = found[l] - steepest_reach(p->blocks[b + l].half);
-      if (least[b + l] < least[first_block]) first_block = b + l;
-    }
+    const Boxes *boxes = p->block_boxes + b / BLOCK;
+    distances(boxes->middle, pose, frame, &found);
+    found -= STEEPEST * boxes->size;
+    memcpy(least + b, &found, sizeof found);
+    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) first_block = least[b + l] < least[first_block] ? b + l : first_block;
   }
   for (int k = -1; k < p->block_count; k++) {
     const int b = k < 0 ? first_block : k;
     if ((k >= 0 && b == first_block) || least[b] >= best) continue;
-    s->nodes = 0;
-    if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
-    for (int c = p->blocks[b].first; c < p->blocks[b].last; c++) want_corners(s, p->cells + c);
+    begin_turn(s);
+    for (int c = BLOCK * p->blocks[b].first; c < BLOCK * p->blocks[b].last; c++) {
+      if (p->cell_boxes[c / BLOCK].size[c % BLOCK] >= 0.0) want_corners(s, p->cells + c);
+    }
     for (int i = s->nodes; i % BLOCK; i++) s->ids[i] = s->ids[s->nodes - 1];
     for (int i = 0; i < s->nodes; i += BLOCK) {
-      for (int l = 0; l < BLOCK; l++) points[l] = p->nodes[s->ids[i + l]].c;
-      distances(points, pose, frame, found);
+      gather(p->nodes, s->ids + i, offsetof(Node, c), points);
+      distances(points, pose, frame, &found);
       for (int l = 0; l < BLOCK; l++) {
         if (found[l] < best && p->known[s->ids[i + l]]) best = found[l], nearest = s->ids[i + l];
       }
@@ -40,11 +40,12 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
 
 FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
   const int nearest = nearest_of(p, pose, frame, s);
-  double place[3], by_twist[6];
-  Lanes q[3], twist[6];
+  const int ids[BLOCK] = {nearest, nearest, nearest, nearest};
+  double by_twist[6];
+  Lanes c[3], q[3], twist[6];
   Distance at;
-  place_of(p->nodes[nearest].c, pose, frame, place);
-  for (int i = 0; i < 3; i++) q[i] = all(place[i]);
+  gather(p->nodes, ids, offsetof(Node, c), c);
+  to_place(c, pose, frame, q);
   distance_at(q, order == SECOND ? 2 : 1, &at);
   out->gap = at.g[0];
   twist_of(at.slope, q, twist);
@@ -61,35 +62,21 @@ FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, 
   }
 }
 
-/* Loads not yet faded, with order 2 their derivatives; returns how many of the cells are full. */
-FUNCTION int contact_value(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
-  int full;
+/* Loads not yet faded, with order 2 their derivatives */
+INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
   choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, 1, s);
-  full = sort_cells(p, s);
-  sum_cells(p, s, full, 1, sums);
-  return full;
-}
-
-FUNCTION int contact_first(const Patch *p, const double *pose, const Frame *frame, Scratch *s, Sums *sums) {
-  int full;
-  choose_cells(p, pose, frame, s);
-  fill_nodes(p, pose, frame, 2, s);
-  full = sort_cells(p, s);
-  sum_cells(p, s, full, 2, sums);
-  return full;
+  fill_nodes(p, pose, frame, order, s);
+  sum_cells(p, s, order, sums);
 }
 
 INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
                        PatchLoads *out) {
   const Patch *p = patches + patch;
-  Scratch *s = &scratch;
+  Scratch *s = own_scratch();
   Sums sums;
   double slope, bend, fade, by[7][6];
-  int full = 0;
   memset(out, 0, sizeof *out);
-  if (order == VALUE) full = contact_value(p, pose, frame, s, &sums);
-  else if (order != GAPS) full = contact_first(p, pose, frame, s, &sums);
+  if (order != GAPS) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
   if (order == GAPS || !(sums.loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;
@@ -110,7 +97,7 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
       for (int a = 0; a < 6; a++) by_pull[a] += weights[k] * by[k][a];
     }
     whole_weights[6] = -slope * pull;
-    contact_curvature(p, pose, frame, full, whole_weights, s, out->curvature);
+    contact_curvature(p, pose, frame, whole_weights, s, out->curvature);
     for (int a = 0; a < 6; a++) {
       for (int b = 0; b < 6; b++) {
         out->curvature[a][b] += bend * pull * by[6][a] * by[6][b] - slope * (by[6][a] * by_pull[b] + by_pull[a] * by[6][b]);

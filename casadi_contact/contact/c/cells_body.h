@@ -1,3 +1,19 @@
+/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
+ * far they reach from their middles, below 0 where there is none. */
+typedef struct {
+  Lanes middle[3], half[2][3], beyond, size;
+} Boxes;
+
+INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
+  for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
+}
+
+/* Points of the fixed frame in that of the body */
+INLINE void to_place(const Lanes point[3], const double *pose, const Frame *frame, Lanes q[3]) {
+  const Lanes from[3] = {point[0] - pose[0], point[1] - pose[1], point[2] - pose[2]};
+  to_body(frame, from, q);
+}
+
 /* Signed distance g of the moving body at four points of its frame, with derivatives up to an order: gradient, second
  * (xx xy xz yy yz zz) and third ones (xxx xxy xxz xyy xyz xzz yyy yyz yzz zzz). The formulas of
  * geometry/distance_field.py and geometry/field_derivatives.py. */
@@ -7,97 +23,84 @@ typedef struct {
 
 #if BODY_FIELD
 typedef struct {
-  float g, slope[3], bow;
-} Tangent; /* of the field at a node */
+  float g, slope[3], bow, unused[3];
+} Tangent; /* of the field at a node; the first two rows: of nodes far outside of the body, and deep in it */
 
-typedef double Row __attribute__((vector_size(8 * BLOCK), aligned(8))); /* four coefficients along z, wherever */
-INLINE Lanes row_of(const double *c) { return *(const Row *)c; }
-INLINE Lanes weigh(const Lanes w, const Lanes rows[4]) {
-  return (w[0] * rows[0] + w[1] * rows[1]) + (w[2] * rows[2] + w[3] * rows[3]);
+/* Weights of the four nodes around shares t of a cubic B-spline's cell, and their derivatives in units of the cell. */
+INLINE void spline_weights(Lanes t, int order, Lanes w[4][4]) {
+  const Lanes s = 1.0 - t, s2 = s * s, t2 = t * t;
+  w[0][0] = 1.0 / 6.0 * s * s2, w[0][3] = 1.0 / 6.0 * t * t2;
+  w[0][1] = 4.0 / 6.0 - t2 * (1.0 - 0.5 * t), w[0][2] = 4.0 / 6.0 - s2 * (1.0 - 0.5 * s);
+  w[1][0] = -0.5 * s2, w[1][1] = t * (1.5 * t - 2.0), w[1][2] = s * (2.0 - 1.5 * s), w[1][3] = 0.5 * t2;
+  if (order >= 2) w[2][0] = s, w[2][1] = 3.0 * t - 2.0, w[2][2] = 3.0 * s - 2.0, w[2][3] = t;
+  if (order >= 3) w[3][0] = all(-1.0), w[3][1] = all(3.0), w[3][2] = all(-3.0), w[3][3] = all(1.0);
 }
 
-/* Weights of the four nodes around share t of a cubic B-spline's cell, and their derivatives in units of the cell. */
-INLINE void spline_weights(double t, int order, Lanes w[4]) {
-  const Lanes a = {1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0}, b = {-0.5, 0.0, 0.5, 0.0}, c = {0.5, -1.0, 0.5, 0.0};
-  const Lanes d = {-1.0 / 6.0, 0.5, -0.5, 1.0 / 6.0};
-  w[0] = a + t * (b + t * (c + t * d));
-  w[1] = b + t * (2.0 * c + (3.0 * t) * d);
-  if (order >= 2) w[2] = 2.0 * c + (6.0 * t) * d;
-  if (order >= 3) w[3] = 6.0 * d;
-}
-
-/* Place on the grid along one axis: the first of its four nodes and the share of the cell; what lies beyond the grid.
+/* Places on the grid along one axis: the first of the four nodes and the share of the cell; what lies beyond the grid.
  * What is not a number counts as the grid's beginning. */
-INLINE int place_on(double coordinate, int count, double *share, double *beyond) {
-  const double least = coordinate > 1.0 ? coordinate : 1.0, within = least > count - 2.0 ? count - 2.0 : least;
-  const int first = (int)within, last = count - 3, node = first < last ? first : last;
+INLINE Lanes place_on(Lanes coordinate, int count, Lanes *share, Lanes *beyond) {
+  const Lanes within = smaller_of(larger_of(coordinate, all(1.0)), all(count - 2.0));
+  const Lanes node = smaller_of(larger_of(nearest_whole(within - 0.5), all(1.0)), all(count - 3.0));
   *share = within - node;
   *beyond = coordinate - within;
-  return node - 1;
+  return node - 1.0;
 }
 
-INLINE void leave_grid(const double beyond[3], int lane, int order, Distance *out) {
+FUNCTION void leave_grid(const Lanes beyond[3], int order, Distance *out) {
   static const int axes[6][2] = {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}};
-  const double out_by = sqrt(beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2]);
-  out->g[lane] += out_by * FIELD_SPACING;
-  for (int i = 0; i < 3; i++) {
-    if (beyond[i] != 0.0) out->slope[i][lane] = beyond[i] / out_by;
-  }
+  const Lanes out_by = root(dot_of(beyond, beyond));
+  const Mask is_out = out_by != 0.0;
+  out->g += out_by * FIELD_SPACING;
+  for (int i = 0; i < 3; i++) out->slope[i] = pick(beyond[i] != 0.0, beyond[i] / out_by, out->slope[i]);
   for (int k = 0; k < 6 && order >= 2; k++) {
-    if (beyond[axes[k][0]] != 0.0 || beyond[axes[k][1]] != 0.0) out->bend[k][lane] = 0.0;
+    out->bend[k] = pick((beyond[axes[k][0]] != 0.0) | (beyond[axes[k][1]] != 0.0), all(0.0), out->bend[k]);
   }
-  for (int k = 0; k < 10 && order >= 3; k++) out->third[k][lane] = 0.0;
+  for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = pick(is_out, all(0.0), out->third[k]);
 }
 
-INLINE void field_at(const double place[3], int lane, int order, Distance *out) {
-  const double s = 1.0 / FIELD_SPACING, s2 = s * s, s3 = s2 * s;
-  double share[3], beyond[3];
-  Lanes x[4], y[4], z[4], v[10] = {{0.0}};
-  const int i = place_on(place[0], FIELD_X, share, beyond), j = place_on(place[1], FIELD_Y, share + 1, beyond + 1);
-  const int k = place_on(place[2], FIELD_Z, share + 2, beyond + 2);
-  const double *c = FIELD_COEFFICIENTS + ((long long)i * FIELD_Y + j) * FIELD_Z + k;
-  spline_weights(share[0], order, x);
-  spline_weights(share[1], order, y);
-  spline_weights(share[2], order, z);
-  for (int p = 0; p < 4; p++, c += FIELD_Y * FIELD_Z) { /* along x; v: by order along x, y: 00 10 01 20 11 02 30 ... */
-    const Lanes rows[4] = {row_of(c), row_of(c + FIELD_Z), row_of(c + 2 * FIELD_Z), row_of(c + 3 * FIELD_Z)};
-    const Lanes f = weigh(y[0], rows), f_y = weigh(y[1], rows);
-    v[0] += x[0][p] * f, v[1] += x[1][p] * f, v[2] += x[0][p] * f_y;
-    if (order >= 2) {
-      const Lanes f_yy = weigh(y[2], rows);
-      v[3] += x[2][p] * f, v[4] += x[1][p] * f_y, v[5] += x[0][p] * f_yy;
-      if (order >= 3) {
-        const Lanes f_yyy = weigh(y[3], rows);
-        v[6] += x[3][p] * f, v[7] += x[2][p] * f_y, v[8] += x[1][p] * f_yy, v[9] += x[0][p] * f_yyy;
-      }
+/* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a point, along z */
+INLINE void sum_rows(const double *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Lanes v[10]) {
+  for (int n = 0; n < 10; n++) v[n] = all(0.0);
+  for (int p = 0; p < 4; p++, c += FIELD_Y * FIELD_Z) {
+    Lanes f[4];
+    for (int m = 0; m <= order; m++) f[m] = all(0.0);
+    for (int r = 0; r < 4; r++) {
+      const Lanes row = lanes_at(c + r * FIELD_Z);
+      for (int m = 0; m < (order < 2 ? 2 : order + 1); m++) f[m] += y[m][r][lane] * row;
+    }
+    for (int n = 0, total = 0; total <= order; total++) {
+      for (int m = 0; m <= total; m++) v[n++] += x[total - m][p][lane] * f[m];
     }
   }
-  out->g[lane] = sum_of(v[0] * z[0]);
-  out->slope[0][lane] = s * sum_of(v[1] * z[0]);
-  out->slope[1][lane] = s * sum_of(v[2] * z[0]);
-  out->slope[2][lane] = s * sum_of(v[0] * z[1]);
-  if (order >= 2) {
-    out->bend[0][lane] = s2 * sum_of(v[3] * z[0]);
-    out->bend[1][lane] = s2 * sum_of(v[4] * z[0]);
-    out->bend[2][lane] = s2 * sum_of(v[1] * z[1]);
-    out->bend[3][lane] = s2 * sum_of(v[5] * z[0]);
-    out->bend[4][lane] = s2 * sum_of(v[2] * z[1]);
-    out->bend[5][lane] = s2 * sum_of(v[0] * z[2]);
-  }
-  if (order >= 3) {
-    static const int of[10] = {6, 7, 3, 8, 4, 1, 9, 5, 2, 0}, along_z[10] = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
-    for (int n = 0; n < 10; n++) out->third[n][lane] = s3 * sum_of(v[of[n]] * z[along_z[n]]);
-  }
-  if (beyond[0] != 0.0 || beyond[1] != 0.0 || beyond[2] != 0.0) leave_grid(beyond, lane, order, out);
 }
 
 INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
+  /* Of g, its slopes, second and third derivatives: the sum of rows, and the order along z */
+  static const int of[20] = {0, 1, 2, 0, 3, 4, 1, 5, 2, 0, 6, 7, 3, 8, 4, 1, 9, 5, 2, 0};
+  static const int along_z[20] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
+  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
   const double s = 1.0 / FIELD_SPACING;
-  const Lanes place[3] = {(q[0] - field_origin[0]) * s, (q[1] - field_origin[1]) * s, (q[2] - field_origin[2]) * s};
-  KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-    const double at[3] = {place[0][l], place[1][l], place[2][l]};
-    field_at(at, l, order, out);
+  Lanes node[3], share[3], beyond[3], weights[3][4][4], part[20][BLOCK], first;
+  for (int i = 0; i < 3; i++) {
+    node[i] = place_on((q[i] - field_origin[i]) * s, counts[i], share + i, beyond + i);
+    spline_weights(share[i], order, weights[i]);
   }
+  first = (node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2];
+  for (int m = 0; m <= order; m++) {
+    Lanes by_lane[BLOCK];
+    transpose(weights[2][m], by_lane);
+    for (int l = 0; l < BLOCK; l++) weights[2][m][l] = by_lane[l];
+  }
+  KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
+    Lanes v[10];
+    sum_rows(FIELD_COEFFICIENTS + (long long)first[l], l, order, weights[0], weights[1], v);
+    for (int n = 0; n < wanted; n++) part[n][l] = v[of[n]] * weights[2][along_z[n]][l];
+  }
+  out->g = sums_of(part[0]);
+  for (int i = 0; i < 3; i++) out->slope[i] = s * sums_of(part[1 + i]);
+  for (int k = 0; k < 6 && order >= 2; k++) out->bend[k] = s * s * sums_of(part[4 + k]);
+  for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = s * s * s * sums_of(part[10 + k]);
+  if (any((beyond[0] != 0.0) | (beyond[1] != 0.0) | (beyond[2] != 0.0))) leave_grid(beyond, order, out);
 }
 
 /* One function for each order, not inlined: compiling is quick. */
@@ -111,32 +114,40 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
-/* Whether the body may come within TOUCH of a box about a point, sides in the fixed frame: by value, slope and bow of
- * the field at the node nearest to the point (see contact/cells/tangents.py), without a look at the spline. */
-INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
+#ifdef FIELD_TANGENTS
+INLINE double greatest_of(Lanes x) {
+  const double a = x[0] > x[1] ? x[0] : x[1], b = x[2] > x[3] ? x[2] : x[3];
+  return a > b ? a : b;
+}
+
+/* The boxes that the body may come within TOUCH of: by value, slope and bow of the field at the nodes nearest to their
+ * middles (see contact/cells/tangents.py), without a look at the spline. */
+INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
-  const double size = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
-  double away[3], way = 0.0, least, turned[3];
-  const Tangent *at;
-  long long node = 0;
+  Lanes q[3], away[3], slope[3], row[BLOCK], column[4], bow, way, least, node = all(0.0);
+  to_place(boxes->middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
-    const double place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
-    const double least = place > 0.0 ? place : 0.0, within = least > counts[i] - 1.0 ? counts[i] - 1.0 : least;
-    const int nearest = (int)(within + 0.5);
-    away[i] = (place - nearest) * FIELD_SPACING, way += away[i] * away[i];
+    const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    const Lanes nearest = nearest_whole(smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0)));
+    away[i] = (place - nearest) * FIELD_SPACING;
     node = node * counts[i] + nearest;
   }
-  if (FIELD_INDEX[node] < 0) return FIELD_COEFFICIENTS[node] <= 0.0;
-  at = FIELD_TANGENTS + FIELD_INDEX[node];
-  way = sqrt(way) + size;
-  if (way > BOW_REACH) return at->g - STEEPEST * way <= TOUCH;
-  least = at->g - 0.5 * at->bow * way * way;
-  for (int i = 0; i < 3; i++) {
-    turned[i] = frame->r[i][0] * at->slope[0] + frame->r[i][1] * at->slope[1] + frame->r[i][2] * at->slope[2];
-    least += at->slope[i] * away[i] - fabs(turned[i]) * half[i];
+  for (int l = 0; l < BLOCK; l++) {
+    const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(long long)node[l]];
+    row[l] = (Lanes){at->g, at->slope[0], at->slope[1], at->slope[2]};
+    bow[l] = at->bow;
   }
-  return least <= TOUCH;
+  transpose(row, column);
+  way = root(dot_of(away, away)) + boxes->size;
+  least = column[0] - 0.5 * bow * way * way - STEEPEST * boxes->beyond + dot_of(column + 1, away);
+  for (int i = 0; i < 3; i++) {
+    slope[i] = frame->r[i][0] * column[1] + frame->r[i][1] * column[2] + frame->r[i][2] * column[3];
+  }
+  least -= size_of(dot_of(slope, boxes->half[0])) + size_of(dot_of(slope, boxes->half[1]));
+  if (greatest_of(way) > BOW_REACH) least = pick(way > BOW_REACH, column[0] - STEEPEST * way, least);
+  return (least <= TOUCH) & (boxes->size >= 0.0);
 }
+#endif
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -169,12 +180,12 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 }
 #endif
 
-#if !BODY_FIELD
-INLINE int may_touch(const double q[3], const double half[3], const Frame *frame) {
-  const Lanes at[3] = {all(q[0]), all(q[1]), all(q[2])};
+#ifndef FIELD_TANGENTS
+INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
+  Lanes q[3];
   Distance found;
-  distance_at(at, 1, &found);
-  (void)frame;
-  return found.g[0] - sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) <= TOUCH;
+  to_place(boxes->middle, pose, frame, q);
+  distance_at(q, 1, &found);
+  return (found.g - (BODY_FIELD ? STEEPEST : 1.0) * boxes->size <= TOUCH) & (boxes->size >= 0.0);
 }
 #endif

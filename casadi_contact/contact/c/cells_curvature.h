@@ -67,55 +67,55 @@ INLINE void finish_curvature(const Frame *frame, const Curvature *sum, double ou
 
 /* Of weighted values at four nodes: see the docstring of contact/cells/quadrature.py. Where the point goes along with
  * the depth (moves), f depends on it too: f_d = -w H n, f_dd = T[w] n n, and its mixed derivatives `along_ray`. */
-INLINE void add_node_curvature(const Depth *at, const Lanes weight[3], Curvature *sum) {
+INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes weight[3], Curvature *sum) {
   const Lanes inverse = 1.0 / at->m, late = at->d - at->start, mu = at->moves;
   Lanes by_a[6], by_b[6], by_slope[6], along_ray[6], w_a[3], w_b[3], w[3], t[6], t_n[3], bent[3], turn[3], part[3];
-  Lanes a, b, slope, e, bend, square, beside[6], force[3], m_term;
+  Lanes b, slope, e, square, curved, beside[6], force[3], m_term;
   DepthSlopes by;
-  slopes_of_depth(at, &by);
+  slopes_of_depth(at, frame, &by);
+  curved = dot_of(by.n, by.bent_n);
   for (int i = 0; i < 3; i++) {
-    w_a[i] = -(weight[1] * at->along[0][i] + weight[2] * at->along[1][i]);
-    w_b[i] = weight[1] * at->bend[0][i] + weight[2] * at->bend[1][i];
+    part[i] = -(weight[1] * at->along[0][i] + weight[2] * at->along[1][i]);
+    turn[i] = weight[1] * at->bend[0][i] + weight[2] * at->bend[1][i];
   }
-  a = moving_slope_along(at, &by, w_a, by_a);
+  to_body(frame, part, w_a);
+  to_body(frame, turn, w_b);
+  slope = moving_slope_along(at, &by, w_a, by_a);
   b = moving_slope_along(at, &by, w_b, by_b);
-  slope = (a + at->d * b) * inverse;
+  slope = (slope + at->d * b) * inverse;
   for (int k = 0; k < 6; k++) by_slope[k] = (by_a[k] + at->d * by_b[k] + b * by.by_d[k] - slope * by.by_m[k]) * inverse;
   for (int i = 0; i < 3; i++) {
-    w[i] = at->near_slope * inverse * (w_a[i] + at->d * w_b[i] + slope * at->m_slope * at->n[i]);
+    w[i] = at->near_slope * inverse * (w_a[i] + at->d * w_b[i] + slope * at->m_slope * by.n[i]);
   }
+  e = (weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n)) / by.total;
+  for (int i = 0; i < 3; i++) w[i] += e * late * at->m_slope * by.n[i];
   bend_of(&at->at, w, bent);
   third_of(&at->at, w, t);
   for (int i = 0; i < 3; i++) {
     Lanes rows[3][3];
     square_of(t, rows);
-    t_n[i] = dot_of(rows[i], at->n);
+    t_n[i] = dot_of(rows[i], by.n);
   }
   cross_of(t_n, at->q, turn);
   cross_of(by.bent_n, w, part);
   for (int i = 0; i < 3; i++) turn[i] += part[i];
-  cross_of(bent, at->n, part);
+  cross_of(bent, by.n, part);
   for (int i = 0; i < 3; i++) along_ray[i] = mu * t_n[i], along_ray[3 + i] = -mu * (turn[i] + part[i]);
-  e = weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n);
-  square = weight[0] * at->near_bend + at->near_third * slope + mu * dot_of(t_n, at->n) -
-           e * inverse * mu * dot_of(at->n, by.bent_n);
+  square = weight[0] * at->near_bend + at->near_third * slope + mu * mu * dot_of(t_n, by.n) -
+           at->bends * dot_of(w, by.bent_n) - e * mu * (2.0 - mu) * curved;
   for (int k = 0; k < 6; k++) {
     beside[k] = 0.5 * square * by.by_d[k] + at->near_bend * by_slope[k] + at->near_slope * inverse * by_b[k] +
-                along_ray[k] + e * at->m_slope * inverse * by.by_n[k];
+                along_ray[k] + e * at->m_slope * by.by_n[k];
   }
-  m_term = -at->m_bend * inverse * (at->near_slope * slope + e * late);
+  m_term = -at->m_bend * (at->near_slope * slope * inverse + e * late);
   for (int k = 0; k < 6; k++) {
     for (int l = k; l < 6; l++) {
       sum->upper[k][l] += by.by_d[k] * beside[l] + beside[k] * by.by_d[l] + m_term * by.by_n[k] * by.by_n[l] -
                           at->near_slope * inverse * (by.by_m[k] * by_slope[l] + by_slope[k] * by.by_m[l]);
     }
   }
-  bend = e * late * at->m_slope * inverse;
-  for (int i = 0; i < 3; i++) w[i] += bend * at->n[i];
-  bend_of(&at->at, w, bent);
-  third_of(&at->at, w, t);
-  for (int k = 0; k < 6; k++) t[k] -= e * inverse * at->at.bend[k];
-  for (int i = 0; i < 3; i++) force[i] = bent[i] - e * inverse * at->at.slope[i];
+  for (int k = 0; k < 6; k++) t[k] -= e * at->at.bend[k];
+  for (int i = 0; i < 3; i++) force[i] = bent[i] - e * at->at.slope[i];
   add_curvature(at->q, t, &at->at, w, force, sum);
 }
 
@@ -162,30 +162,30 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
 }
 
 /* After `contact_sums` with slopes in the same pose */
-FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame *frame, int full, const double weights[7],
-                              Scratch *s, double out[6][6]) {
+FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame *frame, const double weights[7], Scratch *s, double out[6][6]) {
   Lanes h[6][2];
   Curvature sum;
   memset(h, 0, sizeof h);
   memset(&sum, 0, sizeof sum);
   memset(s->weight, 0, (s->nodes + BLOCK) * sizeof s->weight[0]);
   for (int first = 0, count; first < s->cells; first += count < BLOCK ? count : BLOCK) {
-    const int is_full = first < full;
+    const int is_full = first < s->full;
     int chosen[BLOCK];
-    count = (is_full ? full : s->cells) - first;
+    count = (is_full ? s->full : s->cells) - first;
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
     add_cell_curvature(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, weights, h);
   }
   for (int first = 0; first < s->nodes; first += BLOCK) {
-    Lanes weight[3], used = all(0.0);
+    Lanes weight[3], found, used = all(0.0);
     Depth at;
     for (int i = 0; i < 3; i++) {
       for (int l = 0; l < BLOCK; l++) weight[i][l] = first + l < s->nodes ? s->weight[first + l][i] : 0.0;
       used += weight[i] * weight[i];
     }
+    for (int l = 0; l < BLOCK; l++) found[l] = s->value[first + l < s->nodes ? first + l : first][3];
     if (sum_of(used) == 0.0) continue;
-    depth_at(p->nodes, s->ids + first, pose, frame, 3, &at);
-    add_node_curvature(&at, weight, &sum);
+    depth_at(p->nodes, s->ids + first, found, pose, frame, 3, &at);
+    add_node_curvature(&at, frame, weight, &sum);
   }
   for (int a = 0; a < 6; a++) {
     for (int b = a; b < 6; b++) sum.upper[a][b][0] += h[a][b / BLOCK][b % BLOCK];

@@ -2,13 +2,13 @@
  * vectors are in the axes of the moving body, in which a twist (v, omega) changes the place q of a fixed point by
  * -v - omega x q, and a fixed direction w by -omega x w. */
 typedef struct {
-  double c[3], n[3], along[2][3], bend[2][3], loads[7];
+  double c[4], n[4], along[2][4], bend[2][4], loads[8]; /* filled up with zeros */
 } Node;
 
 typedef struct {
-  Lanes n[3], along[2][3], bend[2][3];          /* directions of the fixed surface at the nodes */
-  Lanes q[3], start, moves;                     /* where the distance is taken, at c - start n; moves: 1 or 0 */
-  Lanes sigma, m, m_slope, m_bend, d, value[3]; /* value: d, d_u, d_v as cells take them */
+  Lanes n[3], along[2][3], bend[2][3], slope[3]; /* of the fixed surface, and the distance's gradient: fixed axes */
+  Lanes q[3], start, moves, bends;               /* the distance is taken at c - start n; slopes of start by the depth */
+  Lanes sigma, m, m_slope, m_bend, d, value[3];  /* value: d, d_u, d_v as cells take them */
   Lanes near_slope, near_bend, near_third;
   Distance at;
 } Depth;
@@ -22,10 +22,6 @@ INLINE Lanes positive_ramp(Lanes x, double width, Lanes *slope, Lanes *bend, Lan
   return pick(x > width, x, width / 16.0 * up * up * up * (3.0 - u));
 }
 
-INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
-  for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
-}
-
 INLINE void to_fixed(const Frame *frame, const double twist[6], double turned[6]) {
   for (int i = 0; i < 3; i++) {
     turned[i] = dot3(frame->r[i], twist);
@@ -34,10 +30,10 @@ INLINE void to_fixed(const Frame *frame, const double twist[6], double turned[6]
 }
 
 INLINE void gather(const Node *nodes, const int *ids, size_t offset, Lanes w[3]) {
-  for (int l = 0; l < BLOCK; l++) {
-    const double *from = (const double *)((const char *)(nodes + ids[l]) + offset);
-    for (int i = 0; i < 3; i++) w[i][l] = from[i];
-  }
+  Lanes row[BLOCK], column[4];
+  for (int l = 0; l < BLOCK; l++) row[l] = lanes_at((const double *)((const char *)(nodes + ids[l]) + offset));
+  transpose(row, column);
+  for (int i = 0; i < 3; i++) w[i] = column[i];
 }
 
 /* H w */
@@ -48,40 +44,43 @@ INLINE void bend_of(const Distance *at, const Lanes w[3], Lanes bent[3]) {
   bent[2] = h[2] * w[0] + h[4] * w[1] + h[5] * w[2];
 }
 
-INLINE void floor_of_sigma(Depth *at) {
+/* Where along the ray the distance is taken: at the node where the depth found there is small, else short of that. */
+INLINE void begin_ray(Lanes first, Depth *at) {
   Lanes unused;
-  at->sigma = -dot_of(at->at.slope, at->n);
-  at->m = FLATTEST + positive_ramp(at->sigma - FLATTEST, FLATTEST_WIDTH, &at->m_slope, &at->m_bend, &unused);
+  const Mask under = first > 0.0;
+  const Lanes most = pick(under, all(DEEPEST_START), all(HIGHEST_START));
+  const Lanes away = positive_ramp(size_of(first) - SMALL_DEPTH, SMALL_DEPTH_WIDTH, &at->moves, &at->bends, &unused);
+  const Mask free = away < most;
+  at->start = pick(free, away, most), at->moves = pick(free, at->moves, all(0.0));
+  at->bends = pick(free, at->bends, all(0.0));
+  at->start = pick(under, at->start, -at->start), at->bends = pick(under, at->bends, -at->bends);
 }
 
-/* Everything at four nodes, with derivatives of the distance up to an order (1: values alone). */
-INLINE void depth_at(const Node *nodes, const int *ids, const double *pose, const Frame *frame, int order, Depth *at) {
-  Lanes w[3], q[3], first, near;
-  gather(nodes, ids, offsetof(Node, c), w);
-  for (int i = 0; i < 3; i++) w[i] -= pose[i];
-  to_body(frame, w, q);
-  gather(nodes, ids, offsetof(Node, n), w);
-  to_body(frame, w, at->n);
+/* Everything at four nodes, with derivatives of the distance up to an order (1: values alone). first: the depth found
+ * at the nodes themselves, or 0 before that. */
+INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const double *pose, const Frame *frame, int order,
+                     Depth *at) {
+  Lanes c[3], unused;
+  gather(nodes, ids, offsetof(Node, c), c);
+  gather(nodes, ids, offsetof(Node, n), at->n);
   for (int a = 0; a < 2; a++) {
-    gather(nodes, ids, offsetof(Node, along) + a * sizeof(double[3]), w);
-    to_body(frame, w, at->along[a]);
-    gather(nodes, ids, offsetof(Node, bend) + a * sizeof(double[3]), w);
-    to_body(frame, w, at->bend[a]);
+    gather(nodes, ids, offsetof(Node, along) + a * sizeof(double[4]), at->along[a]);
+    gather(nodes, ids, offsetof(Node, bend) + a * sizeof(double[4]), at->bend[a]);
   }
-  distance_at(q, 1, &at->at);
-  floor_of_sigma(at);
-  first = pick(at->sigma > FLATTEST + FLATTEST_WIDTH, -at->at.g / at->m, all(0.0));
-  at->start = smaller_of(larger_of(first, all(-HIGHEST_START)), all(DEEPEST_START));
-  at->moves = pick((at->start == first) & (first != 0.0), all(1.0), all(0.0));
-  for (int i = 0; i < 3; i++) at->q[i] = q[i] - at->start * at->n[i];
+  begin_ray(first, at);
+  for (int i = 0; i < 3; i++) c[i] -= at->start * at->n[i];
+  to_place(c, pose, frame, at->q);
   distance_at(at->q, order, &at->at);
-  floor_of_sigma(at);
+  for (int i = 0; i < 3; i++) {
+    at->slope[i] = frame->r[i][0] * at->at.slope[0] + frame->r[i][1] * at->at.slope[1] + frame->r[i][2] * at->at.slope[2];
+  }
+  at->sigma = -dot_of(at->slope, at->n);
+  at->m = FLATTEST + positive_ramp(at->sigma - FLATTEST, FLATTEST_WIDTH, &at->m_slope, &at->m_bend, &unused);
   at->d = at->start - at->at.g / at->m;
-  near = positive_ramp(at->d + FAR_DEPTH, FAR_WIDTH, &at->near_slope, &at->near_bend, &at->near_third);
-  at->value[0] = near - FAR_DEPTH;
+  at->value[0] = positive_ramp(at->d + FAR_DEPTH, FAR_WIDTH, &at->near_slope, &at->near_bend, &at->near_third) - FAR_DEPTH;
   for (int a = 0; a < 2; a++) {
     at->value[1 + a] = at->near_slope / at->m *
-                       (at->d * dot_of(at->at.slope, at->bend[a]) - dot_of(at->at.slope, at->along[a]));
+                       (at->d * dot_of(at->slope, at->bend[a]) - dot_of(at->slope, at->along[a]));
   }
 }
 
@@ -103,17 +102,20 @@ FUNCTION Lanes slope_along(const Depth *at, const Lanes w[3], Lanes by[6]) {
 }
 
 typedef struct {
-  Lanes by_d[6], by_m[6], by_n[6], bent_n[3]; /* by_n: of gradient . n where the point stays */
+  Lanes by_d[6], by_m[6], by_n[6], n[3], bent_n[3], total; /* by_n: of gradient . n where the point stays; n: body axes */
 } DepthSlopes;
 
-FUNCTION void slopes_of_depth(const Depth *at, DepthSlopes *by) {
+/* From m (d - start) + g = 0, start going along with d */
+FUNCTION void slopes_of_depth(const Depth *at, const Frame *frame, DepthSlopes *by) {
   Lanes twist[6], curved, late = (at->d - at->start) * at->m_slope;
-  slope_along(at, at->n, by->by_n);
-  bend_of(&at->at, at->n, by->bent_n);
-  curved = at->moves * dot_of(at->n, by->bent_n);
+  to_body(frame, at->n, by->n);
+  slope_along(at, by->n, by->by_n);
+  bend_of(&at->at, by->n, by->bent_n);
+  curved = at->moves * dot_of(by->n, by->bent_n);
+  by->total = at->m + late * curved;
   twist_of(at->at.slope, at->q, twist);
   for (int k = 0; k < 6; k++) {
-    by->by_d[k] = (twist[k] + late * by->by_n[k]) / at->m;
+    by->by_d[k] = (twist[k] + late * by->by_n[k]) / by->total;
     by->by_m[k] = -at->m_slope * (by->by_n[k] - curved * by->by_d[k]);
   }
 }
@@ -126,18 +128,19 @@ INLINE Lanes moving_slope_along(const Depth *at, const DepthSlopes *by, const La
 }
 
 /* Derivatives of the three values by twist */
-INLINE void value_slopes(const Depth *at, Lanes slopes[3][6]) {
+INLINE void value_slopes(const Depth *at, const Frame *frame, Lanes slopes[3][6]) {
   const Lanes inverse = 1.0 / at->m;
   DepthSlopes by;
-  slopes_of_depth(at, &by);
+  slopes_of_depth(at, frame, &by);
   for (int k = 0; k < 6; k++) slopes[0][k] = at->near_slope * by.by_d[k];
   for (int a = 0; a < 2; a++) {
-    Lanes along[6], bend[6], slope;
-    const Lanes of_along = moving_slope_along(at, &by, at->along[a], along);
-    const Lanes of_bend = moving_slope_along(at, &by, at->bend[a], bend);
-    slope = (at->d * of_bend - of_along) * inverse;
+    const Lanes of_bend = dot_of(at->slope, at->bend[a]);
+    Lanes fixed[3], w[3], along[6], slope;
+    for (int i = 0; i < 3; i++) fixed[i] = at->d * at->bend[a][i] - at->along[a][i];
+    to_body(frame, fixed, w);
+    slope = moving_slope_along(at, &by, w, along) * inverse;
     for (int k = 0; k < 6; k++) {
-      const Lanes rest = of_bend * by.by_d[k] + at->d * bend[k] - along[k] - slope * by.by_m[k];
+      const Lanes rest = of_bend * by.by_d[k] + along[k] - slope * by.by_m[k];
       slopes[1 + a][k] = at->near_slope * inverse * rest + at->near_bend * slope * by.by_d[k];
     }
   }

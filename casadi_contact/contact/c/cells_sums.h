@@ -29,15 +29,6 @@ INLINE Lanes soft_pressure(Lanes depth, Lanes *slope, Lanes *bend) {
   return pressure_at(depth) + (STIFFNESS_AT_ZERO + 0.5 * BEND_AT_ZERO * below) * below;
 }
 
-INLINE void corner_values(const Patch *p, const Scratch *s, const int *chosen, Lanes v[12]) {
-  for (int l = 0; l < BLOCK; l++) {
-    for (int c = 0; c < 4; c++) {
-      const double *value = s->value[s->slot[p->cells[chosen[l]].corners[c]]];
-      for (int i = 0; i < 3; i++) v[3 * c + i][l] = value[i];
-    }
-  }
-}
-
 INLINE Lanes depth_of(const Lanes v[12], int r) {
   Lanes a = hermite[r][0] * v[0], b = hermite[r][1] * v[1], c = hermite[r][2] * v[2];
   for (int j = 3; j < 12; j += 3) a += hermite[r][j] * v[j], b += hermite[r][j + 1] * v[j + 1], c += hermite[r][j + 2] * v[j + 2];
@@ -88,37 +79,46 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
   }
 }
 
-FUNCTION void add_cell(const Patch *p, const Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
-                     const Lanes rate[4][12], Sums *sums) {
+/* In slots: the weights of the nodes' loads, their derivatives by twist before them */
+INLINE void add_weights(const Patch *p, Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
+                        const Lanes rate[4][12]) {
   const Cell *cell = p->cells + chosen;
+  int slots[4];
+  for (int c = 0; c < 4; c++) slots[c] = s->slot[cell->corners[c]], s->share[slots[c]][6] += weight[c][lane];
+  if (order < 2) return;
   for (int c = 0; c < 4; c++) {
-    const double *loads = p->nodes[cell->corners[c]].loads;
-    for (int k = 0; k < 7; k++) sums->loads[k] -= loads[k] * weight[c][lane];
-    if (order >= 2) {
-      Lanes first = all(0.0), second = all(0.0);
-      for (int j = 0; j < 12; j++) {
-        const Lanes *slopes = (const Lanes *)s->slopes[s->slot[cell->corners[j / 3]]][j % 3];
-        first += rate[c][j][lane] * slopes[0], second += rate[c][j][lane] * slopes[1];
-      }
-      for (int k = 0; k < 7; k++) {
-        sums->by_twist[k][0] -= loads[k] * first, sums->by_twist[k][1] -= loads[k] * second;
-      }
+    Lanes first = all(0.0), second = all(0.0);
+    for (int j = 0; j < 12; j++) {
+      const double *slopes = s->slopes[slots[j / 3]][j % 3];
+      first += rate[c][j][lane] * lanes_at(slopes), second += rate[c][j][lane] * lanes_at(slopes + BLOCK);
     }
+    first += lanes_at(s->share[slots[c]]), second += lanes_at(s->share[slots[c]] + BLOCK);
+    memcpy(s->share[slots[c]], &first, sizeof first), memcpy(s->share[slots[c]] + BLOCK, &second, sizeof second);
   }
 }
 
-INLINE void sum_cells(const Patch *p, const Scratch *s, int full, int order, Sums *sums) {
+INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
+  Lanes loads[2] = {all(0.0), all(0.0)};
   memset(sums, 0, sizeof *sums);
-  for (int first = 0, end = full; first < s->cells; first = end < first + BLOCK ? end : first + BLOCK) {
-    const int is_full = first < full, count = (is_full ? full : s->cells) - first;
+  memset(s->share, 0, s->nodes * sizeof s->share[0]);
+  for (int first = 0, end = s->full; first < s->cells; first = end < first + BLOCK ? end : first + BLOCK) {
+    const int is_full = first < s->full, count = (is_full ? s->full : s->cells) - first;
     Lanes weight[4], rate[4][12];
     int chosen[BLOCK];
-    end = is_full ? full : s->cells;
+    end = is_full ? s->full : s->cells;
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
     cell_weights(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, order, weight, rate, &sums->cut);
-    for (int l = 0; l < BLOCK && l < count; l++) {
-      add_cell(p, s, chosen[l], l, order, weight, rate, sums);
+    KEEP_LOOP for (int l = 0; l < (count < BLOCK ? count : BLOCK); l++) {
+      add_weights(p, s, chosen[l], l, order, weight, rate);
       if (is_full) sums->cut |= p->cells[chosen[l]].rim;
     }
   }
+  for (int k = 0; k < s->nodes; k++) {
+    const double *of = p->nodes[s->ids[k]].loads;
+    const Lanes first = lanes_at(s->share[k]), second = lanes_at(s->share[k] + BLOCK);
+    if (s->share[k][6] == 0.0) continue;
+    loads[0] -= s->share[k][6] * lanes_at(of), loads[1] -= s->share[k][6] * lanes_at(of + BLOCK);
+    for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+  }
+  for (int i = 0; i < 7; i++) sums->loads[i] = loads[i / BLOCK][i % BLOCK];
 }

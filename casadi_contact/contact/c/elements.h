@@ -19,18 +19,6 @@ typedef struct {
   const double *r, *t, *surface;
 } Body;
 
-INLINE Lanes lanes_at(const double *x) {
-  Lanes y;
-  memcpy(&y, x, sizeof y);
-  return y;
-}
-
-INLINE int any(Mask mask) {
-  int found = 0;
-  for (int l = 0; l < BLOCK; l++) found |= mask[l] != 0;
-  return found;
-}
-
 /* Distance of points in the fixed frame from the body; its gradient there. */
 INLINE Lanes distance_at(const Body *body, const Lanes point[3], Lanes gradient[3]) {
   const int arcs = (int)body->surface[0];

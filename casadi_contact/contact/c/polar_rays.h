@@ -15,18 +15,6 @@ typedef struct {
   Lanes u[ENDS], v[ENDS], weight[ENDS];
 } Points;
 
-INLINE int any(Mask mask) {
-  int found = 0;
-  for (int l = 0; l < BLOCK; l++) found |= mask[l] != 0;
-  return found;
-}
-
-INLINE Lanes lanes_at(const double *x) {
-  Lanes y;
-  memcpy(&y, x, sizeof y);
-  return y;
-}
-
 INLINE Lanes rim_distance(const Surfaces *s, double u, double v, Lanes du, Lanes dv) {
   const Lanes along_v = larger_of((pick(dv > 0.0, all(s->v_high), all(s->v_low)) - v) / dv, all(0.0));
 #if CURVED_RIM

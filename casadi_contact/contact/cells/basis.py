@@ -28,7 +28,12 @@ def hermite_functions(cells: Cells) -> Array:
     Products of the cubic Hermite functions of one variable, so that ∂²d/∂ξ∂η is zero at the corners; ξ and η run from
     0 to 1 along u and v.
     """
-    (value_u, slope_u), (value_v, slope_v) = (_hermite(middles(n)) for n in (cells.along_u, cells.along_v))
+    return hermite_products(middles(cells.along_u), middles(cells.along_v))
+
+
+def hermite_products(xi: Array, eta: Array) -> Array:
+    """The functions of `hermite_functions` at the points of a grid ξ (n,), η (m,): (12, n·m)."""
+    (value_u, slope_u), (value_v, slope_v) = _hermite(xi), _hermite(eta)
     rows = []
     for a in (0, 1):
         for b in (0, 1):

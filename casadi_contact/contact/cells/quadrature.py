@@ -1,8 +1,8 @@
 """Cubic cells in NumPy: the formulas of an elastic foundation whose gap is interpolated by cubics over a chart.
 
 At a node c of the fixed surface with unit normal n, q = Rᵀ(c - t) lies in the frame of the moving body, whose signed
-distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n, corrected by a second evaluation at
-c - d·n; its slopes along the chart are d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u,
+distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n; where it is large, d = s - g/m from a
+second evaluation at c - s·n, s being d less `SMALL_MM`; its slopes along the chart are d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u,
 d_v at its corners by cubic Hermite functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0)
 (`basis.ramp`), and its force is shared out bilinearly among the corners, whose (N, c × N) make the wrench.
 
@@ -28,6 +28,7 @@ from casadi_contact.geometry.field_derivatives import distance_derivatives, dist
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
+SMALL_MM, SMALL_WIDTH_MM = 0.1, 0.05  # depths up to the first, within the second, need no second evaluation
 DEEPEST_START_MM = 1.0  # second evaluations start within these depths
 HIGHEST_START_MM = 0.3
 FAR_MM, FAR_WIDTH_MM = 1.0, 0.5  # depths below minus the first are all alike, within the second
@@ -119,8 +120,7 @@ class Quadrature:
         g, slope = distance_slopes(self.body, (c - t) @ R)
         sigma = -np.einsum("ij,ij->i", slope @ R.T, n)
         first = np.where(sigma > FLATTEST + FLATTEST_WIDTH, -g / positive_floor(sigma)[0], 0.0)
-        start = np.clip(first, -HIGHEST_START_MM, DEEPEST_START_MM)
-        moves = (start == first) & (first != 0.0)
+        start, moves = _start(first)
         x = c - start[:, None] * n
         g, slope = distance_slopes(self.body, (x - t) @ R)
         G = slope @ R.T
@@ -149,7 +149,9 @@ class Quadrature:
             value, by = along(w)
             return value, by - (nodes.moves * np.einsum("ij,ij->i", w, bent_n))[:, None] * by_d
 
-        by_d = (_twist(G, rho) + ((d - nodes.start) * m_slope)[:, None] * along(n)[1]) / m[:, None]
+        late = (d - nodes.start) * m_slope
+        total = m + late * nodes.moves * np.einsum("ij,ij->i", n, bent_n)
+        by_d = (_twist(G, rho) + late[:, None] * along(n)[1]) / total[:, None]
         by_m = -m_slope[:, None] * moving(n)[1]
         near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
         near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM
@@ -164,7 +166,7 @@ class Quadrature:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; whether that point goes along with
+    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; by how much that point goes along with
     the depth; G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
 
     used: np.ndarray
@@ -172,7 +174,7 @@ class _Nodes:
     t: Array
     x: Array
     start: Array
-    moves: np.ndarray
+    moves: Array
     G: Array
     d: Array
     values: Array
@@ -188,6 +190,13 @@ class _Touch:
     stiffness: Array
     total: Array
     cut: bool
+
+
+def _start(first: Array) -> tuple[Array, Array]:
+    """Where along the rays the distance is taken, from the depths found at their nodes; and its slope."""
+    most = np.where(first > 0.0, DEEPEST_START_MM, HIGHEST_START_MM)
+    away, slope = positive_ramp(np.abs(first) - SMALL_MM, SMALL_WIDTH_MM)
+    return np.sign(first) * np.minimum(away, most), np.where(away < most, slope, 0.0)
 
 
 def positive_floor(sigma: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,18 +25,22 @@ from casadi_contact.transcription.kernel.source import c_text
 _C = "casadi_contact.contact.c"
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
-_NODE = np.dtype([(name, float, size) for name, size in (("c", 3), ("n", 3), ("along", 6), ("bend", 6), ("loads", 7))])
-_CELL = np.dtype(
-    [("middle", float, 3), ("half", float, 3), ("corners", "i4", 4), ("present", "i4"), ("rim", "i4")], align=True
-)
-_BLOCK = np.dtype([("middle", float, 3), ("half", float, 3), ("first", "i4"), ("last", "i4")], align=True)
+_NODE = np.dtype([("vectors", float, (6, 4)), ("loads", float, 8)])
+_CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
+_LANES = 4
 _INCLUDED = f"""\
-#if defined(__APPLE__)
+#if defined(__wasm__)
+static const _Alignas({_LINE}) char cells_data[] = {{
+#embed "{DATA_FILE}"
+}};
+#elif defined(__APPLE__)
 __asm__(".section __DATA,__const\\n.balign {_LINE}\\n_cells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.text\\n");
 #else
 __asm__(".pushsection .rodata\\n.balign {_LINE}\\ncells_data:\\n.incbin \\"{DATA_FILE}\\"\\n.popsection\\n");
 #endif
+#if !defined(__wasm__)
 extern const char cells_data[] __attribute__((visibility("hidden")));
+#endif
 """
 
 
@@ -53,23 +58,27 @@ class _Tables:
         return start
 
 
-def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
-    """C that defines `patch_loads`, and its data."""
+def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) -> tuple[str, bytes]:
+    """C that defines `patch_loads`, and its data; with_tangents: False for half the data of a mesh, and more time."""
     tables, cells, law = _Tables(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
-    body = _body(patches[0].body, tables)
+    body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
         "MOST_NODES": max(len(quad.patch.c) for quad in patches),
         "MOST_CELLS": max(len(quad.patch.corners) for quad in patches),
+        "MOST_GROUPS": max(_groups(quad.patch)[-1] for quad in patches),
         "MOST_BLOCKS": max(len(quad.patch.blocks) - 1 for quad in patches),
         "WIDTH": quadrature.WIDTH_MM,
         "FLATTEST": quadrature.FLATTEST,
         "FLATTEST_WIDTH": quadrature.FLATTEST_WIDTH,
         "DEEPEST_START": quadrature.DEEPEST_START_MM,
         "HIGHEST_START": quadrature.HIGHEST_START_MM,
+        "SMALL_DEPTH": quadrature.SMALL_MM,
+        "SMALL_DEPTH_WIDTH": quadrature.SMALL_WIDTH_MM,
+        "SPARE": 0.5 * quadrature.TOUCH_MM,
         "FAR_DEPTH": quadrature.FAR_MM,
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
         "TOUCH": quadrature.TOUCH_MM,
@@ -80,7 +89,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     arrays = {"hermite[SUB_POINTS][12]": functions, "share[SUB_POINTS][4]": shares, "whole[4][12]": whole}
     text = [
         "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value!r}" for name, value in sizes.items()),
+        *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
@@ -91,7 +100,7 @@ def cell_source(patches: Sequence[Quadrature]) -> tuple[str, bytes]:
     return "\n".join(text), tables.data
 
 
-def _body(surface: MovingSurface, tables: _Tables) -> str:
+def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     """Definitions that ``cells_body.h`` reads."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
@@ -103,14 +112,15 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
             f"static const double round_centre[3] = {braces(centre)};"
         )
     origin, spacing, coefficients, _ = field_parts(surface.parameters)
-    rows, index = tangents(coefficients, spacing)
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
         "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
-        "FIELD_TANGENTS": f"((const Tangent *)(cells_data + {tables.place(rows)}))",
-        "FIELD_INDEX": f"((const int *)(cells_data + {tables.place(index)}))",
     }
+    if with_tangents:
+        rows, index = tangents(coefficients, spacing)
+        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
+        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
@@ -118,32 +128,51 @@ def _body(surface: MovingSurface, tables: _Tables) -> str:
 def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     """The fields of `Patch` in their order."""
     nodes = np.zeros(len(patch.c), _NODE)
-    for name, values in (("c", patch.c), ("n", patch.n), ("along", patch.tangents), ("bend", patch.bends)):
-        nodes[name] = values.reshape(len(nodes), -1)
-    nodes["loads"] = patch.loads
-    corners = np.concatenate([patch.c[:, None], patch.tangents], 1)[patch.corners].reshape(-1, 12, 3)
-    points = np.concatenate([functions @ corners, patch.c[patch.corners]], 1)
-    low, high = points.min(axis=1) - _FACETED_MM, points.max(axis=1) + _FACETED_MM
+    vectors = np.concatenate([patch.c[:, None], patch.n[:, None], patch.tangents, patch.bends], 1)
+    nodes["vectors"][..., :3], nodes["loads"][:, :7] = vectors, patch.loads
     patterns, kind = np.unique(1.0 - patch.present, axis=0, return_inverse=True)
     whole = np.zeros((1, patch.present.shape[1]))
-    cells = np.zeros(len(low), _CELL)
-    cells["middle"], cells["half"] = 0.5 * (low + high), 0.5 * (high - low)
-    cells["corners"], cells["rim"] = patch.corners, patch.rim
-    cells["present"] = np.where((patch.present == 1.0).all(axis=1), 0, kind.ravel() + 1)
-    first, last = patch.blocks[:-1], patch.blocks[1:]
-    lows, highs = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
-    blocks = np.zeros(len(first), _BLOCK)
-    blocks["middle"], blocks["half"] = 0.5 * (lows + highs), 0.5 * (highs - lows)
-    blocks["first"], blocks["last"] = first, last
-    pointers = [
-        f"(const {kind} *)(cells_data + {tables.place(array)})"
-        for kind, array in (
-            ("Node", nodes),
-            ("Cell", cells),
-            ("Block", blocks),
-            ("unsigned char", patch.known.astype("u1")),
-        )
-    ]
+    sizes = np.diff(patch.blocks)
+    groups = _groups(patch)
+    place = np.arange(len(patch.corners)) + np.repeat(_LANES * groups[:-1] - patch.blocks[:-1], sizes)
+    cells = np.zeros(_LANES * groups[-1], _CELL)
+    cells["corners"][place], cells["rim"][place] = patch.corners, patch.rim
+    cells["present"][place] = np.where((patch.present == 1.0).all(axis=1), 0, kind.ravel() + 1)
+    corners = np.concatenate([patch.c[:, None], patch.tangents], 1)[patch.corners].reshape(-1, 12, 3)
+    points = np.concatenate([functions @ corners, patch.c[patch.corners]], 1)
+    spans = [points[first:last].reshape(-1, 3) for first, last in itertools.pairwise(patch.blocks)]
+    tables_of = (
+        ("Node", nodes),
+        ("Cell", cells),
+        ("Boxes", _boxes([*points], place, len(cells))),
+        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // _LANES) * _LANES)),
+        ("Block", np.stack([groups[:-1], groups[1:]], 1).astype("i4")),
+        ("unsigned char", patch.known.astype("u1")),
+    )
+    pointers = [f"(const {kind} *)(cells_data + {tables.place(array)})" for kind, array in tables_of]
     shares = tables.place(1.0 - np.concatenate([whole, patterns]))
     pointers.append(f"(const double (*)[SUB_POINTS])(cells_data + {shares})")
-    return f"{{{', '.join([*pointers, str(len(nodes)), str(len(blocks))])}}}"
+    return f"{{{', '.join([*pointers, str(len(nodes)), str(len(spans))])}}}"
+
+
+def _groups(patch: CellPatch) -> np.ndarray:
+    """The first box of cells, four together, of each block (b + 1,)."""
+    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // _LANES))])
+
+
+def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> Array:
+    """Middle, two half sides, what lies beyond them, and how far all of it reaches: of `count` boxes, four together.
+
+    Those at `place` are flat parallelograms about spans of points (m, 3), along their main directions; others are none.
+    """
+    rows = np.zeros((count, 11))
+    rows[:, 10] = -1.0
+    for k, points in zip(place, spans, strict=True):
+        frame = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+        along = points @ frame.T
+        low, high = along.min(axis=0), along.max(axis=0)
+        half = 0.5 * (high - low)
+        beyond = half[2] + _FACETED_MM
+        sides = half[:2, None] * frame[:2]
+        rows[k] = [*(0.5 * (low + high) @ frame), *sides.ravel(), beyond, np.hypot(*half[:2]) + beyond]
+    return rows.reshape(-1, _LANES, 11).transpose(0, 2, 1).copy()

@@ -17,14 +17,15 @@ BOW_REACH_MM = 2.4
 _FAR_MM = 4.0  # beyond this, and deeper inside than the next, the steepest slope of g tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
+_OUTSIDE_MM = 1e6  # what far nodes count as
 _SPARE = 0.004  # [1/mm], for points between nodes
 _VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # of a cubic B-spline at the nodes
 
 
 def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows g, ∇g, M (n, 5) of the nodes near the surface, in single precision, and the row of each node (nx, ny, nz).
+    """Rows g, ∇g, M (n, 8) of the nodes near the surface, in single precision, and the row of each node (nx, ny, nz).
 
-    The row is -1 far from the surface and at the edge of the grid.
+    Nodes far from the surface and at the edge of the grid share the first row outside of the body, the second inside.
     """
     g = _at_nodes(coefficients, (0, 0, 0))
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
@@ -43,9 +44,12 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
             there = g.ravel()[nodes + np.ravel_multi_index(tuple(step + reach), g.shape) - _middle(reach, g.shape)]
             fall = 2.0 * (at + tangent @ away - there) / square
             bow = np.where(there < _SURFACE_MM, np.maximum(bow, fall), bow)
-    rows = np.full(g.shape, -1, dtype=np.int32)
-    rows.ravel()[nodes] = np.arange(len(nodes))
-    return np.column_stack([at, tangent, bow + _SPARE]).astype(np.float32), rows
+    index = np.where(g > 0.0, 0, 1).astype(np.int32)
+    index.ravel()[nodes] = np.arange(2, 2 + len(nodes))
+    rows = np.zeros((2 + len(nodes), 8), dtype=np.float32)
+    rows[:2, 0] = _OUTSIDE_MM, -_OUTSIDE_MM
+    rows[2:, :5] = np.column_stack([at, tangent, bow + _SPARE])
+    return rows, index
 
 
 def _middle(reach: int, shape: tuple[int, ...]) -> int:

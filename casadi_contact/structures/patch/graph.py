@@ -16,6 +16,7 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.network import Network
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
 from casadi_contact.transcription.network_graph import NetworkValue, network_value
@@ -67,16 +68,29 @@ def _sensitive_component(sign: float, normal: NetworkValue) -> NetworkValue:
 
 
 def patch_expressions(
-    patches: Sequence[PatchNetworks], selection: Array, reference_load: float, pose: ca.MX, order: int
+    patches: Sequence[PatchNetworks],
+    selection: Array,
+    reference_load: float,
+    pose: ca.MX,
+    order: int,
+    space: PoseSpace | None = None,
 ) -> Expressions:
     """Root loads and loads = Σ S·wrench with derivatives up to order 0, 1 or 2.
 
-    selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph.
+    selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph. Networks take the
+    free columns of the local poses.
     """
     roots, loads = [], []
-    at_patches = local_pose_expressions(pose, np.array([patch.anchor_mm for patch in patches]))
+    space = PoseSpace() if space is None else space
+    held = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+    tangent = None if space.whole else ca.MX(ca.DM.eye(6)[list(space.free), :])
+
+    def network(net: Network, local: LocalPose) -> NetworkValue:
+        return network_value(net, local.x if tangent is None else local.x[list(space.free)], order, tangent)
+
+    at_patches = local_pose_expressions(held, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
-        s = network_value(patch.root, local.x, order)
+        s = network(patch.root, local)
         roots.append(_in_pose(local, [s], order))
         used = [k for k in range(6) if selection[:, p, k].any()]
         if not used:
@@ -88,14 +102,22 @@ def patch_expressions(
             if component == patch.sensitive:
                 wrench.append(_sensitive_component(patch.sign, normal))
             else:
-                wrench.append(_times(normal, network_value(patch.ratios[component], local.x, order), order))
+                wrench.append(_times(normal, network(patch.ratios[component], local), order))
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
         loads.append([ca.mtimes(pick, part) for part in _in_pose(local, wrench, order)])
     summed = [sum(parts[1:], parts[0]) for parts in zip(*loads, strict=True)]
     return Expressions(
-        roots=Output(*(ca.vertcat(*parts) for parts in zip(*roots, strict=True))),
-        loads=Output(*summed) if loads else Output(ca.MX(0, 1)),
+        roots=_by_given([ca.vertcat(*parts) for parts in zip(*roots, strict=True)], space),
+        loads=_by_given(summed, space) if loads else Output(ca.MX(0, 1)),
     )
+
+
+def _by_given(parts: Sequence[ca.MX], space: PoseSpace) -> Output:
+    """Derivatives by the pose M·q + c become derivatives by q: J·M, and (MᵀHM) row by row, that is H·(M ⊗ M)."""
+    matrix = ca.sparsify(ca.DM(space.matrix))
+    factors = [None, matrix, ca.kron(matrix, matrix)]
+    pairs = zip(parts, factors[: len(parts)], strict=True)
+    return Output(*(part if factor is None or space.whole else ca.mtimes(part, factor) for part, factor in pairs))
 
 
 def _in_pose(local: LocalPose, values: Sequence[NetworkValue], order: int) -> list[ca.MX]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from string import Template
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.transcription.c_names import identifier
 from casadi_contact.transcription.kernel.networks import Bundle
@@ -76,7 +77,8 @@ $lane_loads
 
 
 _KERNEL = Template("""\
-FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
+FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
+  const double *const pose = $held;
   const Frame frame = frame_of(pose);
   const Local local[$patches] = {
 $locals
@@ -88,24 +90,34 @@ $roots
 $values
 }
 
-FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
+FUNCTION void kernel_jacobian(const double *given, double *loads, double *roots, double (*loads_jacobian)[6],
                               double (*roots_jacobian)[6]) {
+  const double *const pose = $held;
   const Frame frame = frame_of(pose);
   memset(loads, 0, LOADS * sizeof(double));
   memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
 $jacobians
+  for (int k = 0; k < LOADS; k++) gradient_by_free(loads_jacobian[k], 1);
+  for (int k = 0; k < ROOTS; k++) gradient_by_free(roots_jacobian[k], 1);
 }
 
-FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
+FUNCTION void kernel_hessian(const double *given, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
+  const double *const pose = $held;
   const Frame frame = frame_of(pose);
   memset(hessian, 0, 36 * sizeof(double));
 $hessians
+  for (int k = 0; k < 6; k++) gradient_by_free(hessian + 6 * k, 1);
+  for (int k = 0; k < 6; k++) gradient_by_free(hessian + k, 6);
 }
 
-FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
+FUNCTION void kernel_batch(const double *given, double (*loads)[LANES], double (*roots)[LANES]) {
   Frame frame[LANES];
-  for (int l = 0; l < LANES; l++) frame[l] = frame_of(pose + 6 * l);
+  double pose[6 * LANES];
+  for (int l = 0; l < LANES; l++, given += 6) {
+    memcpy(pose + 6 * l, $held, 6 * sizeof(double));
+    frame[l] = frame_of(pose + 6 * l);
+  }
   memset(loads, 0, LOADS * sizeof(double[LANES]));
 $batches
 }
@@ -120,14 +132,17 @@ def _lines(lines: Sequence[str], indent: int) -> str:
     return "\n".join(" " * indent + line for line in lines)
 
 
-def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: float) -> tuple[list[Bundle], str]:
+def _patch(
+    patch: PatchNetworks, row: int, selection: Array, reference_load: float, space: PoseSpace
+) -> tuple[list[Bundle], str]:
     """Networks and functions of one patch; selection (L, 6) picks its wrench components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
     ratios = [name for name in used if name != patch.sensitive]
     sign = "-" if patch.sign < 0.0 else ""
+    columns = None if space.whole else space.free
     bundles = [
-        Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}),
-        Bundle(f"ratios_{patch.name}", 6, {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios}),
+        Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}, columns),
+        Bundle(f"ratios_{patch.name}", 6, {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios}, columns),
     ]
     picked = [
         (int(load), name, float(selection[load, WRENCH_NAMES.index(name)]))
@@ -170,11 +185,35 @@ def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: flo
     return bundles, code
 
 
-def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float) -> Kernel:
-    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of every patch's root load."""
-    made = [_patch(patch, p, selection[:, p], reference_load) for p, patch in enumerate(patches)]
+def _held(space: PoseSpace) -> tuple[str, str]:
+    """The pose that networks are evaluated at, from the one given; and C of gradient_by_free(g, stride), which turns a
+    gradient by that pose into one by the given pose, in place."""
+    entries = [
+        f"given[{k}]"
+        if k in space.free
+        else " + ".join([f"{m!r} * given[{j}]" for j, m in enumerate(row) if m] + [repr(c)])
+        for k, (row, c) in enumerate(zip(space.matrix.tolist(), space.offset.tolist(), strict=True))
+    ]
+    bound = [k for k in range(6) if k not in space.free]
+    ties = [(j, k, m) for k in bound for j, m in enumerate(space.matrix[k].tolist()) if m]
+    lines = [f"  g[{j} * stride] += {m!r} * g[{k} * stride];" for j, k, m in ties]
+    lines += [f"  g[{k} * stride] = 0.0;" for k in bound]
+    lines = lines or ["  (void)g, (void)stride;"]
+    by_free = "\n".join(["INLINE void gradient_by_free(double *g, int stride) {", *lines, "}\n"])
+    return "given" if space.whole else f"(const double[6]){{{', '.join(entries)}}}", by_free
+
+
+def patch_kernel(
+    patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace | None = None
+) -> Kernel:
+    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of every patch's root load; networks take the
+    local poses' free columns."""
+    space = PoseSpace() if space is None else space
+    held, by_free = _held(space)
+    made = [_patch(patch, p, selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
     names = [patch.name for patch in patches]
     whole = _KERNEL.substitute(
+        held=held,
         patches=len(names),
         locals=_lines([f"local_of(pose, &frame, {_anchor(patch)}, 0)," for patch in patches], 6),
         roots=_lines([f"root_{name}_value(local[{p}].x, s + {p});" for p, name in enumerate(names)], 2),
@@ -197,6 +236,7 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
         c_text("patch.h", __package__),
         f"#define RATIOS {most}\n",
         *(code for _, code in made),
+        by_free,
         whole,
     ]
     return Kernel([bundle for bundles, _ in made for bundle in bundles], "\n".join(code))

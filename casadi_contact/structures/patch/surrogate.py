@@ -21,13 +21,14 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.transcription.expressions import Expressions
@@ -58,17 +59,33 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """A root and the ratios of every part, each of the local pose (6)."""
+        """A root and the ratios of every part, each of the free columns of the local pose (6 where none is locked)."""
         names = []
         for part in scene.parts:
             ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
             names += [root_name(part.name), *ratios]
-        return dict.fromkeys(names, 6)
+        return dict.fromkeys(names, len(scene.pose_space.free))
 
     @staticmethod
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
         return patch_regressions(samples, gap_weight=gap_weight)
+
+    @classmethod
+    def twins(cls, scene: Scene) -> dict[str, str]:
+        """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
+        if not scene.symmetric:
+            return {}
+        first, second = scene.parts
+        components = [k for k in WRENCH_NAMES if k != first.normal.component]
+        ratios = {ratio_name(second.name, k): ratio_name(first.name, k) for k in components}
+        return {root_name(second.name): root_name(first.name), **ratios}
+
+    @staticmethod
+    def reflection(name: str, network: Network, scene: Scene) -> Network:
+        """The twin `name` of a network: its reflection in the plane z = 0."""
+        component = name.rpartition("_")[2] if name.startswith("ratio_") else None
+        return reflected(network, scene.pose_space.free, component)
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
@@ -113,12 +130,14 @@ class PatchSurrogate(Surrogate):
 
     def _network(self, name: str, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for."""
-        network, anchor = self.networks[name], part.anchor_mm
-        local = local_poses(poses, anchor)
+        network, anchor, space = self.networks[name], part.anchor_mm, self.scene.pose_space
+        held, free = space.onto(poses), list(space.free)
+        local = local_poses(held, anchor)[:, free]
         if not derivative:
             return network.value(local), np.empty((0, 6))
         value, gradient = network.value_and_gradient(local)
-        return value, np.einsum("ni,nij->nj", gradient, local_pose_jacobian(poses, anchor))
+        jacobian = local_pose_jacobian(held, anchor)[:, free]
+        return value, np.einsum("ni,nij->nj", gradient, jacobian if space.whole else jacobian @ space.matrix)
 
     def _wrenches(self, poses: Array, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array]:
         """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), zero where used (parts, 6) is False."""
@@ -154,14 +173,14 @@ class PatchSurrogate(Surrogate):
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         parts, selection = self.known_parts(loads)
-        return patch_expressions(parts, selection, self.scene.reference_load, pose, order)
+        return patch_expressions(parts, selection, self.scene.reference_load, pose, order, self.scene.pose_space)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         parts, selection = self.known_parts(loads)
         if not roots:
             used = np.flatnonzero(selection.any(axis=(0, 2)))
             parts, selection = [parts[p] for p in used], selection[:, used]
-        return patch_kernel(parts, selection, self.scene.reference_load)
+        return patch_kernel(parts, selection, self.scene.reference_load, self.scene.pose_space)
 
     def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
         """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""

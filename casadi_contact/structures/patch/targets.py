@@ -10,12 +10,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
+
+_ON_SPACE = 1e-9  # [mm, rad]: rounding
 
 
 def root_target(normal: Array, gap_mm: Array, scene: Scene) -> Array:
@@ -54,6 +56,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     scene = samples.scene
     rows, validation = fitted_rows(samples)
     poses = finite("poses", samples.poses)[rows]
+    _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
     gaps_mm = samples.gaps[rows]
     selection = scene.part_selection(scene.load_names)
@@ -77,7 +80,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                 f"samples: gap of patch {patch!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out of "
                 "contact; expected a contact model with gaps, or the two_stage structure"
             )
-        local = local_poses(poses, part.anchor_mm)
+        local = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gaps_mm[:, p], scene)
         contact = normal > 0.0
         nonempty(f"patch {patch!r} in contact", contact)
@@ -100,6 +103,17 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                 )
             )
     return regressions
+
+
+def _check_space(poses: Array, scene: Scene) -> None:
+    """Raises ValueError for samples off the locked and tied pose parameters, which no network would see."""
+    off = np.abs(poses - scene.pose_space.onto(poses)).max(axis=0)
+    if off.max() > _ON_SPACE:
+        worst = int(np.argmax(off))
+        raise ValueError(
+            f"samples: {POSE_NAMES[worst]} is off its locked or tied value by up to {off[worst]:.3g}, expected poses "
+            "that keep to the scene's [pose]"
+        )
 
 
 def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, float]) -> tuple[float, dict[int, float]]:

@@ -50,7 +50,7 @@ class TwoStageSurrogate(Surrogate):
         if not cls.fits(scene):
             raise ValueError(
                 f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
-                "clamps: use the patch structure"
+                "clamps, or [pose] locks pose parameters, which it cannot: use the patch structure"
             )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
         inputs = {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
@@ -58,8 +58,10 @@ class TwoStageSurrogate(Surrogate):
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """True where every patch is pressed along a negative force, which this structure's clamp is made for."""
-        return all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
+        """True where every patch is pressed along a negative force, which this structure's clamp is made for, and every
+        pose parameter is free."""
+        directed = all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
+        return directed and scene.pose_space.whole
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:

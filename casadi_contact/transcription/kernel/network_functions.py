@@ -43,28 +43,54 @@ def activation_loops(name: str) -> str:
 
 
 def _bundle(bundle: Bundle) -> str:
-    """The groups of a bundle one after the other."""
-    k, symbol = bundle.inputs, bundle.symbol
+    """The groups of a bundle one after the other; networks of some of the inputs get these, and theirs are put back."""
+    symbol, columns = bundle.symbol, bundle.columns
+    k = bundle.inputs if columns is None else len(columns)
     arguments = {
-        "value": ("const double *x, double *y", "x, y + {m}"),
-        "gradient": ("const double *x, double *y, double *g", f"x, y + {{m}}, g + {k} * {{m}}"),
+        "value": ("const double *x, double *y", "{x}, y + {m}"),
+        "gradient": ("const double *x, double *y, double *g", f"{{x}}, y + {{m}}, {{g}} + {k} * {{m}}"),
         "hessian": (
             "const double *x, const double *c, double *y, double *g, double *h",
-            "x, c + {m}, y + {m}, g, h",
+            "{x}, c + {m}, y + {m}, {g}, {h}",
         ),
-        "batch": ("const double *x, double *y", "x, y + {m} * LANES"),
+        "batch": ("const double *x, double *y", "{x}, y + {m} * LANES"),
     }
+    names = dict(zip("xgh", "xgh" if columns is None else ("of_x", "of_g", "of_h"), strict=True))
     functions = []
     for what, (parameters, call) in arguments.items():
         lines, m = [f"INLINE void {symbol}_{what}({parameters}) {{"], 0
+        before, after = _picked(bundle, columns, what) if columns is not None and bundle.groups else ([], [])
+        lines += before
         for group in bundle.groups:
-            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m)});")
+            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m, **names)});")
             m += len(group.networks)
         if not bundle.groups:
-            names = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
-            lines.append(f"  {', '.join(f'(void){name}' for name in names)};")
-        functions.append("\n".join([*lines, "}"]))
+            unused = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
+            lines.append(f"  {', '.join(f'(void){name}' for name in unused)};")
+        functions.append("\n".join([*lines, *after, "}"]))
     return "\n\n".join(functions)
+
+
+def _picked(bundle: Bundle, columns: Sequence[int], what: str) -> tuple[list[str], list[str]]:
+    """C before and after the calls of networks that take these columns of x: inputs gathered, derivatives put back."""
+    inputs, k, count = bundle.inputs, len(columns), len(bundle.networks)
+    if what == "batch":
+        copies = [
+            f"memcpy(of_x + {t} * LANES, x + {c} * LANES, LANES * sizeof(double));" for t, c in enumerate(columns)
+        ]
+        return [f"  double of_x[{k} * LANES];", *(f"  {copy}" for copy in copies)], []
+    before, after = [f"  const double of_x[{k}] = {{{', '.join(f'x[{c}]' for c in columns)}}};"], []
+    if what == "gradient":
+        before.append(f"  double of_g[{count * k}];")
+        after.append(f"  memset(g, 0, {count * inputs} * sizeof(double));")
+        put = " ".join(f"g[{inputs} * m + {c}] = of_g[{k} * m + {t}];" for t, c in enumerate(columns))
+        after.append(f"  for (int m = 0; m < {count}; m++) {{ {put} }}")
+    if what == "hessian":
+        before.append(f"  double of_g[{k}] = {{0}}, of_h[{k * k}] = {{0}};")
+        for t, c in enumerate(columns):
+            after.append(f"  g[{c}] += of_g[{t}];")
+            after += [f"  h[{inputs * c + columns[j]}] += of_h[{k * t + j}];" for j in range(t + 1)]
+    return before, after
 
 
 def _each(shape: Shape, statement: str) -> str:

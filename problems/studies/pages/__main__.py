@@ -2,7 +2,8 @@
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (``casadi-contact chart``), evaluation.json
 (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the
-problems), stability.json (``python -m problems.studies.stability``). A page is written for each that is there.
+problems), muscle_settings.json and stability.json (``python -m problems.studies.muscle_settings``, ``.stability``). A
+page is written for each that is there.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ def pages(data: Path) -> dict[str, str]:
     if summaries := sorted((data / "pose_estimation").glob("*.json")):
         found["pose-estimation.md"] = pose_estimation_page(summaries)
     if summaries := sorted((data / "muscle_contact").glob("*.json")):
-        found["muscle-contact.md"] = muscle_contact_page(summaries)
+        settings = data / "muscle_settings.json"
+        found["muscle-contact.md"] = muscle_contact_page(summaries, settings if settings.is_file() else None)
     if (path := data / "stability.json").is_file():
         found["stability.md"] = stability_page(path)
     return found

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from problems.muscle_contact.knee_coordinates import SIDES
+from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.stability.table import FAILURES, Line
-
-_SIDES = ("Fy_med", "Fy_lat")
 
 
 def pose_estimation_page(paths: Sequence[Path]) -> str:
@@ -19,9 +19,7 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
     rows = []
     for summary in found:
         errors = summary["errors"]
-        forces = [
-            ", ".join(_rms_and_largest(errors[side][key]) for side in _SIDES) for key in ("fine_ef", "teacher_ef")
-        ]
+        forces = [", ".join(_rms_and_largest(errors[side][key]) for side in SIDES) for key in ("fine_ef", "teacher_ef")]
         starts = summary.get("random_starts")
         rows.append(
             [
@@ -50,16 +48,15 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
     )
 
 
-def muscle_contact_page(paths: Sequence[Path]) -> str:
-    """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces."""
+def muscle_contact_page(paths: Sequence[Path], settings: Path | None = None) -> str:
+    """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces; settings: the
+    result file of ``python -m problems.studies.muscle_settings``, a line for each that was tried."""
     found = [_read(path) for path in paths]
     rows = []
     for summary in found:
         errors = summary["errors_n"]
-        measured = [
-            f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in _SIDES
-        ]
-        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in _SIDES)
+        measured = [f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in SIDES]
+        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in SIDES)
         solved = f"{summary['converged']} of {summary['frames']}"
         rows.append(
             [summary["walk"], solved, str(summary["ipopt_iterations"]), f"{summary['seconds']:.2f}", *measured, teacher]
@@ -76,7 +73,17 @@ def muscle_contact_page(paths: Sequence[Path]) -> str:
         "elastic foundation (EF) at the solved poses: RMS (largest).",
         machine(found[0]["machine"]),
         table(columns, rows),
+        *([] if settings is None else _settings(_read(settings))),
     )
+
+
+def _settings(lines: dict[str, Any]) -> list[str]:
+    cycles = list(next(iter(lines.values())))
+    return [
+        "## All settings that were tried",
+        "RMS error (mean) of the medial and the lateral side [N], by `python -m problems.studies.muscle_settings`.",
+        table(["setting", *cycles], [[name, *map(error_cell, line.values())] for name, line in lines.items()]),
+    ]
 
 
 def stability_page(path: Path) -> str:

@@ -5,28 +5,18 @@ Run ``python -m problems.studies.stability --help``.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from casadi_contact.cluster import cluster_workers
+from casadi_contact.commands.arguments import Scheduler
 from casadi_contact.files import writable_folder
 from problems.common.command import RESULTS, new_app, run_command
-from problems.studies.stability import (
-    bad_training_data,
-    clusters,
-    consistency,
-    derivative_steps,
-    liftoff,
-    out_of_range,
-    single_precision,
-    starts,
-    time_steps,
-)
-from problems.studies.stability.methods import Bench, bench
 from problems.studies.stability.picture import draw
+from problems.studies.stability.rows import Plan, kept, measure_rows
 from problems.studies.stability.table import FAILURES, Line, print_table, write_table
 
 NAME = "stability"
@@ -43,22 +33,6 @@ def _chosen(rows: str) -> list[int]:
     return chosen
 
 
-def measure_row(row: int, known: Bench, *, count: int, quick: bool) -> tuple[list[Line], Any]:
-    """Lines of one row, and what its picture needs."""
-    rows: dict[int, Callable[[], tuple[list[Line], Any]]] = {
-        1: lambda: starts.measure(known, count),
-        2: lambda: liftoff.measure(known, 21 if quick else 61),
-        3: lambda: out_of_range.measure(known, 2_000 if quick else 100_000),
-        4: lambda: derivative_steps.measure(known, 4 if quick else 20),
-        5: lambda: clusters.measure(known, (1e-5, 0.0) if quick else clusters.SPACINGS),
-        6: lambda: time_steps.measure(known, (800.0,) if quick else time_steps.AXIAL_N),
-        7: lambda: single_precision.measure(known, 4 if quick else 10),
-        8: lambda: bad_training_data.measure(known, 500 if quick else 1500, 40 if quick else 150),
-        9: lambda: consistency.measure(known),
-    }
-    return rows[row]()
-
-
 @app.command()
 def run(
     out: Annotated[Path, typer.Option(help="folder for stability.csv, .json and .png")] = RESULTS / NAME,
@@ -67,24 +41,26 @@ def run(
     quick: Annotated[bool, typer.Option("--quick", help="fewer starts and poses: a minute or two")] = False,
     patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee",
     two_stage: Annotated[str, typer.Option(help="the same in two stages")] = "knee_two_stage",
+    scheduler: Scheduler = None,
 ) -> None:
     """Measure every method on every failure."""
     chosen = _chosen(rows)
     writable_folder(out)
-    count = min(count, 20) if quick else count
-    known = bench(patch, two_stage, kriging_points=400 if quick else 2000, kernel_gflop=60.0 if quick else 300.0)
-    lines: list[Line] = []
+    plan = kept(Plan(patch, two_stage, min(count, 20) if quick else count, quick))
+    measured: dict[int, list[Line]] = {}
     curves: dict[str, Any] = {}
-    for row in chosen:
-        print(f"{row}. {FAILURES[row]}", file=sys.stderr)
-        measured, curve = measure_row(row, known, count=count, quick=quick)
-        lines += measured
-        if curve is not None:
-            curves[str(row)] = curve
-        settings = {**known.settings, "count": count, "quick": quick}
-        write_table(lines, out, settings, curves)  # after every row: an interruption keeps them
+    with cluster_workers(scheduler) as executor:
+        for row, lines, curve in measure_rows(chosen, plan, executor):
+            measured[row] = lines
+            if curve is not None:
+                curves[str(row)] = curve
+            write_table(_in_order(measured), out, plan.settings, curves)  # after every row: an interruption keeps them
     draw(curves, out / "stability.png")
-    print_table(lines)
+    print_table(_in_order(measured))
+
+
+def _in_order(measured: Mapping[int, list[Line]]) -> list[Line]:
+    return [line for row in sorted(measured) for line in measured[row]]
 
 
 def main() -> None:

@@ -110,7 +110,7 @@ class _Single(Surrogate):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads_and_roots",
         *,
-        compiled: bool = False,
+        compiled: bool | None = None,
         batch: int | None = None,
     ) -> ca.Function:
         self.called_back = RoundedFunction(super().load_and_root_function(loads, f"{name}_64", batch=batch), name)

@@ -1,0 +1,88 @@
+"""Workers on other machines: those of a Dask scheduler, which SLURM and other queues can start."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from casadi_contact import __version__
+
+_CONNECT_S = 10
+
+
+@contextmanager
+def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
+    """An executor on the workers of a Dask scheduler; None, for one process per core here, without one.
+
+    scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. The workers need the same
+    casadi_contact, and for training the same folder of results under the same path. Dask sends Python objects: connect
+    only to a scheduler that you trust. Work of a worker that dies is done again by another one.
+
+    Raises ImportError without the extra ``cluster``, ValueError for a scheduler file that is none, ConnectionError
+    where no scheduler answers, one has other versions, or it was lost: what is finished is kept, and the same command
+    goes on from there; ChildProcessError where one task ended too many workers.
+    """
+    if scheduler is None:
+        yield None
+        return
+    try:
+        import distributed
+    except ImportError:
+        raise ImportError("a scheduler needs Dask: pip install 'casadi_contact[cluster]'") from None
+    address = _address(scheduler)
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
+    with client:
+        _check_versions(client, address)
+        try:
+            yield client.get_executor()
+        except CancelledError:
+            raise ConnectionError(f"the scheduler at {address} was lost: run the same command again to go on") from None
+        except distributed.KilledWorker as error:
+            raise ChildProcessError(
+                f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
+                "run the same command again to go on"
+            ) from None
+
+
+def _address(scheduler: str) -> str:
+    """The address itself, or the one in a scheduler file."""
+    if "://" in scheduler:
+        return scheduler
+    path = Path(scheduler)
+    if not path.is_file():
+        raise ValueError(
+            f"scheduler is {scheduler!r}, expected an address as tcp://host:8786 or the file that "
+            "`dask scheduler --scheduler-file` wrote"
+        )
+    try:
+        address = json.loads(path.read_text("utf-8"))["address"]
+    except (ValueError, KeyError, TypeError):
+        address = None
+    if not isinstance(address, str):
+        raise ValueError(f"{path} is no scheduler file: it holds no address (JSON)")
+    return address
+
+
+def _version() -> str:
+    return __version__
+
+
+def _check_versions(client: Any, address: str) -> None:
+    versions = client.run(_version)
+    if not versions:
+        client.wait_for_workers(1, timeout=_CONNECT_S)
+        versions = client.run(_version)
+    others = {worker: version for worker, version in versions.items() if version != __version__}
+    if others:
+        worker, version = next(iter(others.items()))
+        raise ConnectionError(
+            f"{len(others)} of {len(versions)} workers of {address} have another casadi_contact "
+            f"({worker}: {version}), expected {__version__}: install the same there"
+        )

@@ -1,0 +1,34 @@
+"""TOML that anyone may have written: its size and depth are bounded, and every refusal is one line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from casadi_contact.files.limits import checked_size
+
+MOST_CHARACTERS = 1_000_000  # of a scene's or an assembly's text
+
+
+def toml_text(path: Path, what: str) -> str:
+    """The text of a file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
+    if not path.is_file():
+        raise FileNotFoundError(f"{what} file {path} does not exist")
+    checked_size(path, 4 * MOST_CHARACTERS)
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected TOML of the {what}") from None
+
+
+def toml_tables(text: str, what: str) -> dict[str, Any]:
+    """What the text says; raises ValueError, which begins with `what`, for text that is too long or not TOML."""
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"{what}: the text has {len(text)} characters, expected at most {MOST_CHARACTERS}")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(f"{what}: tables or lists are nested too deep, expected a few levels") from None
+    except ValueError as error:  # not TOML, or an integer of thousands of digits
+        raise ValueError(f"{what}: not valid TOML ({error})") from None

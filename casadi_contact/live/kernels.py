@@ -1,0 +1,46 @@
+"""The models of a page as C, and the functions that the page calls: ``live/web/kernel.js`` is the other side."""
+
+from __future__ import annotations
+
+from casadi_contact.contact import CellFoundation, CupFoundation, PolarFoundation
+from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled_pressures import CompiledPressures
+from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.live.webassembly import webassembly
+from casadi_contact.structures import Surrogate
+from casadi_contact.transcription import ExportedModel
+from casadi_contact.transcription.kernel.compiler import DATA_FILE
+from casadi_contact.transcription.kernel.source import c_text
+
+CONTACT, SURROGATE = "contact", "surrogate"
+_FUNCTIONS = ("loads", "jacobian", "roots", "trust")
+_PRESSURES = (  # of each kind of model: depths at points, and its integrals of pressure where it has them
+    (PolarFoundation, ("polar_depths.h", "depths.h", "polar_pressures.h", "pressures.h")),
+    (CupFoundation, ("cup_depths.h", "depths.h", "cup_pressures.h", "pressures.h")),
+    (CellFoundation, ("cells_depths.h", "depths.h")),
+)
+
+
+def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> bytes:
+    """WebAssembly of the exported C of both models, and of the contact model's pressures.
+
+    Raises like `webassembly`, and ValueError for a pressure law without C.
+    """
+    exported = contact.exported()
+    files: dict[str, str | bytes] = _files(exported, CONTACT)
+    names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
+    more = next(texts for kind, texts in _PRESSURES if isinstance(contact, kind))
+    names += ["foundation_pressures", "foundation_pressure"]
+    if isinstance(contact, CompiledPressures):
+        names.append("foundation_moments")
+    files[f"{CONTACT}.c"] = "\n".join([exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in more)])
+    if exported.data:
+        files[DATA_FILE] = exported.data
+    if surrogate is not None:
+        files |= _files(surrogate.exported(), SURROGATE)
+        names += [f"{SURROGATE}_{function}" for function in _FUNCTIONS]
+    return webassembly(files, names)
+
+
+def _files(model: ExportedModel, name: str) -> dict[str, str | bytes]:
+    return {f"{name}.c": model.c_source(name), f"{name}.h": model.header(name)}

@@ -1,0 +1,29 @@
+/** Canvases that are as sharp as the screen, and colours. */
+
+export const INK = "#1d2329";
+export const FAINT = "#6b747d";
+export const LINE = "#dfe3e6";
+export const ACCENT = "#0072b2";
+export const SECOND = "#d55e00";
+export const BONE = [0.87, 0.86, 0.83];
+
+/** The context of a canvas cleared to its size on the page, in CSS pixels; and that size. */
+export function cleared(canvas) {
+  const density = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  const [wide, high] = [Math.round(width * density), Math.round(height * density)];
+  if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
+  const context = canvas.getContext("2d");
+  context.setTransform(density, 0, 0, density, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = "11px system-ui, 'DejaVu Sans', sans-serif";
+  return { context, width, height };
+}
+
+/** Colour [r, g, b] from 0 to 1 of a share from 0 to 1; table: of the page's content. */
+export function colourOf(table, share) {
+  return table[Math.round(Math.min(Math.max(share, 0), 1) * (table.length - 1))];
+}
+
+export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 * g)} ${Math.round(255 * b)})`;

@@ -1,0 +1,146 @@
+/** The contact models in WebAssembly. Poses are (tx, ty, tz [mm], rx, ry, rz [rad]); loads in N and N·mm. */
+
+const DOUBLE = 8;
+
+/** Memory of a module from its heap's base on, handed out once. */
+class Memory {
+  constructor(exports) {
+    this.memory = exports.memory;
+    this.next = Math.ceil(exports.__heap_base.value / 16) * 16;
+  }
+
+  /** Offset of so many doubles. */
+  place(count) {
+    const offset = this.next;
+    this.next += Math.ceil((count * DOUBLE) / 16) * 16;
+    const missing = this.next - this.memory.buffer.byteLength;
+    if (missing > 0) this.memory.grow(Math.ceil(missing / 65536));
+    return offset;
+  }
+
+  /** The doubles at an offset, as they are now. */
+  at(offset, count) {
+    return new Float64Array(this.memory.buffer, offset, count);
+  }
+}
+
+/** One exported model: NAME_loads and its like (see the header of an exported kernel). */
+class Model {
+  constructor(exports, memory, name, loads, patches) {
+    this.call = (what, ...offsets) => exports[`${name}_${what}`](...offsets);
+    this.memory = memory;
+    this.sizes = { loads, patches };
+    this.pose = memory.place(6);
+    this.values = memory.place(Math.max(loads, patches));
+    this.slopes = memory.place(6 * Math.max(loads, patches));
+  }
+
+  set(pose) {
+    this.memory.at(this.pose, 6).set(pose);
+  }
+
+  result(count) {
+    return {
+      values: this.memory.at(this.values, count).slice(),
+      slopes: this.memory.at(this.slopes, 6 * count).slice(),
+    };
+  }
+
+  /** Loads and their derivatives by the pose, row after row. */
+  jacobian(pose) {
+    this.set(pose);
+    this.call("jacobian", this.pose, this.values, this.slopes);
+    return this.result(this.sizes.loads);
+  }
+
+  loads(pose) {
+    this.set(pose);
+    this.call("loads", this.pose, this.values);
+    return this.memory.at(this.values, this.sizes.loads).slice();
+  }
+
+  /** Signed root load of each patch and its derivatives. */
+  roots(pose) {
+    this.set(pose);
+    this.call("roots", this.pose, this.values, this.slopes);
+    return this.result(this.sizes.patches);
+  }
+
+  /** Validity and the expected error of each load; NaN for a model without. */
+  trust(pose) {
+    this.set(pose);
+    this.call("trust", this.pose, this.slopes, this.values);
+    return {
+      validity: this.memory.at(this.slopes, 1)[0],
+      errors: this.memory.at(this.values, this.sizes.loads).slice(),
+    };
+  }
+}
+
+/** The contact model, which has pressures as well; surfaces: of each patch, with places and areas (mm²). */
+class ContactModel extends Model {
+  constructor(exports, memory, loads, surfaces, hasMoments) {
+    super(exports, memory, "contact", loads, surfaces.length);
+    this.exports = exports;
+    this.surfaces = surfaces.map(({ places, areas, points }) => {
+      const offset = memory.place(places.length);
+      return { points, areas, places: offset, given: places, pressures: memory.place(areas.length) };
+    });
+    this.moments = hasMoments ? [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)] : null;
+    for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
+  }
+
+  /** Pressure [MPa] at the points of a patch. */
+  pressures(pose, patch) {
+    const { places, areas, pressures } = this.surfaces[patch];
+    this.set(pose);
+    this.exports.foundation_pressures(this.pose, patch, areas.length, places, pressures);
+    return this.memory.at(pressures, areas.length).slice();
+  }
+
+  /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch: the
+   * model's own integrals where it has them, else sums over the points. */
+  contact(pose) {
+    const found = this.moments ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
+    return found.map(({ area, force, peak, moment }) => ({
+      area,
+      force,
+      peak,
+      centre: force > 0 ? Array.from(moment, (part) => part / force) : null,
+    }));
+  }
+
+  integrals(pose) {
+    this.set(pose);
+    this.exports.foundation_moments(1n, this.pose, ...this.moments);
+    return this.surfaces.map((_, patch) => {
+      const [area, force, x, y, z, depth] = this.memory.at(this.moments[0] + 6 * DOUBLE * patch, 6);
+      return { area, force, moment: [x, y, z], peak: this.exports.foundation_pressure(depth) };
+    });
+  }
+}
+
+function sums({ areas, points }, pressures) {
+  const found = { area: 0, force: 0, moment: [0, 0, 0], peak: 0 };
+  pressures.forEach((pressure, i) => {
+    if (!(pressure > 0)) return;
+    const force = pressure * areas[i];
+    found.area += areas[i];
+    found.force += force;
+    found.peak = Math.max(found.peak, pressure);
+    for (let k = 0; k < 3; k++) found.moment[k] += force * points[3 * i + k];
+  });
+  return found;
+}
+
+/** The models of a page's module; surrogate is null where there is none. */
+export async function loadModels(bytes, { loads, surrogateLoads, surfaces, hasMoments }) {
+  const { instance } = await WebAssembly.instantiate(bytes, {});
+  const exports = instance.exports;
+  exports._initialize?.();
+  const memory = new Memory(exports);
+  return {
+    contact: new ContactModel(exports, memory, loads, surfaces, hasMoments),
+    surrogate: surrogateLoads ? new Model(exports, memory, "surrogate", surrogateLoads, surfaces.length) : null,
+  };
+}

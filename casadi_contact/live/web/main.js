@@ -1,0 +1,168 @@
+/** The page: one pose, and everything that follows from it. */
+
+import { unpack } from "./assets.js";
+import { presets, sliders, targets } from "./controls.js";
+import { readable } from "./format.js";
+import { loadModels } from "./kernel.js";
+import { dot } from "./linear.js";
+import { PressureMap } from "./map.js";
+import { LoadsPanel } from "./panel.js";
+import { csvOf, download, optiOf, pictureOf, stoOf } from "./save.js";
+import { bodiesOn } from "./scene.js";
+import { Section } from "./section.js";
+import { settle } from "./settle.js";
+import { Timeline } from "./timeline.js";
+
+const byId = (id) => document.getElementById(id);
+
+/** Everything that a pose gives, except the pressures at points. */
+function evaluated(models, content, pose) {
+  const { contact, surrogate } = models;
+  const roots = contact.roots(pose).values;
+  const trust = surrogate?.trust(pose);
+  const learned = surrogate?.loads(pose);
+  const inOrder = (values) =>
+    values && content.loads.map(({ name }) => values[content.surrogateLoads.indexOf(name)] ?? NaN);
+  return {
+    contacts: contact.contact(pose),
+    contact: contact.loads(pose),
+    surrogate: inOrder(learned),
+    errors: inOrder(trust?.errors),
+    validity: trust ? trust.validity : null,
+    gaps: Array.from(roots, (root) => (root > 0 ? null : -root / content.gapSlope)),
+  };
+}
+
+class Page {
+  constructor(content, models, surfaces, behind, moving) {
+    Object.assign(this, { content, models });
+    models.contact.names = content.loads.map(({ name }) => name);
+    if (models.surrogate) models.surrogate.names = content.surrogateLoads;
+    this.model = models.surrogate ?? models.contact;
+    this.frames = content.cycle.poses.map((pose) => evaluated(models, content, pose));
+    this.frameLoads = this.frames.map(({ contact, surrogate }) => Array.from(surrogate ?? contact));
+    this.largest = content.loads.map((_, k) => Math.max(1, ...this.frameLoads.map((row) => 1.25 * Math.abs(row[k]))));
+    this.trail = content.patches.map((_, patch) => this.frames.map(({ contacts }) => contacts[patch].centre));
+    this.peak = Math.max(1, ...this.frames.flatMap(({ contacts }) => contacts.map(({ peak: of }) => of)));
+    this.bodies = bodiesOn(byId("scene"), content, surfaces, behind, moving);
+    this.map = new PressureMap(byId("map"), content, surfaces);
+    this.section = new Section(byId("section"), content, surfaces, behind, moving);
+    this.panel = new LoadsPanel(content, Boolean(models.surrogate));
+    this.wanted = content.settle.start;
+    this.moveSliders = sliders(byId("sliders"), content, (pose) => this.go(pose));
+    presets(byId("presets"), content, (pose) => this.go(pose));
+    targets(byId("settle"), content, (wanted) => this.settle(wanted));
+    const curves = content.sensitive.map((name) => {
+      const k = content.loads.findIndex((load) => load.name === name);
+      return { name, values: this.frameLoads.map((row) => row[k]) };
+    });
+    this.timeline = new Timeline(content, curves, (frame) => this.go(content.cycle.poses[frame], frame));
+    this.saving();
+    byId("glass").addEventListener("change", (event) => {
+      if (!this.bodies) return;
+      this.bodies.glass = event.target.checked;
+      this.bodies.draw();
+    });
+    window.addEventListener("resize", () => this.draw());
+    this.go(Object.values(content.presets)[0] ?? content.cycle.poses[0]);
+  }
+
+  /** frame: of the cycle, where the pose is one of it. */
+  go(pose, frame = null) {
+    this.pose = Array.from(pose);
+    this.frame = frame;
+    this.state = evaluated(this.models, this.content, this.pose);
+    this.moveSliders(this.pose);
+    this.later ??= requestAnimationFrame(() => {
+      this.later = null;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const { contacts } = this.state;
+    const pressures = contacts.map((_, patch) => this.models.contact.pressures(this.pose, patch));
+    const largest = Math.max(this.peak, ...contacts.map(({ peak }) => peak));
+    if (this.bodies) {
+      this.bodies.colour(pressures, largest);
+      this.bodies.place(this.pose);
+      this.bodies.draw();
+    }
+    this.map.draw(pressures, largest, contacts, this.trail);
+    const at = this.planeAt(contacts);
+    this.section.draw(this.pose, at);
+    byId("cut").textContent = `section at ${this.content.view.alongName} = ${readable(this.content.view.alongSign * at)} mm, through the centre of pressure`;
+    byId("figures").innerHTML = contacts
+      .map(({ area, peak }, patch) => {
+        const title = this.content.patches.length > 1 ? `${this.content.patches[patch].title}: ` : "";
+        return area > 0 ? `${title}peak ${readable(peak)} MPa, ${readable(area)} mm²` : `${title}no contact`;
+      })
+      .join("<br>");
+    this.panel.draw(this.state, this.largest);
+    this.timeline.draw(this.frame !== null);
+  }
+
+  /** Where the section lies along the map's upward direction: at the centre of all pressure, or in the middle. */
+  planeAt(contacts) {
+    const total = contacts.reduce((sum, { force }) => sum + force, 0);
+    if (!(total > 0)) return 0.5 * (this.map.bounds[1][0] + this.map.bounds[1][1]);
+    return contacts.reduce((sum, { force, centre }) => sum + (centre ? force * dot(this.content.view.up, centre) : 0), 0) / total;
+  }
+
+  settle(wanted) {
+    const { free, loads } = this.content.settle;
+    const columns = free.map((name) => this.content.pose.findIndex((parameter) => parameter.name === name));
+    const found = settle(this.model, this.content, this.pose, columns, { names: loads, wanted });
+    this.wanted = wanted;
+    this.go(found.pose);
+    byId("settled").textContent = found.converged
+      ? `settled in ${found.steps} steps`
+      : `no equilibrium near here: off by ${readable(found.misfit)} N`;
+  }
+
+  saving() {
+    const { content } = this;
+    const text = (of) => new Blob([of], { type: "text/plain" });
+    byId("csv").addEventListener("click", () => download(`${content.scene}.csv`, text(csvOf(content, this.frameLoads))));
+    byId("sto").addEventListener("click", () => download(`${content.scene}.sto`, text(stoOf(content, this.frameLoads))));
+    byId("png").addEventListener("click", async () => {
+      download(`${content.scene}.png`, await pictureOf(["scene", "map", "section"].map(byId)));
+    });
+    byId("opti").addEventListener("click", async () => {
+      const code = optiOf(content, this.pose, this.wanted);
+      try {
+        await navigator.clipboard.writeText(code);
+        byId("saved").textContent = "Python is in the clipboard";
+      } catch {
+        download(`${content.scene}_opti.py`, text(code)); // a page from a file may not have the clipboard
+        byId("saved").textContent = "no clipboard here: saved as a file";
+      }
+    });
+  }
+}
+
+async function begin() {
+  const content = JSON.parse(byId("content").textContent);
+  const arrays = await unpack(content.arrays, byId("arrays").textContent);
+  const library = new TextDecoder().decode(arrays.library);
+  document.head.append(Object.assign(document.createElement("script"), { textContent: library }));
+  const triangles = (name) => ({
+    points: arrays[`${name}_points`],
+    normals: arrays[`${name}_normals`],
+    corners: arrays[`${name}_corners`],
+  });
+  const surfaces = content.patches.map(({ name }) => ({
+    ...triangles(name),
+    places: arrays[`${name}_places`],
+    areas: arrays[`${name}_areas`],
+  }));
+  const models = await loadModels(arrays.kernel, {
+    loads: content.loads.length,
+    surrogateLoads: content.surrogateLoads?.length,
+    surfaces,
+    hasMoments: content.hasMoments,
+  });
+  window.joint = new Page(content, models, surfaces, triangles("behind"), triangles("moving"));
+}
+
+requestAnimationFrame(() => setTimeout(begin)); // the page is seen before it computes

@@ -1,0 +1,149 @@
+/** The two bodies in 3-D: the fixed one coloured by pressure, the moving one as glass. Drawn by twgl. */
+
+import { BONE, colourOf } from "./canvas.js";
+import { rotation } from "./linear.js";
+
+const VERTEX = `#version 300 es
+uniform mat4 world, viewProjection; uniform vec3 flat_colour; uniform float use_colour;
+in vec3 position, normal, colour; out vec3 n, c, p;
+void main() {
+  vec4 at = world * vec4(position, 1.0);
+  n = mat3(world) * normal; p = at.xyz; c = mix(flat_colour, colour, use_colour);
+  gl_Position = viewProjection * at;
+}`;
+const FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec3 eye, light; uniform float opacity;
+in vec3 n, c, p; out vec4 pixel;
+void main() {
+  vec3 m = normalize(n), to_eye = normalize(eye - p);
+  if (dot(m, to_eye) < 0.0) m = -m;
+  float diffuse = max(dot(m, light), 0.0), rim = pow(1.0 - abs(dot(m, to_eye)), 3.0);
+  float gloss = pow(max(dot(reflect(-light, m), to_eye), 0.0), 24.0);
+  vec3 lit = c * (0.48 + 0.56 * diffuse) + 0.10 * gloss;
+  pixel = vec4(lit, mix(opacity, min(1.0, opacity + 0.45), opacity < 1.0 ? rim : 0.0));
+}`;
+const STEEL = [0.62, 0.68, 0.74];
+const GLASS = 0.3;
+
+/** The view of the bodies on a canvas; null where the browser has no WebGL 2. */
+export function bodiesOn(canvas, content, fixed, behind, moving) {
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
+  return gl ? new Bodies(gl, content, fixed, behind, moving) : null;
+}
+
+class Bodies {
+  constructor(gl, content, fixed, behind, moving) {
+    this.gl = gl;
+    this.content = content;
+    this.program = twgl.createProgramInfo(gl, [VERTEX, FRAGMENT]);
+    this.fixed = fixed.map((surface) => this.buffers(surface));
+    this.behind = this.buffers(behind);
+    this.moving = this.buffers(moving);
+    const lift = 0.06 * content.view.distance;
+    this.target = middle(fixed.map((surface) => surface.points)).map((part, k) => part + lift * content.view.toward[k]);
+    this.distance = content.view.distance;
+    [this.yaw, this.pitch] = anglesOf(content.view.eye);
+    this.opacity = GLASS;
+    this.turnedBy(gl.canvas);
+  }
+
+  buffers({ points, normals, corners }) {
+    const colour = { numComponents: 3, data: new Float32Array(points.length), drawType: this.gl.DYNAMIC_DRAW };
+    return twgl.createBufferInfoFromArrays(this.gl, { position: points, normal: normals, colour, indices: corners });
+  }
+
+  /** Drag turns, the wheel comes closer. */
+  turnedBy(canvas) {
+    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons) return;
+      this.yaw -= 0.01 * event.movementX;
+      this.pitch = Math.min(Math.max(this.pitch + 0.01 * event.movementY, -1.5), 1.5);
+      this.draw();
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.distance *= Math.exp(0.001 * event.deltaY);
+      this.draw();
+    }, { passive: false });
+  }
+
+  /** Pressures of each patch; largest: where the colours end. */
+  colour(pressures, largest) {
+    pressures.forEach((values, patch) => {
+      const colours = new Float32Array(3 * values.length);
+      values.forEach((value, i) => {
+        colours.set(value > 0 ? colourOf(this.content.colours, value / largest) : BONE, 3 * i);
+      });
+      twgl.setAttribInfoBufferFromArray(this.gl, this.fixed[patch].attribs.colour, colours);
+    });
+  }
+
+  place(pose) {
+    const R = rotation(pose);
+    const column = (k) => [R[0][k], R[1][k], R[2][k], 0];
+    this.world = [...column(0), ...column(1), ...column(2), ...pose.slice(0, 3), 1];
+  }
+
+  draw() {
+    const gl = this.gl;
+    twgl.resizeCanvasToDisplaySize(gl.canvas, window.devicePixelRatio || 1);
+    gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    gl.useProgram(this.program.program);
+    const [c, s] = [Math.cos(this.pitch), Math.sin(this.pitch)];
+    const way = [c * Math.sin(this.yaw), s, c * Math.cos(this.yaw)];
+    const eye = this.target.map((part, k) => part + this.distance * way[k]);
+    const camera = twgl.m4.lookAt(eye, this.target, [0, 1, 0]);
+    const lens = twgl.m4.perspective(0.5, gl.canvas.width / gl.canvas.height, 0.05 * this.distance, 4 * this.distance);
+    const right = camera.slice(0, 3);
+    const light = twgl.v3.normalize([0, 1, 2].map((k) => way[k] - 0.5 * right[k] + (k === 1 ? 0.5 : 0)));
+    const common = { viewProjection: twgl.m4.multiply(lens, twgl.m4.inverse(camera)), eye, light };
+    const still = twgl.m4.identity();
+    for (const body of this.fixed) this.show(body, { ...common, world: still, use_colour: 1, flat_colour: BONE, opacity: 1 });
+    this.show(this.behind, { ...common, world: still, use_colour: 0, flat_colour: BONE, opacity: 1 });
+    const steel = { ...common, world: this.world, use_colour: 0, flat_colour: STEEL, opacity: this.opacity };
+    if (this.opacity < 1) {
+      gl.enable(gl.BLEND);
+      gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthMask(false);
+      gl.enable(gl.CULL_FACE);
+      gl.cullFace(gl.FRONT);
+      this.show(this.moving, steel);
+      gl.cullFace(gl.BACK);
+      this.show(this.moving, steel);
+      gl.disable(gl.CULL_FACE);
+      gl.depthMask(true);
+      gl.disable(gl.BLEND);
+    } else {
+      this.show(this.moving, steel);
+    }
+  }
+
+  show(buffers, uniforms) {
+    twgl.setBuffersAndAttributes(this.gl, this.program, buffers);
+    twgl.setUniforms(this.program, uniforms);
+    twgl.drawBufferInfo(this.gl, buffers);
+  }
+
+  set glass(wanted) {
+    this.opacity = wanted ? GLASS : 1;
+  }
+}
+
+function middle(clouds) {
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (const points of clouds) {
+    points.forEach((value, i) => {
+      low[i % 3] = Math.min(low[i % 3], value);
+      high[i % 3] = Math.max(high[i % 3], value);
+    });
+  }
+  return low.map((value, k) => 0.5 * (value + high[k]));
+}
+
+const anglesOf = ([x, y, z]) => [Math.atan2(x, z), Math.asin(Math.min(Math.max(y, -0.99), 0.99))];

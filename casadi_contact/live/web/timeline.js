@@ -1,0 +1,84 @@
+/** The loads over the cycle, and a scrubber through it. */
+
+import { FAINT, INK, LINE, cleared } from "./canvas.js";
+import { readable } from "./format.js";
+
+const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+const LEFT = 58;
+const FRAMES_PER_SECOND = 30;
+
+export class Timeline {
+  /** curves: [{name, values}] over the frames; moved(frame) when the scrubber moves. */
+  constructor(content, curves, moved) {
+    Object.assign(this, { content, curves, moved, frame: 0, playing: null });
+    this.canvas = document.getElementById("curves");
+    this.scrubber = document.getElementById("frame");
+    this.button = document.getElementById("play");
+    this.count = content.cycle.poses.length;
+    this.scrubber.max = this.count - 1;
+    document.getElementById("cycle").hidden = this.count < 2;
+    document.getElementById("legend").append(...curves.map(({ name }, k) => {
+      const label = Object.assign(document.createElement("b"), { textContent: name });
+      label.style.color = COLOURS[k % COLOURS.length];
+      return label;
+    }));
+    this.scrubber.addEventListener("input", () => this.go(Number(this.scrubber.value)));
+    this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
+  }
+
+  go(frame) {
+    this.frame = frame;
+    this.scrubber.value = frame;
+    this.moved(frame);
+  }
+
+  play() {
+    this.button.textContent = "❚❚";
+    let last = performance.now();
+    const step = (now) => {
+      if (now - last >= 1000 / FRAMES_PER_SECOND) {
+        last = now;
+        this.go((this.frame + 1) % this.count);
+      }
+      this.playing = requestAnimationFrame(step);
+    };
+    this.playing = requestAnimationFrame(step);
+  }
+
+  pause() {
+    cancelAnimationFrame(this.playing);
+    this.playing = null;
+    this.button.textContent = "▶";
+  }
+
+  /** current: false where the pose is no longer that of the frame. */
+  draw(current) {
+    if (this.count < 2) return;
+    const { context, width, height } = cleared(this.canvas);
+    const values = this.curves.flatMap(({ values }) => values).concat(0);
+    const [low, high] = [Math.min(...values), Math.max(...values)];
+    const x = (frame) => LEFT + ((width - LEFT - 8) * frame) / (this.count - 1);
+    const y = (value) => 8 + ((height - 16) * (high - value)) / (high - low || 1);
+    context.fillStyle = FAINT;
+    context.textAlign = "right";
+    for (const value of [low, high]) context.fillText(`${readable(value)} N`, LEFT - 8, y(value) + 4);
+    context.strokeStyle = LINE;
+    line(context, [[LEFT, y(0)], [width - 8, y(0)]]);
+    this.curves.forEach(({ values: of }, k) => {
+      context.strokeStyle = COLOURS[k % COLOURS.length];
+      context.lineWidth = 1.5;
+      line(context, of.map((value, frame) => [x(frame), y(value)]));
+    });
+    context.lineWidth = 1;
+    context.strokeStyle = INK;
+    context.globalAlpha = current ? 0.9 : 0.25;
+    line(context, [[x(this.frame), 4], [x(this.frame), height - 4]]);
+    context.globalAlpha = 1;
+  }
+}
+
+function line(context, points) {
+  context.beginPath();
+  points.forEach(([x, y], i) => context[i ? "lineTo" : "moveTo"](x, y));
+  context.stroke();
+}

@@ -1,0 +1,114 @@
+"""A surrogate no larger than a tolerance asks for: samples, networks and work grow until it is met in every domain.
+
+Round k draws twice the samples of the round before and lets each network grow from the size it had reached, with three
+times the work. The first round whose validation rows have errors within the tolerance, load by load and domain by
+domain, is the last: the result depends on the scene and the tolerance, not on the clock.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+
+from casadi_contact.dataset import VALIDATION, Samples
+from casadi_contact.dataset.errors import LoadModel, domain_errors
+from casadi_contact.fitting import fit_surrogate, moved_samples
+from casadi_contact.pipeline import sample
+from casadi_contact.presets import Effort, Preset, effort_for
+from casadi_contact.project import Project, Update, alone
+from casadi_contact.quantities import FORCE, TORQUE, of_kind
+from casadi_contact.sampling import foundations
+from casadi_contact.sampling.draw import ModelPair
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate, with_trust
+from casadi_contact.workers import worker_pool
+
+STRUCTURE = "patch"
+ROUNDS = 6
+FIRST_SCALE, FIRST_GFLOP = 0.05, 60.0
+LADDER = ((6, 6), (10, 10), (16, 16), (16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28))
+RATIO_SHARE = 0.2  # of the work of a root: ratios are smoother, and sooner good enough
+TOLERANCE_SHARE = 0.6  # of the tolerance at which a fit ends: domains differ, and so do rows it has not seen
+
+_log = logging.getLogger(__name__)
+
+
+def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | None) -> Scene:
+    """The scene with one tolerance for all forces [N] and one for all torques [N·mm]; its own where None.
+
+    Raises ValueError for a tolerance that is not above 0.
+    """
+    names = scene.load_names
+    wanted = dict.fromkeys(of_kind(names, FORCE), force_n) | dict.fromkeys(of_kind(names, TORQUE), torque_nmm)
+    return scene.with_tolerances(**{name: value for name, value in wanted.items() if value is not None})
+
+
+def misses(model: LoadModel, samples: Samples) -> list[str]:
+    """Loads whose RMS error on validation rows of a domain exceeds the scene's tolerance, in words, the worst first."""
+    found = {}
+    for domain, errors in domain_errors(model, samples, VALIDATION).items():
+        for load, error in errors.items():
+            share = error["rms"] / samples.scene.tolerances[load]
+            if share > 1.0:
+                found[f"{load} {error['rms']:.3g} of {samples.scene.tolerances[load]:g} in {domain}"] = share
+    return sorted(found, key=lambda text: -found[text])
+
+
+@alone
+def train_to_tolerance(
+    project: Project,
+    cycle_files: Sequence[Path] = (),
+    update: Update | None = None,
+    executor: Executor | None = None,
+    models: ModelPair = foundations,
+    rounds: int = ROUNDS,
+) -> Surrogate:
+    """Sample and train in rounds until the tolerances of the project's scene are met; samples and surrogate of the last
+    round go into the project's folder.
+
+    Goes on where an earlier run stopped. Raises ValueError, naming the largest misses, where the last round does not
+    meet them; its samples and surrogate are kept all the same.
+    """
+    efforts = {
+        "": Effort(LADDER, RATIO_SHARE * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
+        "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
+    }
+    missed: list[str] = []
+    for k in range(rounds):
+        preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
+        this = replace(project, folder=project.folder / f"round-{k + 1}", own=preset)
+        this.folder.mkdir(parents=True, exist_ok=True)
+        samples, _ = sample(this, cycle_files, _drawing(update, k + 1), executor, models)
+        with worker_pool(executor) as workers:
+            folder, title = this.folder / "training", f"round {k + 1}"
+            command = f"casadi-contact build {project.scene.name} to its tolerances, {title}"
+            surrogate = fit_surrogate(this, samples, STRUCTURE, efforts, folder, command, title, update, workers)
+        missed = misses(surrogate, samples)
+        if not missed:
+            break
+        _log.warning("round %d misses %s", k + 1, "; ".join(missed[:3]))
+        efforts = {name: _further(effort_for(efforts, name), net.hidden) for name, net in surrogate.networks.items()}
+    for name in (this.samples_path.name, this.motion_path.name):
+        shutil.copyfile(this.folder / name, project.folder / name)
+    trusted = with_trust(surrogate, samples, moved_samples(samples))
+    trusted.save(project.surrogate_path(STRUCTURE))
+    if missed:
+        raise ValueError(
+            f"after {rounds} rounds, {len(samples)} samples, the tolerance is missed: {'; '.join(missed[:3])}; "
+            "loosen it, or ask for fewer loads or a smaller range"
+        )
+    return trusted
+
+
+def _drawing(update: Update | None, number: int) -> Callable[[int, int], None] | None:
+    return None if update is None else lambda done, total: update(f"samples, round {number}", done, total, "")
+
+
+def _further(effort: Effort, reached: tuple[int, ...]) -> Effort:
+    """Three times the work, from the size that was reached on."""
+    sizes = effort.sizes[effort.sizes.index(reached) :]
+    return replace(effort, sizes=sizes, gflop=3.0 * effort.gflop, tolerance_share=TOLERANCE_SHARE)

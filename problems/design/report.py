@@ -1,0 +1,108 @@
+"""What the design says: first and best dish, checked on the EF, a CSV of the frames, a JSON summary and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from casadi_contact.contact.polar.dish_slopes import RADII
+from casadi_contact.conventions import ANATOMY, Array
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.page import COLOURS, frame, new_page, save_page
+from casadi_contact.terminal import PlainConsole
+from problems.common.records import DIGITS, write_summary
+from problems.design.problem import LAXITY_PUSHES, Design
+from problems.design.solve import DesignResult, DishState
+
+ALLOWED_MPA, ALLOWED_MM = 0.1, 0.01  # how far the EF may be from the best dish's peak pressure and travels
+
+
+def agrees(best: DishState, on_ef: DishState) -> bool:
+    """Whether the EF, settled by itself, finds the same peak pressure and travels."""
+    off = np.abs(on_ef.laxity_mm - best.laxity_mm).max()
+    return bool(abs(on_ef.peak_mpa - best.peak_mpa) <= ALLOWED_MPA and off <= ALLOWED_MM)
+
+
+def report(design: Design, result: DesignResult, checked: Mapping[str, DishState], out: Path) -> None:
+    """Print the table and write design.csv, .json and .png in the folder out; checked: "first" and "best" on the EF."""
+    console = PlainConsole()
+    states = {"first": result.first, "best": result.best}
+    table = Table(title=f"Dish of {design.contact.scene.name} over {design.frames} frames of walking")
+    for name in ("dish", "radii (mm)", "peak (MPa)", "on the EF", "AP, ML travel (mm)", "on the EF"):
+        table.add_column(name, justify="left" if name == "dish" else "right")
+    for name, state in states.items():
+        ef = checked[name]
+        travel, travel_ef = (", ".join(f"{x:.3f}" for x in s.laxity_mm) for s in (state, ef))
+        radii = ", ".join(f"{x:.2f}" for x in state.radii_mm)
+        table.add_row(name, radii, f"{state.peak_mpa:.3f}", f"{ef.peak_mpa:.3f}", travel, travel_ef)
+    console.print(table)
+    same = agrees(result.best, checked["best"])
+    console.print(
+        f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.1f} s, "
+        f"{design.nlp['x'].numel()} variables; the EF {'agrees' if same else 'differs'}",
+        highlight=False,
+    )
+    columns: dict[str, Any] = {"frame": np.arange(design.frames)}
+    for name, state in states.items():
+        for p, patch in enumerate(design.contact.patch_names):
+            columns[f"peak_pressure_{patch}_{name}_MPa"] = state.peaks_mpa[:, p]
+            columns[f"peak_pressure_{patch}_{name}_EF_MPa"] = checked[name].peaks_mpa[:, p]
+    write_columns(out / "design.csv", columns, digits=DIGITS)
+    summary: dict[str, Any] = {
+        "bounds_mm": {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm},
+        "ipopt_status": result.ipopt_status,
+        "ipopt_iterations": result.iterations,
+        "seconds": result.seconds,
+        "ef_agrees": same,
+        **{name: _record(state) for name, state in states.items()},
+        **{f"{name}_on_ef": _record(state) for name, state in checked.items()},
+    }
+    write_summary(out / "design.json", summary)
+    draw(design, result, checked, out / "design.png")
+    console.print(f"results in {out}", highlight=False)
+
+
+def _record(state: DishState) -> dict[str, Any]:
+    return {
+        **{f"{name}_mm": float(radius) for name, radius in zip(RADII, state.radii_mm, strict=True)},
+        "peak_mpa": state.peak_mpa,
+        **{f"{name}_travel_mm": float(x) for name, x in zip(LAXITY_PUSHES, state.laxity_mm, strict=True)},
+    }
+
+
+def draw(design: Design, result: DesignResult, checked: Mapping[str, DishState], path: Path) -> None:
+    """Peak pressures over walking, and sections of both dishes, as a PNG."""
+    page = new_page(13.0, 4.2)
+    axes = page.subplots(1, 3, width_ratios=(1.3, 1.0, 1.0))
+    states = {"first": result.first, "best": result.best}
+    colours = {"first": COLOURS["blue"], "best": COLOURS["vermillion"]}
+    percent = np.linspace(0.0, 100.0, design.frames)
+    for name, state in states.items():
+        for p, (patch, style) in enumerate(zip(design.contact.patch_names, ("-", "--"), strict=True)):
+            axes[0].plot(percent, state.peaks_mpa[:, p], style, color=colours[name], label=f"{patch}, {name}")
+            axes[0].plot(percent, checked[name].peaks_mpa[:, p], ".", color=colours[name])
+    axes[0].set(title="peak pressure (dots: elastic foundation)", ylabel="[MPa]")
+    axes[0].legend(fontsize=8)
+    geometry = design.contact.scene.geometry
+    for axis, which, extent, across in ((axes[1], 0, "plateau_length", "x"), (axes[2], 1, "plateau_width", "z")):
+        along = np.linspace(-0.5, 0.5, 101) * geometry[extent]
+        for name, state in states.items():
+            axis.plot(along, _section(state.radii_mm[which], along), color=colours[name], label=name)
+        axis.set(title=f"{RADII[which].replace('_', ' ')}: section", ylabel="height [mm]")
+        axis.set(xlabel=f"{across} from the dish's middle [mm], {ANATOMY[across][0]} to the right")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=8)
+    frame([axes[0]], "cycle [%]")
+    change = result.best.peak_mpa / result.first.peak_mpa - 1.0
+    page.suptitle(
+        f"Dish design: peak {result.first.peak_mpa:.1f} to {result.best.peak_mpa:.1f} MPa ({100.0 * change:+.0f} %)"
+    )
+    save_page(page, path, dots_per_inch=90)
+
+
+def _section(radius: float, along: Array) -> Array:
+    return np.asarray(radius - np.sqrt(radius**2 - along**2))

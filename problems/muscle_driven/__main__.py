@@ -1,0 +1,73 @@
+"""The command ``python -m problems.muscle_driven``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import casadi_contact as cc
+from casadi_contact.contact import ContactModel, ElasticFoundation
+from casadi_contact.files import writable_folder
+from problems import muscle_contact
+from problems.common.command import RESULTS, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.muscle_contact.given import (
+    InverseDynamicsOption,
+    MapOption,
+    MusclesOption,
+    ParametersOption,
+    RotationsOption,
+    given_walk,
+)
+from problems.muscle_driven.problem import build
+from problems.muscle_driven.report import Run, report
+from problems.muscle_driven.solve import solve
+
+NAME = "muscle_driven"
+TEACHER_GRID = (160, 80)
+app = new_app()
+
+
+@app.command()
+def run(
+    inverse_dynamics: InverseDynamicsOption = None,
+    muscles: MusclesOption = None,
+    parameters: ParametersOption = None,
+    rotations: RotationsOption = None,
+    maps: MapOption = None,
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
+    tolerance: Annotated[float, typer.Option(help="of CVODES, relative and absolute")] = 1e-4,
+    repeats: Annotated[int, typer.Option(min=1, help="timed runs of each model, in turn")] = 3,
+    out: Annotated[Path, typer.Option(help="folder for muscle_driven.csv, .png, summary.json")] = RESULTS / NAME,
+) -> None:
+    """Solve a walk for activations, and let these drive the knee forward on three contact models: a surrogate, the
+    foundation of its scene and an EF of 160×80 elements."""
+    writable_folder(out)
+    walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
+    source = ContactSource.of(surrogate, scene)
+    model = source.load()
+    inverse = muscle_contact.build(model, walk)
+    solved = muscle_contact.solve(inverse)
+    models: dict[str, ContactModel] = {source.kind: model}
+    models.setdefault("foundation", cc.foundation(model.scene))
+    models["EF 160×80"] = ElasticFoundation(model.scene, TEACHER_GRID)
+    driven = {name: build(contact, inverse, solved) for name, contact in models.items()}
+    simulations = [{name: solve(one, tolerance=tolerance) for name, one in driven.items()} for _ in range(repeats)]
+    runs = {
+        name: Run.of(one, simulations[-1][name], float(np.median([turn[name].seconds for turn in simulations])))
+        for name, one in driven.items()
+    }
+    report(driven, runs, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""The drop by OpenSim's equations of motion, on the exported C kernel: ``python by_opensim.py KERNEL SETTINGS RESULT``.
+
+A script of its own, without casadi_contact: the wheels of OpenSim and CasADi cannot live in one process.
+
+OpenSim's lengths are m, the kernel's mm. The kernel's wrench acts on the fixed body about the fixed origin; a
+BodyActuator puts its opposite on the falling one, about that body's origin, as controls that follow the state.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opensim
+from scipy.integrate import solve_ivp
+
+_COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+_NOT_FINITE = 2  # status of the kernel
+
+
+def contact_wrench(library: Path, load_names: Sequence[str]) -> Callable[[np.ndarray], np.ndarray]:
+    """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body, by the exported function contact_loads."""
+    kernel = ctypes.CDLL(str(library.resolve())).contact_loads
+    vector = np.ctypeslib.ndpointer(dtype=float, flags="C_CONTIGUOUS")
+    kernel.argtypes, kernel.restype = (vector, vector), ctypes.c_int
+    places = [_COMPONENTS.index(name.partition("_")[0]) for name in load_names]
+
+    def wrench(pose: np.ndarray) -> np.ndarray:
+        loads, total = np.empty(len(load_names)), np.zeros(6)
+        if kernel(np.ascontiguousarray(pose), loads) == _NOT_FINITE:
+            raise ValueError(f"the pose {pose} is not finite")
+        np.add.at(total, places, loads)
+        return total
+
+    return wrench
+
+
+class FallingBody:
+    """A free body in OpenSim, with one actuator for all that acts on it. States q = (rx ry rz tx ty tz), u = (ω, v)."""
+
+    def __init__(self, mass_kg: float, inertia_kgm2: float) -> None:
+        self.model = opensim.Model()
+        self.model.setGravity(opensim.Vec3(0.0))
+        inertia = opensim.Inertia(inertia_kgm2, inertia_kgm2, inertia_kgm2)
+        body = opensim.Body("falling", mass_kg, opensim.Vec3(0.0), inertia)
+        self.model.addBody(body)
+        self.model.addJoint(opensim.FreeJoint("free", self.model.getGround(), body))
+        actuator = opensim.BodyActuator()
+        actuator.setName("contact")
+        actuator.setBody(body)
+        actuator.set_spatial_force_is_global(True)
+        self.model.addForce(actuator)
+        self.state = self.model.initSystem()
+
+    def rates(self, q: np.ndarray, u: np.ndarray, torque: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """q̇ and u̇ (12) under a torque [N·m] about the body's origin and a force [N] there, both in the ground."""
+        states, speeds, controls = self.state.updQ(), self.state.updU(), opensim.Vector(6, 0.0)
+        for i in range(6):
+            states[i], speeds[i] = float(q[i]), float(u[i])
+        for i, value in enumerate([*torque, *force]):
+            controls.set(i, float(value))
+        self.model.realizeVelocity(self.state)
+        self.model.setControls(self.state, controls)
+        self.model.realizeAcceleration(self.state)
+        q_dot, u_dot = self.state.getQDot(), self.state.getUDot()
+        return np.array([q_dot[i] for i in range(6)] + [u_dot[i] for i in range(6)])
+
+
+def simulate(library: Path, settings: Mapping[str, Any]) -> np.ndarray:
+    """Poses (points, 6) [mm, rad] of the drop."""
+    body = FallingBody(settings["mass_kg"], settings["inertia_kgm2"])
+    wrench_of = contact_wrench(library, settings["load_names"])
+    push = np.array(settings["push_n"])
+
+    def rates(time: float, state: np.ndarray) -> np.ndarray:
+        q, u = state[:6], state[6:]
+        pose = np.concatenate([1e3 * q[3:], q[:3]])
+        wrench = wrench_of(pose)
+        torque_nmm = -wrench[3:] + np.cross(pose[:3], wrench[:3])
+        force = -wrench[:3] + push - settings["damping_ns_per_m"] * u[3:]
+        return body.rates(q, u, 1e-3 * torque_nmm - settings["damping_nms_per_rad"] * u[:3], force)
+
+    pose = np.array(settings["start_pose"])
+    start = np.concatenate([pose[3:], 1e-3 * pose[:3], np.zeros(6)])
+    times = settings["times_s"]
+    solved = solve_ivp(rates, (times[0], times[-1]), start, "LSODA", times, rtol=1e-9, atol=1e-12)
+    if not solved.success:
+        raise ValueError(f"the integrator gave up: {solved.message}")
+    return np.column_stack([1e3 * solved.y[3:6].T, solved.y[:3].T])
+
+
+def main() -> None:
+    """Read the settings, simulate, write the poses, all as JSON."""
+    library, settings, result = map(Path, sys.argv[1:])
+    poses = simulate(library, json.loads(settings.read_text("utf-8")))
+    result.write_text(json.dumps({"opensim": opensim.GetVersion(), "poses": poses.tolist()}), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The command ``python -m problems.patella``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import casadi_contact as cc
+from casadi_contact.conventions import POSE_IN_MM
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.terminal import PlainConsole
+from problems import muscle_contact
+from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.records import DIGITS, pose_columns, write_summary
+from problems.muscle_contact.given import (
+    InverseDynamicsOption,
+    MapOption,
+    MusclesOption,
+    ParametersOption,
+    RotationsOption,
+    given_walk,
+)
+from problems.patella.follow import follow, start_poses
+
+NAME = "patella"
+QUADRICEPS = ("recfem", "vasint", "vaslat", "vasmed")
+_SAME_MM = 0.01  # rotations over 25 mm
+app = new_app()
+
+
+@app.command()
+def run(
+    inverse_dynamics: InverseDynamicsOption = None,
+    muscles: MusclesOption = None,
+    parameters: ParametersOption = None,
+    rotations: RotationsOption = None,
+    maps: MapOption = None,
+    starts: Annotated[int, typer.Option(min=0, help="settle from this many random starts too, frame by frame")] = 0,
+    out: Annotated[Path, typer.Option(help="folder for patella.csv and summary.json")] = RESULTS / NAME,
+) -> None:
+    """Solve a walk for muscle forces and the femur's poses, and let the quadriceps pull the patella of
+    `knee_with_patella` along.
+
+    Exit status 2: the patella is in no equilibrium in some frames; 3: it is, but the contact model differs.
+    """
+    writable_folder(out)
+    walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
+    solved = muscle_contact.solve(muscle_contact.build(cc.load_surrogate("knee"), walk))
+    missing = set(QUADRICEPS) - set(walk.muscles.names)
+    if missing:
+        raise ValueError(f"walk {walk.name} lacks the muscles {', '.join(sorted(missing))}")
+    tension = solved.muscle_forces_n[:, [walk.muscles.names.index(name) for name in QUADRICEPS]].sum(axis=1)
+    ride = follow(cc.load_assembly("knee_with_patella"), solved.poses, tension)
+    verdict, console = ride.verdict("patellofemoral"), PlainConsole()
+    console.print(f"patellofemoral contact: {verdict}", highlight=False)
+    reached = []
+    for seed in range(starts):
+        again = follow(ride.assembly, solved.poses, tension, start_poses(ride, np.random.default_rng(seed)))
+        off = np.abs((again.poses[:, 1] - ride.poses[:, 1]) * POSE_IN_MM).max(axis=1)
+        reached.append(float((again.converged & (off < _SAME_MM)).mean()))
+    if reached:
+        whole = sum(share == 1.0 for share in reached)
+        console.print(
+            f"{whole} of {starts} random starts ride alike in every frame, {100 * np.mean(reached):.2f} % of all"
+        )
+    columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
+    names = [f"{name}_{'Nmm' if '_T' in name else 'N'}" for name in ride.assembly.load_names]
+    columns |= dict(zip(names, ride.loads.T, strict=True)) | {"residual_N": ride.residual_n}
+    write_columns(out / "patella.csv", columns, digits=DIGITS)
+    summary = {"walk": walk.name, "verdict": str(verdict), "random_starts": reached}
+    write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})
+    end_with(verdict, NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

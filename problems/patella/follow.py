@@ -1,0 +1,89 @@
+"""The poses of a patella, frame by frame, on a femur whose poses are known, under the pull of the quadriceps.
+
+Nothing of it is measured: it stands where its contact with the femur, the patellar tendon and the quadriceps balance
+(`Settling`). Frames begin at their solved neighbour's pose, outwards from the frame whose flexion is nearest to that of
+the assembly's start, or each at a start of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.assembly import Assembly, Contact, Settling
+from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.verification import Verdict, judge, own_model
+
+TOLERANCE_N = 1e-4  # left on the patella, torques over 25 mm
+ASIDE_MM, ASIDE_RAD = 2.0, 0.05
+
+
+@dataclass(frozen=True)
+class Ride:
+    """Poses (n, 2, 6) of femur and patella in the tibia, loads (n, L) of ``assembly.load_names``, what is left on the
+    patella [N] (n,), and whether it is in equilibrium (n,)."""
+
+    assembly: Assembly
+    poses: Array
+    loads: Array
+    residual_n: Array
+    converged: np.ndarray
+
+    def contact_poses(self, name: str) -> Array:
+        """Poses (n, 6) of a contact's moving body in its fixed one."""
+        contact = self._contact(name)
+        q = ca.MX.sym("q", 6, 2)
+        pose = ca.Function("contact_pose", [q], [self.assembly.contact_pose(contact, q)])
+        return np.array([np.asarray(pose(poses.T)).ravel() for poses in self.poses])
+
+    def verdict(self, name: str) -> Verdict:
+        """What the elastic foundation says of a contact at these poses."""
+        model = self._contact(name).model
+        return judge(model, self.contact_poses(name), self.converged, own_model(model.scene))
+
+    def _contact(self, name: str) -> Contact:
+        return next(contact for contact in self.assembly.contacts if contact.name == name)
+
+
+def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | None = None) -> Ride:
+    """Settle the patella in every frame.
+
+    femur: poses (n, 6) in the tibia. tension_n: pull of the quadriceps (n,). start: poses (n, 6) of the patella, each
+    frame's own. Raises ValueError for wrong shapes, slack quadriceps, and an assembly of other bodies.
+    """
+    femur, tension_n = as_poses(femur), np.asarray(tension_n, dtype=float)
+    if assembly.bodies != ("femur", "patella") or len(assembly.pulls) != 1:
+        raise ValueError(
+            f"assembly {assembly.name} has the bodies {', '.join(assembly.bodies)}, expected femur, patella"
+        )
+    if tension_n.shape != (len(femur),) or not (tension_n > 0.0).all():
+        raise ValueError(
+            f"tensions have shape {tension_n.shape}, expected a positive one for each of {len(femur)} frames"
+        )
+    settle, function = Settling(assembly, {"patella": POSE_NAMES}), assembly.function()
+    poses = np.stack([femur, np.tile(assembly.start_poses()[1], (len(femur), 1)) if start is None else start], axis=1)
+    residual = np.full(len(femur), np.inf)
+    for frame, neighbour in _outwards(femur, assembly.start_poses()[0]):
+        if start is None and neighbour is not None:
+            poses[frame, 1] = poses[neighbour, 1]
+        held = settle(poses[frame], tensions=[float(tension_n[frame])], tolerance=TOLERANCE_N)
+        residual[frame] = held.residual
+        poses[frame] = held.poses if held.converged else poses[frame]
+    loads = np.array([np.asarray(function(pair.T)).ravel() for pair in poses])
+    return Ride(assembly, poses, loads, residual, residual <= TOLERANCE_N)
+
+
+def start_poses(ride: Ride, rng: np.random.Generator) -> Array:
+    """Poses (n, 6) of the patella at random about where it rides, up to `ASIDE_MM` and `ASIDE_RAD` off."""
+    spread = np.repeat([ASIDE_MM, ASIDE_RAD], 3)
+    return np.asarray(ride.poses[:, 1] + rng.uniform(-1.0, 1.0, ride.poses[:, 1].shape) * spread)
+
+
+def _outwards(femur: Array, begin: Array) -> list[tuple[int, int | None]]:
+    """Frames and the neighbour that each begins at, from the one whose flexion is nearest to that of begin (6,)."""
+    first = int(np.abs(femur[:, 5] - begin[5]).argmin())
+    after = [(frame, frame - 1) for frame in range(first + 1, len(femur))]
+    before = [(frame, frame + 1) for frame in range(first - 1, -1, -1)]
+    return [(first, None), *after, *before]

@@ -1,0 +1,141 @@
+"""A squat by direct collocation: least activation, with a weight on the medial contact force.
+
+    min  mean over time of [ mean_m a_m² + w·(F_med/BW)² + ε·(change of a)² ]
+
+over the segments' angles φ, their rates, activations a and the knee's pose (tx, ty, rx) at every collocation point,
+subject to the leg's equations of motion, the balance of forces across the knee with the contact model's loads
+(`leg`), and the centre of pressure under the foot. Knee flexion goes down and up once as a cosine of time, as to a
+metronome; ankle, hip and muscles are free, at rest at both ends. (With free timing the least activation is to stand as
+long as possible and drop.) w is a parameter of the nlp: one solver for all points of the trade-off, exact Hessian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact import SymbolicContact
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.optimisation import KNEE_STEPS, total_selection
+from problems.common.collocation import Collocation
+from problems.squat.leg import Body, LegMechanics
+from problems.squat.muscles import MUSCLES
+
+FREE = ("tx", "ty", "rx")
+STANDING_FLEXION_DEG = 10.0
+LEAST_ACTIVATION = 0.01
+_STEADINESS = 1e-3  # of activations' changes from point to point
+_LOWEST = np.array([-0.2, -2.0, -0.4])  # lean of shank, thigh, trunk [rad]
+_HIGHEST = np.array([0.8, 0.2, 1.4])
+_TO_STEPS = KNEE_STEPS[[pose_index(name) for name in FREE]]
+_REACH = np.array([15.0, np.inf, 0.05])  # tx [mm], ty, rx [rad]: where the condyles still lie in their dishes
+_FORCE_N, _MOMENT_NM = 1000.0, 100.0  # of constraints
+
+
+@dataclass(frozen=True)
+class Squat:
+    """A problem that can be looked at unsolved: nlp with parameter w, bounds on x and g, and the parts of x.
+
+    unpack: x -> φ (3, points), rates (3, points) [rad/s], activations (m, points), poses of the knee (6, points).
+    """
+
+    model: SymbolicContact
+    mechanics: LegMechanics
+    grid: Collocation
+    depth_deg: float
+    nlp: dict[str, Any]
+    lower: Array
+    upper: Array
+    lower_g: Array
+    upper_g: Array
+    unpack: ca.Function
+
+
+def build(
+    model: SymbolicContact,
+    body: Body | None = None,
+    *,
+    depth_deg: float = 80.0,
+    duration_s: float = 3.0,
+    intervals: int = 24,
+    degree: int = 3,
+) -> Squat:
+    """Transcribe the squat. Raises ValueError for a depth that is no squat, and as `Collocation` does."""
+    if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not duration_s > 0.0:
+        raise ValueError(
+            f"depth {depth_deg} deg, {duration_s} s: expected a knee flexion above {STANDING_FLEXION_DEG:g} and up to "
+            "110 deg, and a positive time"
+        )
+    grid = Collocation(intervals, degree, duration_s)
+    mechanics = LegMechanics.of(Body() if body is None else body)
+    points = intervals * degree
+    node_phi, node_rate = ca.MX.sym("node_phi", 3, intervals + 1), ca.MX.sym("node_rate", 3, intervals + 1)
+    phi, rate = ca.MX.sym("phi", 3, points), ca.MX.sym("rate", 3, points)
+    a, knee = ca.MX.sym("a", len(MUSCLES), points), ca.MX.sym("knee", 3, points)
+    moment = _moment_function(model, mechanics)
+    bend = grid.slopes(node_rate, rate) / grid.step_s
+    left, within, medial = moment.map(points)(phi, rate, bend, a, knee)
+    given = ca.DM(flexion_rad(grid.times_s, depth_deg, duration_s)).T
+    equal = [
+        ca.vec(grid.slopes(node_phi, phi) - grid.step_s * rate),
+        ca.vec(grid.jumps(node_phi, phi)),
+        ca.vec(grid.jumps(node_rate, rate)),
+        ca.vec(left),
+        ca.vec(phi[0, :] - phi[1, :] - given),
+        node_phi[0, 0] - node_phi[1, 0] - np.radians(STANDING_FLEXION_DEG),
+        node_rate[:, 0],
+        node_rate[[0, 2], -1],  # the thigh's follows from these and the flexion
+    ]
+    zeros = sum(part.numel() for part in equal)
+    weight = ca.MX.sym("weight")
+    weights = ca.DM(grid.weights)
+    effort = ca.dot(weights, ca.sum1(a**2).T) / len(MUSCLES)
+    cost = effort + weight * ca.dot(weights, (medial.T / mechanics.body.weight_n) ** 2)
+    cost += _STEADINESS * ca.sumsqr(a[:, 1:] - a[:, :-1])
+    x = ca.vertcat(*(ca.vec(part) for part in (node_phi, node_rate, phi, rate, a, knee)))
+    lean = [np.tile(bound, intervals + 1) for bound in (_LOWEST, _HIGHEST)]
+    leans = [np.tile(bound, points) for bound in (_LOWEST, _HIGHEST)]
+    nodes, each = (np.full(n, np.inf) for n in (node_rate.numel(), rate.numel()))
+    reach = np.tile(_REACH / _TO_STEPS, points)
+    activations = np.ones(a.numel())
+    return Squat(
+        model=model,
+        mechanics=mechanics,
+        grid=grid,
+        depth_deg=depth_deg,
+        nlp={"x": x, "p": weight, "f": cost, "g": ca.vertcat(*equal, ca.vec(within))},
+        lower=np.concatenate([lean[0], -nodes, leans[0], -each, LEAST_ACTIVATION * activations, -reach]),
+        upper=np.concatenate([lean[1], nodes, leans[1], each, activations, reach]),
+        lower_g=np.zeros(zeros + within.numel()),
+        upper_g=np.concatenate([np.zeros(zeros), np.full(within.numel(), np.inf)]),
+        unpack=ca.Function("unpack", [x], [phi, rate, a, _poses(phi, knee)]),
+    )
+
+
+def flexion_rad(time_s: Array, depth_deg: float, duration_s: float) -> Array:
+    """Knee flexion (n,) of the squat: from standing to the depth and back."""
+    swing = 0.5 * (depth_deg - STANDING_FLEXION_DEG) * (1.0 - np.cos(2.0 * np.pi * time_s / duration_s))
+    return np.asarray(np.radians(STANDING_FLEXION_DEG + swing))
+
+
+def _poses(phi: ca.MX, knee: ca.MX) -> ca.MX:
+    """Poses of the femur in the insert (6, n)."""
+    moved, zero = ca.mtimes(ca.diag(ca.DM(_TO_STEPS)), knee), 0.0 * phi[0, :]
+    return ca.vertcat(moved[0, :], moved[1, :], zero, moved[2, :], zero, phi[1, :] - phi[0, :])
+
+
+def _moment_function(model: SymbolicContact, mechanics: LegMechanics) -> ca.Function:
+    """(φ, φ̇, φ̈, a, scaled knee pose) -> what is left of the balances (6), room of the centre of pressure (2), and
+    medial contact force [N]."""
+    phi, rate, bend = (ca.MX.sym(name, 3) for name in ("phi", "rate", "acceleration"))
+    a, knee = ca.MX.sym("a", len(MUSCLES)), ca.MX.sym("knee", 3)
+    pose = _poses(phi, knee)
+    loads = model.function(compiled=True)(pose)
+    wrench = ca.mtimes(ca.sparsify(ca.DM(total_selection(model.load_names))), loads)
+    motion, across, _, within = mechanics.residuals(phi, rate, bend, a, pose, wrench)
+    left = ca.vertcat(motion / _MOMENT_NM, across[:2] / _FORCE_N, across[2] / _MOMENT_NM)
+    medial = -loads[model.load_names.index("Fy_med")]
+    return ca.Function("moment", [phi, rate, bend, a, knee], [left, within / _MOMENT_NM, medial])

@@ -1,0 +1,63 @@
+"""The command ``python -m problems.wear``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.files import writable_folder
+from casadi_contact.motion.pose_file import read_poses
+from casadi_contact.scenes import load_scene
+from problems.common.command import RESULTS, new_app, run_command
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.wear.cycle import simulated_poses
+from problems.wear.problem import WEAR_FACTOR, archard_wear, volume_mm3
+from problems.wear.report import report
+
+NAME = "wear"
+app = new_app()
+
+
+@app.command()
+def run(
+    surrogate: SurrogateOption = None,
+    scene: SceneOption = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="one closed cycle of --scene, CSV or .mot; simulated if left out")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=8, help="of the simulated cycle")] = 200,
+    wear_factor: Annotated[float, typer.Option(help="[mm³/(N·m)]")] = WEAR_FACTOR,
+    out: Annotated[Path, typer.Option(help="folder for wear.csv, .png, .json")] = RESULTS / NAME,
+) -> None:
+    """Wear of the insert over a cycle, of the knee simulator or from a file, by Archard's law on the scene's EF."""
+    writable_folder(out)
+    if poses is not None:
+        if scene is None or surrogate is not None:
+            raise ValueError("--poses needs --scene, and no --surrogate: its elements are what wears")
+        of, cycle = load_scene(scene), read_poses(poses)
+    else:
+        model = ContactSource.of(surrogate, scene).load()
+        of, cycle = model.scene, simulated_poses(model, frames)
+    began = time.perf_counter()
+    fine = ElasticFoundation(of, of.grids.get("teacher"))
+    wear = archard_wear(fine, cycle, wear_factor)
+    seconds = time.perf_counter() - began
+    fewer = ElasticFoundation(of)
+    coarser = {
+        "every other frame": volume_mm3(archard_wear(fine, cycle[::2], wear_factor)),
+        f"elements {fewer.grid[0]}×{fewer.grid[1]}": volume_mm3(archard_wear(fewer, cycle, wear_factor)),
+    }
+    report(fine, wear, coarser, wear_factor, seconds, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Derivatives by the dish's radii: those of the loads and depths of knees with other dishes."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Rays
+from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
+from casadi_contact.contact.polar.pressures import patch_moments
+from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.conventions import rotation
+from tests.contact.test_polar import KNEE
+
+RAYS = Rays(48, 5)
+STEP_MM = 1e-3
+POSES = np.array([KNEE, [-1.0, 27.3, 0.4, 0.002, 0.06, -0.15], [2.0, 27.1, -0.5, -0.003, -0.1, -1.2]])
+
+
+def foundation(**radii):
+    return cc.PolarFoundation(cc.load_scene("knee", **radii), RAYS, compiled=False)
+
+
+@pytest.mark.parametrize("radius", range(2))
+def test_loads_and_depths_change_with_the_radii_as_those_of_other_knees(radius):
+    knee = foundation()
+    R, t = rotation(POSES[:, 3:]), POSES[:, :3]
+    assert not knee.at_edge(POSES).any()
+    at = knee.scene.geometry[RADII[radius]]
+    others = [foundation(**{RADII[radius]: at + sign * STEP_MM}) for sign in (1.0, -1.0)]
+    for p, patch in enumerate(knee.patches):
+        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, R, t)
+        more, less = (patch_loads(o.patches[p], o.law, RAYS, R, t).wrench for o in others)
+        expected = (more - less) / (2.0 * STEP_MM)
+        assert np.abs(expected).max() > 100.0
+        np.testing.assert_allclose(wrenches[..., radius], expected, atol=2e-4 * np.abs(expected).max())
+        np.testing.assert_allclose(there.depth, patch_moments(patch, knee.law, RAYS, R, t)[0][:, 5])
+        more, less = (patch_moments(o.patches[p], o.law, RAYS, R, t)[0][:, 5] for o in others)
+        np.testing.assert_allclose(depths[:, radius], (more - less) / (2.0 * STEP_MM), atol=1e-5)
+
+
+def test_an_elastic_foundation_on_elements_changes_alike():
+    """Another code: 320×160 elements, differenced over a tenth of a millimetre."""
+    knee = foundation()
+    R, t = rotation(POSES[:, 3:]), POSES[:, :3]
+    for radius, name in enumerate(RADII):
+        at = knee.scene.geometry[name]
+        more, less = (
+            cc.ElasticFoundation(cc.load_scene("knee", **{name: at + sign * 0.05}), (320, 160)).wrenches(POSES)
+            for sign in (1.0, -1.0)
+        )
+        expected = (more - less) / 0.1
+        for p, patch in enumerate(knee.patches):
+            slopes = dish_slopes(patch, knee.law, RAYS, R, t)[0][..., radius]
+            np.testing.assert_allclose(slopes, expected[:, p], atol=5e-3 * np.abs(expected).max())
+
+
+def test_out_of_contact_nothing_changes():
+    knee = foundation()
+    lifted = POSES + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
+    for patch in knee.patches:
+        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, rotation(lifted[:, 3:]), lifted[:, :3])
+        assert (wrenches == 0.0).all()
+        assert (depths == 0.0).all()
+        assert (there.depth < 0.0).all()
+
+
+def test_a_plane_has_no_dish():
+    plane = cc.PolarFoundation(cc.load_scene("sphere_on_plane"), RAYS, compiled=False)
+    with pytest.raises(ValueError, match="has no dish"):
+        dish_slopes(plane.patches[0], plane.law, RAYS, np.eye(3)[None], np.zeros((1, 3)))

@@ -1,0 +1,98 @@
+"""What a page is made of: triangles, packed arrays, WebAssembly."""
+
+import base64
+import gzip
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.cli import app
+from casadi_contact.live import webassembly as compiling
+from casadi_contact.live.arrays import packed
+from casadi_contact.live.fixed_surface import fixed_surfaces
+from casadi_contact.live.joint_page import joint_page, page_script
+from casadi_contact.live.moving_body import moving_body
+from casadi_contact.live.triangles import Triangles
+
+
+def areas(triangles):
+    a, b, c = np.moveaxis(triangles.points_mm[triangles.corners], 1, 0)
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def square(step=1.0):
+    x, z = np.meshgrid(np.arange(0.0, 5.0, step), np.arange(0.0, 4.0, step), indexing="ij")
+    return Triangles.of_grid(np.stack([x, 0.0 * x, z], -1), np.broadcast_to([0.0, 1.0, 0.0], (*x.shape, 3)))
+
+
+def test_triangles_face_the_way_their_normals_do():
+    np.testing.assert_allclose(areas(square()).sum(axis=0), [0.0, 12.0, 0.0])
+
+
+def test_a_surface_with_what_lies_behind_it_is_a_closed_body():
+    """Area vectors of a closed body add up to nothing, and its volume is area × thickness."""
+    body = Triangles.together([square(), square().behind(3.0)])
+    np.testing.assert_allclose(areas(body).sum(axis=0), 0.0, atol=1e-12)
+    middles = body.points_mm[body.corners].mean(axis=1)
+    assert np.einsum("ij,ij->", middles, areas(body)) / 3.0 == pytest.approx(36.0)
+
+
+@pytest.mark.parametrize(
+    "scene", ["knee", "hip", "patellofemoral", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane"]
+)
+def test_points_of_the_drawn_moving_body_lie_on_its_surface(scene):
+    loaded = cc.load_scene(scene)
+    model = cc.ElasticFoundation(loaded, (8, 8))
+    points = moving_body(loaded).points_mm
+    distances = np.stack([model.distances(points, np.zeros(6), patch) for patch in loaded.patch_names])
+    np.testing.assert_allclose(np.abs(distances).min(axis=0), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("scene", ["knee", "hip", "patellofemoral", "sphere_on_plane", "cylinder_on_plane"])
+def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
+    model = cc.foundation(scene)
+    for surface, elements in zip(fixed_surfaces(model), model.scene.elements((60, 60)), strict=True):
+        size = np.linalg.norm(areas(surface.triangles), axis=1).sum()
+        assert size == pytest.approx(elements.areas_mm2.sum(), rel=0.01)
+        assert surface.triangles.point_areas_mm2.sum() == pytest.approx(size)
+
+
+def test_packed_arrays_are_the_same_bytes_every_time_and_lie_where_the_index_says():
+    given = {"a": np.arange(3, dtype=np.uint8), "b": np.linspace(0.0, 1.0, 5), "c": np.arange(4, dtype=np.uint32)}
+    index, text = packed(given)
+    assert packed(given) == (index, text)
+    data = gzip.decompress(base64.b64decode(text))
+    for entry in index:
+        array = given[entry["name"]]
+        found = np.frombuffer(data, array.dtype, entry["count"], entry["offset"])
+        np.testing.assert_array_equal(found, array)
+
+
+def test_the_page_s_script_has_no_import_left():
+    assert "import " not in page_script()
+    assert "export " not in page_script()
+
+
+def test_the_same_sources_give_the_same_webassembly():
+    pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
+    files = {"one.c": "double one(double x) { return x + 1.0; }\n"}
+    first = compiling.webassembly(files, ["one"])
+    assert first[:4] == b"\0asm"
+    assert compiling.webassembly(files, ["one"]) == first
+    with pytest.raises(OSError, match="ziglang failed"):
+        compiling.webassembly({"one.c": "double one(\n"}, ["one"])
+
+
+def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiling, "find_spec", lambda name: None)
+    done = CliRunner().invoke(app, ["page", "hip", "--out", str(tmp_path / "hip.html")])
+    assert done.exit_code != 0
+    assert "pip install casadi_contact[page]" in str(done.exception)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_surrogate_of_another_scene_is_refused():
+    with pytest.raises(ValueError, match=r"trained for another scene \(knee\) than hip"):
+        joint_page("hip", surrogate="knee")

@@ -1,0 +1,141 @@
+"""Calibration: the truth is found again, the stated uncertainty is the real one, and what data leave open is named."""
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.motion.columns import write_columns
+from problems import calibration
+from problems.calibration import __main__
+from problems.calibration.measurement import TRUTH, in_fixed_body, in_scene_frame
+from problems.calibration.solve import start_values
+from problems.calibration.uncertainty import reduced_hessian
+from tests.support.compiler import needs_compiler
+
+pytestmark = needs_compiler
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.PolarFoundation(cc.load_scene("knee"))
+
+
+def made_up(knee, names=calibration.DEFAULT, **options):
+    truth = {name: TRUTH[name] for name in names}
+    measured = calibration.synthetic_measurement(knee, truth, frames=FRAMES, **options)
+    return calibration.build(knee, measured, names), np.array(list(truth.values()))
+
+
+def test_without_noise_the_truth_is_recovered(knee):
+    problem, truth = made_up(knee, noise=0.0)
+    result = calibration.solve(problem)
+    assert result.solved
+    np.testing.assert_allclose(result.values, truth, rtol=1e-6)
+    assert np.abs(result.load_error).max() < 1e-3
+
+
+def test_estimates_scatter_about_the_truth_as_their_standard_deviations_say(knee):
+    """Twelve noises, six parameters: the root mean square of 72 normal numbers lies within 0.75 and 1.25."""
+    scores, misfits = [], []
+    for seed in range(12):
+        problem, truth = made_up(knee, seed=seed)
+        result = calibration.solve(problem)
+        scores.append((result.values - truth) / result.uncertainty.deviation)
+        misfits.append(result.misfit)
+    assert 0.75 < np.sqrt(np.mean(np.square(scores))) < 1.25
+    assert np.mean(misfits) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_reduced_hessian_is_the_schur_complement_of_that_of_all_variables(knee):
+    problem, _ = made_up(knee)
+    x = start_values(problem)
+    m = len(problem.parameters)
+    whole = np.array(problem.hessian(x, [], 1.0, []))
+    whole = np.triu(whole) + np.triu(whole, 1).T
+    whole[:m, :m] -= np.eye(m)  # the damping
+    schur = whole[:m, :m] - whole[:m, m:] @ np.linalg.solve(whole[m:, m:], whole[m:, :m])
+    np.testing.assert_allclose(reduced_hessian(problem, x[:m], x[m:].reshape(-1, 6)), schur, rtol=1e-6)
+
+
+def test_random_starts_reach_the_same_estimate(knee):
+    problem, _ = made_up(knee)
+    result = calibration.solve(problem)
+    for start in calibration.random_starts(problem, 3):
+        away = np.abs(calibration.solve(problem, start).values - result.values)
+        assert (away < 1e-3 * result.uncertainty.deviation).all()
+
+
+def test_stiffness_and_thickness_are_not_told_apart_but_their_ratio_is_found(knee):
+    problem, truth = made_up(knee, ("youngs_modulus", "thickness"), noise=0.0)
+    result = calibration.solve(problem)
+    assert result.uncertainty.tied == (("youngs_modulus", "thickness"),)
+    assert np.isinf(result.uncertainty.deviation).all()
+    assert result.values[0] / result.values[1] == pytest.approx(truth[0] / truth[1], rel=1e-6)
+
+
+def test_a_dish_turned_about_its_own_axis_is_the_same_dish(knee):
+    """Its axis lies along z at a height of one radius: slope and anterior-posterior place are one number."""
+    problem, _ = made_up(knee, ("fixed_tx", "fixed_ty", "fixed_rz"))
+    tied = calibration.solve(problem).uncertainty.tied
+    assert len(tied) == 1
+    assert {"fixed_tx", "fixed_rz"} <= set(tied[0])
+
+
+def test_frames_of_scene_and_insert_lead_to_each_other():
+    poses, place = np.array([[1.0, 27.0, -2.0, 0.1, -0.2, -0.9]]), np.array([3.0, -2.0, 5.0, 0.2, -0.1, 0.3])
+    np.testing.assert_allclose(in_fixed_body(in_scene_frame(poses, place), place), poses, atol=1e-12)
+
+
+def test_what_cannot_be_estimated_is_refused(knee):
+    problem, _ = made_up(knee)
+    with pytest.raises(ValueError, match="parameters radius, expected some of"):
+        calibration.build(knee, problem.measured, ("radius",))
+    with pytest.raises(ValueError, match="deviation force_n is 0"):
+        calibration.Measurement(problem.measured.poses, problem.measured.loads, knee.load_names, force_n=0.0)
+    with pytest.raises(ValueError, match="start holds thickness, expected youngs_modulus"):
+        calibration.solve(problem, {"thickness": 7.0})
+
+
+def command(monkeypatch, *arguments):
+    """Exit status (text where a mistake is reported) of the command line."""
+    monkeypatch.setattr(sys, "argv", ["calibration", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    return end.value.code
+
+
+def test_a_measurement_written_is_read_back(knee, tmp_path):
+    problem, _ = made_up(knee)
+    write_columns(tmp_path / "measured.csv", problem.measured.columns())
+    again = calibration.read_measurement(tmp_path / "measured.csv", knee, force_n=7.0)
+    np.testing.assert_array_equal(again.poses, problem.measured.poses)
+    np.testing.assert_array_equal(again.loads, problem.measured.loads)
+    assert again.load_deviation.tolist() == [7.0] * 4 + [100.0] * 3
+
+
+def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, capsys):
+    assert command(monkeypatch, "--out", tmp_path, "--frames", FRAMES, "--starts", 1) == 0
+    assert "1 of 1 random starts reach it" in capsys.readouterr().out.replace("\n", " ")
+    rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
+    assert [row["parameter"] for row in rows] == list(calibration.DEFAULT)
+    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["not_identifiable_together"] == []
+    assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_parameters_that_are_not_identifiable_together_end_with_status_2(tmp_path, monkeypatch, capsys):
+    arguments = ("--parameters", "youngs_modulus,thickness", "--frames", FRAMES, "--starts", 0, "--out", tmp_path)
+    assert command(monkeypatch, *arguments) == 2
+    assert "do not tell apart: youngs_modulus and thickness" in capsys.readouterr().err
+
+
+def test_a_mistake_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "short.csv").write_text("tx_mm\n1.0\n", "utf-8")
+    said = command(monkeypatch, "--measured", tmp_path / "short.csv", "--out", tmp_path)
+    assert said.startswith("calibration: ")
+    assert "lacks the columns ty_mm" in said
+    assert "\n" not in said

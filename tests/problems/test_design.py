@@ -1,0 +1,121 @@
+"""Design of a dish: derivatives by all inputs, an optimum that keeps its bounds, and the EF that finds it again."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.scenes import Scene
+from problems import design
+from problems.design import __main__
+from problems.design.problem import BALANCED
+from problems.design.report import agrees
+from problems.design.solve import balanced, on_elements
+
+BOUNDS = design.Bounds((5.0, 8.0), (0.5, 2.0))
+
+
+@pytest.fixture(scope="module")
+def contact():
+    return design.DishContact(cc.load_scene("knee"), cc.contact.Rays(12, 3))
+
+
+@pytest.fixture(scope="module")
+def solved(contact):
+    problem = design.build(contact, BOUNDS, frames=4)
+    return problem, design.solve(problem)
+
+
+def test_derivatives_by_pose_and_radii_are_those_of_the_loads_and_depths():
+    """They are those of the integral: of its sum, too, where there are many rays."""
+    contact = design.DishContact(cc.load_scene("knee"), cc.contact.Rays(48, 5))
+    pose, radii = np.array([[0.5, 27.18, 0.1, 0.0, -0.05, -0.3]]), contact.radii_mm
+    _, slopes = contact.evaluate(pose, radii)
+    at, steps = np.concatenate([pose[0], radii]), np.array([*[1e-5] * 3, *[4e-7] * 3, 1e-4, 1e-4])
+    for k, step in enumerate(np.diag(steps)):
+        more, less = (contact.evaluate((at + sign * step)[None, :6], (at + sign * step)[6:])[0] for sign in (1, -1))
+        expected = (more - less)[0] / (2.0 * steps[k])
+        loads, depths = slice(0, -2), slice(-2, None)
+        np.testing.assert_allclose(slopes[0, loads, k], expected[loads], atol=2e-3 * np.abs(expected[loads]).max())
+        np.testing.assert_allclose(slopes[0, depths, k], expected[depths], atol=1e-4 * (1.0 + np.abs(expected).max()))
+
+
+def test_the_function_of_all_poses_has_the_same_values_and_derivatives(contact):
+    poses = np.array([[0.5, 27.18, 0.1, 0.0, -0.05, -0.3], [0.0, 27.1, 0.0, 0.001, 0.0, -0.6]])
+    values, slopes = contact.evaluate(poses, contact.radii_mm)
+    f = contact.function(2)
+    point = np.concatenate([poses.ravel(), contact.radii_mm])
+    np.testing.assert_allclose(np.array(f(point)).reshape(2, -1), values)
+    whole = np.array(f.jacobian()(point, f(point)))
+    np.testing.assert_allclose(whole[: values.shape[1], :6], slopes[0, :, :6])
+    np.testing.assert_allclose(whole[values.shape[1] :, 6:12], slopes[1, :, :6])
+    np.testing.assert_allclose(whole[:, -2:], slopes[:, :, 6:].reshape(-1, 2))
+    assert (whole[: values.shape[1], 6:12] == 0.0).all()
+
+
+def test_the_best_dish_lowers_the_peak_carries_all_loads_and_keeps_its_laxity(contact, solved):
+    problem, result = solved
+    assert result.solved, result.ipopt_status
+    assert result.best.peak_mpa < 0.9 * result.first.peak_mpa
+    loads = contact.evaluate(result.best.poses, result.best.radii_mm)[0]
+    columns = [contact.load_names.index(name) for name in BALANCED]
+    np.testing.assert_allclose(loads[:, columns], problem.wanted, atol=1e-3)
+    for travel, (low, high) in zip(result.best.laxity_mm, (BOUNDS.ap_mm, BOUNDS.ml_mm), strict=True):
+        assert low - 1e-5 <= travel <= high + 1e-5
+
+
+def test_no_dish_nearby_within_the_laxity_bounds_is_better(contact, solved):
+    problem, result = solved
+    for move in ([0.5, 0.0], [0.0, 0.3], [-0.5, 0.3], [0.5, -0.3]):
+        radii = result.best.radii_mm + move
+        model = cc.PolarFoundation(contact.with_radii(radii), contact.rays, compiled=False)
+        near = balanced(problem, radii, model, result.best.poses)
+        lax = np.array([BOUNDS.ap_mm, BOUNDS.ml_mm])
+        allowed = (near.laxity_mm >= lax[:, 0]).all() and (near.laxity_mm <= lax[:, 1]).all()
+        assert not allowed or near.peak_mpa > result.best.peak_mpa
+
+
+def test_elements_settled_by_themselves_find_the_same_peak_and_laxity(solved):
+    problem, result = solved
+    assert agrees(result.best, on_elements(problem, result.best))
+
+
+def test_scenes_without_one_dish_for_both_sides_are_refused(contact):
+    with pytest.raises(ValueError, match="has the shape sphere_in_dish, expected a knee"):
+        design.DishContact(cc.load_scene("sphere_in_dish"))
+    tables = contact.scene.tables
+    uneven = {**tables, "geometry": {**tables["geometry"], "med": {"dish_frontal_radius": 28.0}}}
+    with pytest.raises(ValueError, match="expected a knee with the same dish on both sides"):
+        design.DishContact(Scene.from_tables(uneven))
+
+
+def test_bounds_and_laws_that_make_no_problem_are_refused(contact):
+    with pytest.raises(ValueError, match="laxity ap_mm is 8,5"):
+        design.Bounds((8.0, 5.0), (0.5, 2.0))
+    with pytest.raises(ValueError, match="the pressure law is 'log'"):
+        design.build(design.DishContact(cc.load_scene("knee", law="log")), BOUNDS)
+
+
+def command(monkeypatch, *arguments):
+    """Exit status (text where a mistake is reported) of the command line."""
+    monkeypatch.setattr(sys, "argv", ["design", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    return end.value.code
+
+
+def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch, capsys):
+    scene = tmp_path / "coarse.toml"
+    scene.write_text(cc.load_scene("knee", teacher=(160, 80)).to_toml(), "utf-8")
+    assert command(monkeypatch, "--scene", scene, "--frames", 2, "--out", tmp_path) == 0
+    assert "the EF agrees" in capsys.readouterr().out.replace("\n", " ")
+    summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
+    assert summary["best"]["peak_mpa"] < summary["first"]["peak_mpa"]
+    assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mistake_is_one_line(tmp_path, monkeypatch):
+    said = command(monkeypatch, "--ap", "5", "--out", tmp_path)
+    assert said == "design: ap is '5', expected two numbers separated by a comma"

@@ -1,0 +1,62 @@
+"""The patella in walking: pulled along by the quadriceps, in equilibrium, from any start; mistakes."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.assembly import Assembly
+from casadi_contact.conventions import POSE_IN_MM
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation import shear_free_poses
+from problems import patella
+from tests.support.compiler import needs_compiler
+
+pytestmark = needs_compiler
+TENSION_N = np.array([150.0, 500.0, 300.0])
+
+
+@pytest.fixture(scope="module")
+def ride():
+    cycle = reference_cycle(frames=101)
+    frames = [5, 15, 70]  # of flexion from 5 to 64 degrees
+    knee = cc.load_assembly("knee_with_patella")
+    femur = shear_free_poses(knee.contacts[0].model, cycle.ry[frames], cycle.rz[frames])
+    return patella.follow(knee, femur, TENSION_N)
+
+
+def load(ride, name):
+    return ride.loads[:, ride.assembly.load_names.index(name)]
+
+
+def test_the_patella_is_in_equilibrium_in_every_frame_and_the_contact_model_agrees(ride):
+    assert ride.converged.all(), ride.residual_n
+    forces = ride.assembly.forces()
+    for poses, tension in zip(ride.poses, TENSION_N, strict=True):
+        np.testing.assert_allclose(np.asarray(forces(poses.T, tension))[:, 1] / POSE_IN_MM, 0.0, atol=1e-3)
+    assert ride.verdict("patellofemoral").exit_code == 0
+
+
+def test_contact_carries_what_tendon_and_quadriceps_leave(ride):
+    """Straight they nearly cancel; the more the knee bends, the more of the pull presses the patella."""
+    pressed = load(ride, "patellofemoral_Fx_med") + load(ride, "patellofemoral_Fx_lat")
+    share = np.hypot(pressed, load(ride, "patellofemoral_Fy")) / TENSION_N
+    assert share[0] < share[2]
+    assert share[1] < share[2]
+    assert (load(ride, "patellar_tendon") < TENSION_N).all()
+    assert (load(ride, "patellar_tendon") > 0.5 * TENSION_N).all()
+
+
+def test_random_starts_end_where_the_neighbours_led(ride):
+    for seed in range(2):
+        begin = patella.start_poses(ride, np.random.default_rng(seed))
+        again = patella.follow(ride.assembly, ride.poses[:, 0], TENSION_N, begin)
+        assert again.converged.all()
+        assert np.abs((again.poses[:, 1] - ride.poses[:, 1]) * POSE_IN_MM).max() < 0.01
+
+
+def test_slack_quadriceps_and_other_assemblies_are_refused(ride):
+    with pytest.raises(ValueError, match="expected a positive one for each of 3 frames"):
+        patella.follow(ride.assembly, ride.poses[:, 0], 0.0 * TENSION_N)
+    other = Assembly("one", "earth", {"body": np.zeros(6)})
+    with pytest.raises(ValueError, match="has the bodies body, expected femur, patella"):
+        patella.follow(other, ride.poses[:, 0], TENSION_N)

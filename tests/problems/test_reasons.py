@@ -1,0 +1,109 @@
+"""Frames that are not verified say why: outside the learned range by how much in what, infeasible, or not found."""
+
+import csv
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import judge
+from problems import muscle_contact
+from problems.common.learned_range import beyond_learned
+from problems.common.outcome import print_reasons
+from problems.knee_simulator import __main__ as simulator_command
+from problems.muscle_contact.diagnosis import diagnose
+from problems.muscle_contact.example import example_walk
+from problems.static_equilibrium import __main__ as equilibrium_command
+
+NO_MODEL = "no contact model at hand"
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+def loaded(knee, force_n):
+    """A pose (1, 6) of walking with that force on both sides."""
+    poses = np.array([[0.5, 27.23, 0.1, 0.0, 0.0, -0.3]])
+    targets = dict.fromkeys(("Fy_med", "Fy_lat"), -force_n)
+    return cc.settle(knee, poses, free=("ty", "rx"), targets=targets)[0]
+
+
+def test_a_pose_outside_names_the_parameter_and_the_load_that_are_and_by_how_much(knee):
+    usual, heavy = loaded(knee, 600.0), loaded(knee, 2600.0)
+    assert beyond_learned(knee, usual)[0] == ""
+    low = knee.record["pose_range"]["rz"][0]
+    bent = usual.copy()
+    bent[0, 5] = low - 0.2
+    assert "rz by 0.2 rad" in beyond_learned(knee, bent)[0]
+    learned = -(knee.trust.root_high**2) * knee.scene.reference_load
+    said = beyond_learned(knee, heavy)[0]
+    for patch, most in zip(("med", "lat"), learned, strict=True):
+        assert f"{patch} load by {2600.0 + most:.2g} N" in said
+    assert "validity" in said
+
+
+def scaled_walk(scale):
+    walk = example_walk(frames=9)
+    return replace(walk, loads={name: scale * curve for name, curve in walk.loads.items()})
+
+
+def diagnosed(knee, scale, **options):
+    problem = muscle_contact.build(knee, scaled_walk(scale))
+    result = muscle_contact.solve(problem, **options)
+    return result, diagnose(problem, result, judge(knee, result.poses, result.converged, NO_MODEL))
+
+
+def test_a_muscle_problem_that_muscles_cannot_balance_is_infeasible_and_says_what_is_left(knee):
+    result, told = diagnosed(knee, 15.0)
+    assert result.overloaded.any()
+    for k in range(len(told.reason)):
+        assert ("infeasible: muscles and contact leave" in told.reason[k]) == result.overloaded[k]
+    assert any(" of knee_" in reason for reason in told.reason)
+
+
+def test_a_muscle_problem_that_ipopt_leaves_is_not_found(knee):
+    result, told = diagnosed(knee, 1.0, max_iterations=2)
+    assert not result.converged.any()
+    assert all(reason.startswith("not found: IPOPT stopped: Maximum_Iterations_Exceeded") for reason in told.reason)
+
+
+def test_a_sound_muscle_problem_has_no_reasons(knee):
+    assert not diagnosed(knee, 1.0)[1].reason.any()
+
+
+def ended(command, arguments, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["problem", *arguments])
+    with pytest.raises(SystemExit) as exit_info:
+        command.main()
+    return exit_info.value.code
+
+
+def test_loads_beyond_the_samples_are_refused_a_verdict_and_the_table_says_why(tmp_path, monkeypatch, capsys):
+    arguments = ["--flexions", "15", "--fy", "-7000", "--starts", "0", "--out", str(tmp_path)]
+    assert ended(equilibrium_command, arguments, monkeypatch) == 3
+    assert capsys.readouterr().out.splitlines()[0].startswith("0 of 1 solved and verified on EF 320×160; 1 solved but")
+    (row,) = csv.DictReader((tmp_path / "static_equilibrium.csv").open())
+    assert "outside the learned range (med load by" in row["reason"]
+
+
+def test_a_simulated_motion_under_too_much_load_says_where_it_left_what_was_learned(tmp_path, monkeypatch, capsys):
+    arguments = ["--load-scale", "12", "--cycles", "0.02", "--repeats", "1", "--out", str(tmp_path)]
+    assert ended(simulator_command, arguments, monkeypatch) == 3
+    lines = capsys.readouterr().out.splitlines()
+    assert "solved but differ" in lines[0]
+    assert any(line.startswith("frame") and "outside the learned range" in line for line in lines)
+    rows = list(csv.DictReader((tmp_path / "knee_simulator.csv").open()))
+    outside = [row["verdict"] for row in rows if "outside the learned range" in row["reason"]]
+    assert outside
+    assert "solved and verified" not in outside
+
+
+def test_neighbouring_rows_share_one_line():
+    console = PlainConsole(record=True, width=200)
+    print_reasons(console, np.array(["", "a", "b", "c", "", "d"], dtype=object))
+    assert console.export_text().split("\n")[:2] == ["frames 1 to 3, as 2: b", "frame 5: d"]

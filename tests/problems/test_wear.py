@@ -1,0 +1,124 @@
+"""Archard's law: what a flat punch wears off is known in closed form, and a cylinder that rolls wears nothing."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.motion.pose_file import write_poses
+from problems import wear
+from problems.wear import __main__
+
+DEPTH_MM, SIDE_MM = 0.1, 10.0
+
+
+@pytest.fixture(scope="module")
+def punch():
+    return cc.ElasticFoundation(cc.load_scene("punch_on_plane", area=SIDE_MM**2), (20, 20))
+
+
+def pressure(scene):
+    return layer_modulus(scene.material) / scene.material.thickness * DEPTH_MM
+
+
+def test_constant_pressure_and_sliding_wear_off_k_p_s_everywhere(punch):
+    """There and back by 0, 1, 2, 3, 2, 1 mm: 6 mm slid, h = k·p·s and V = k·F·s."""
+    poses = np.zeros((6, 6))
+    poses[:, 0] = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0]
+    poses[:, 1] = -DEPTH_MM
+    (found,) = wear.archard_wear(punch, poses, wear_factor=2e-7)
+    expected = 2e-7 * 1e-3 * pressure(punch.scene) * 6.0
+    np.testing.assert_allclose(found.depth_mm, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.sliding_mm, 6.0, rtol=1e-12)
+    assert found.volume_mm3 == pytest.approx(expected * SIDE_MM**2, rel=1e-9)
+
+
+def test_a_spinning_punch_wears_in_proportion_to_the_distance_from_its_axis(punch):
+    """The mean distance of a square's points from its middle is a·(√2 + ln(1 + √2))/6."""
+    spin = np.linspace(0.0, 0.02, 3)
+    poses = np.zeros((4, 6))
+    poses[:, 1], poses[:, 4] = -DEPTH_MM, [*spin, spin[1]]
+    (found,) = wear.archard_wear(punch, poses)
+    distance = np.hypot(found.centres_mm[:, 0], found.centres_mm[:, 2])
+    scale = wear.WEAR_FACTOR * 1e-3 * pressure(punch.scene) * 0.04
+    np.testing.assert_allclose(found.depth_mm, scale * distance, rtol=1e-4)
+    mean = SIDE_MM * (np.sqrt(2.0) + np.log(1.0 + np.sqrt(2.0))) / 6.0
+    assert found.volume_mm3 == pytest.approx(scale * mean * SIDE_MM**2, rel=2e-3)
+
+
+def test_a_cylinder_that_rolls_wears_next_to_nothing_beside_one_that_slides():
+    scene = cc.load_scene("cylinder_on_plane")
+    model = cc.ElasticFoundation(scene, (60, 20))
+    way = 2.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
+    sliding = np.tile(scene.start_pose, (24, 1))
+    sliding[:, 1] = scene.geometry["radius"] - DEPTH_MM
+    sliding[:, 0] = way
+    rolling = sliding.copy()
+    rolling[:, 5] = -way / scene.geometry["radius"]
+    slid, rolled = (wear.volume_mm3(wear.archard_wear(model, poses)) for poses in (sliding, rolling))
+    assert slid > 0.0
+    assert rolled < 0.01 * slid
+
+
+def test_wear_is_the_wear_factor_times_force_times_way_also_where_pressure_varies():
+    """A sphere that slides over a plane: every step's volume is k·F·Δs, whatever the pressure's shape."""
+    scene = cc.load_scene("sphere_on_plane")
+    model = cc.ElasticFoundation(scene, (80, 80))
+    poses = np.tile(scene.start_pose, (9, 1))
+    poses[:, 1] = scene.geometry["radius"] - 0.2
+    poses[:, 0] = [0.0, 0.3, 0.6, 0.9, 1.2, 0.9, 0.6, 0.3, 0.0]
+    force = -model.wrenches(poses)[:, 0, 1]
+    steps = np.abs(np.diff(poses[:, 0]))
+    expected = wear.WEAR_FACTOR * 1e-3 * (0.5 * (force[1:] + force[:-1]) @ steps)
+    assert wear.volume_mm3(wear.archard_wear(model, poses)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_pose_held_and_a_pose_out_of_contact_wear_nothing(punch):
+    held = np.tile([0.0, -DEPTH_MM, 0.0, 0.0, 0.0, 0.0], (3, 1))
+    apart = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [5.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
+    assert wear.volume_mm3(wear.archard_wear(punch, held)) == 0.0
+    assert wear.volume_mm3(wear.archard_wear(punch, apart)) == 0.0
+
+
+@pytest.mark.parametrize(("count", "factor"), [(1, 1e-7), (3, 0.0), (3, np.nan)])
+def test_what_is_no_cycle_or_no_wear_factor_is_refused(punch, count, factor):
+    with pytest.raises(ValueError, match="expected at least 2, and a positive number"):
+        wear.archard_wear(punch, np.zeros((count, 6)), factor)
+
+
+def command(monkeypatch, *arguments):
+    """Exit status (text where a mistake is reported) of the command line."""
+    monkeypatch.setattr(sys, "argv", ["wear", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    return end.value.code
+
+
+def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monkeypatch):
+    scene = tmp_path / "small.toml"
+    text = cc.load_scene("sphere_on_plane").with_overrides(teacher=(40, 40), fine=(20, 20)).to_toml()
+    scene.write_text(text, "utf-8")
+    poses = np.tile(cc.load_scene("sphere_on_plane").start_pose, (5, 1))
+    poses[:, 1], poses[:, 0] = 29.8, [0.0, 0.5, 1.0, 0.5, 0.0]
+    write_poses(np.arange(5.0), poses, tmp_path / "cycle.csv")
+    arguments = ("--scene", scene, "--poses", tmp_path / "cycle.csv", "--out", tmp_path)
+    assert command(monkeypatch, *arguments) == 0
+    summary = json.loads((tmp_path / "wear.json").read_text("utf-8"))
+    assert summary["volume_mm3"] > 0.0
+    assert sum(patch["volume_mm3"] for patch in summary["patches"].values()) == pytest.approx(summary["volume_mm3"])
+    assert (tmp_path / "wear.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_simulated_cycle_is_closed():
+    poses = wear.simulated_poses(cc.load_surrogate("knee"), 40)
+    steps = np.abs(np.diff(poses, axis=0)).max(axis=0)
+    assert poses.shape == (40, 6)
+    assert (np.abs(poses[0] - poses[-1]) <= 1.5 * steps).all()
+
+
+def test_a_mistake_is_one_line(tmp_path, monkeypatch):
+    said = command(monkeypatch, "--poses", tmp_path / "none.csv", "--out", tmp_path)
+    assert said == "wear: --poses needs --scene, and no --surrogate: its elements are what wears"

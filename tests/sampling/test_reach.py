@@ -1,0 +1,87 @@
+"""The plan `reach`: ranges instead of a motion; and joints whose pose is locked."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.sampling import Envelopes, SamplePoint, SamplingSettings, plan_domains
+from casadi_contact.sampling.chunk import Chunk, draw_chunk
+from casadi_contact.sampling.sample_point import pressed
+from casadi_contact.statics import settle
+from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
+
+INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
+REACH = {"tx": (-1.0, 2.0), "tz": (-1.0, 1.0), "ry": (-0.1, 0.1), "rz": (-2.0, 0.2)}
+REACH |= {"Fy_med": (-2500.0, -5.0), "Fy_lat": (-2500.0, 0.0)}
+
+
+def blocks(**settings):
+    scene = cc.load_scene("knee")
+    nowhere = Envelopes(INPUTS, np.zeros((1, 6)), np.zeros((1, 6)))
+    return plan_domains(nowhere, scene.normal_loads, 5.0, SamplingSettings(reach=REACH, **settings))
+
+
+def test_the_reach_is_filled_evenly_in_poses_and_in_roots_of_loads():
+    inputs = next(b.inputs for b in blocks(counts={"D3": 4000}) if b.domain == 3)
+    for column, name in enumerate(INPUTS):
+        values, (low, high) = inputs[:, column], REACH[name]
+        if name.startswith("Fy"):
+            values, low, high = np.sqrt(-values), np.sqrt(5.0), np.sqrt(2500.0)
+        counts, _ = np.histogram(values, bins=8, range=(low, high))
+        assert counts.sum() == 4000
+        assert np.abs(counts - 500).max() <= 25, name
+
+
+def test_the_reach_follows_no_motion():
+    assert {b.domain for b in blocks()} == {3, 4, 5, 6, 7}
+
+
+def test_the_boundary_stays_at_the_boundary_load():
+    for block in blocks():
+        if block.domain in (6, 7):
+            held = [block.lifted] if block.domain == 6 else [0, 1]
+            for patch in held:
+                np.testing.assert_allclose(block.inputs[:, INPUTS.index(("Fy_med", "Fy_lat")[patch])], -5.0)
+
+
+def test_a_reach_lacking_an_input_is_refused():
+    settings = SamplingSettings(reach={"tx": (0.0, 1.0)})
+    with pytest.raises(ValueError, match=r"reach = .* expected a range of each input: tx, Fy_med"):
+        settings.sample_point(cc.load_scene("knee"))
+    with pytest.raises(ValueError, match=r"reach.tx .* low < high"):
+        SamplingSettings(reach={"tx": (1.0, 0.0)})
+
+
+def test_poses_of_the_reach_start_from_first_touch_not_from_a_motion():
+    """Starts metres away: without a first touch nothing would settle."""
+    model = TwoSpheres(knee())
+    starts = np.zeros((6, 6))
+    starts[:, 1] = 5000.0
+    loads = {"Fy_med": np.full(6, -300.0), "Fy_lat": np.full(6, -200.0)}
+    settings = SamplingSettings(reach=REACH)
+    drawn = draw_chunk(model, model, Chunk(3, -1, ("ty", "rx"), starts, loads, np.zeros(6, np.uint8)), settings)
+    np.testing.assert_allclose(drawn.wrenches[:, :, 1], np.tile([-300.0, -200.0], (6, 1)), atol=1e-3)
+
+
+def test_files_of_before_know_no_reach():
+    assert "reach" not in SamplingSettings().to_table()
+    assert SamplingSettings.from_table(SamplingSettings(reach=REACH).to_table()).reach == REACH
+
+
+def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
+    scene = cc.load_scene("planar_knee")
+    point = SamplePoint.of_scene(scene)
+    assert (point.inputs, point.free) == (("tx", "Fy", "rz"), ("ty",))
+    assert [normal.loads for normal in pressed(scene)] == [("Fy",)]
+    assert scene.load_names == ("Fy", "Fx")
+    assert set(scene.tolerances) == {"Fy", "Fx"}
+
+
+def test_a_total_load_is_settled_through_liftoff_and_back():
+    """From above and from too deep, the total of both sides is met by ty alone."""
+    model = TwoSpheres(cc.load_scene("planar_knee"))
+    poses = np.zeros((4, 6))
+    poses[:, 1] = RADIUS_MM + np.array([1.0, 0.2, 0.0, -0.3])
+    settled, report = settle(model, poses, ("ty",), {"Fy": -600.0})
+    assert report.converged.all()
+    np.testing.assert_allclose(settled[:, 1], RADIUS_MM - np.sqrt(300.0 / STIFFNESS), atol=1e-6)

@@ -1,0 +1,50 @@
+"""A joint that is its own mirror image learns one side; the other side's networks are reflections."""
+
+import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.conventions import REFLECTION
+from casadi_contact.dataset import Samples
+from casadi_contact.dataset.mirror import either_side, mirrored
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import PatchSurrogate
+from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.two_spheres import TwoSpheres
+
+
+def drawn(count=200):
+    model, poses = TwoSpheres(cc.load_scene("knee")), random_poses(count)
+    flags = np.ones(count, np.uint8)
+    return model, Samples(model.scene, poses, model.wrenches(poses), model.gaps(poses), flags, 0 * flags)
+
+
+def test_mirrored_samples_of_a_symmetric_joint_are_the_model_s_own():
+    """The contact model itself is the oracle: at mirrored poses it gives the mirrored wrenches and gaps."""
+    model, samples = drawn()
+    for image in (mirrored(samples), either_side(samples)):
+        np.testing.assert_allclose(image.wrenches, model.wrenches(image.poses), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(image.gaps, model.gaps(image.poses), rtol=1e-9)
+    assert 0.3 < np.mean((either_side(samples).poses == samples.poses).all(axis=1)) < 0.7
+
+
+def test_a_surrogate_of_reflected_networks_mirrors_loads():
+    scene = cc.load_scene("knee")
+    networks = random_surrogate(scene, "patch", seed=2).networks
+    twins = PatchSurrogate.twins(scene)
+    networks |= {twin: PatchSurrogate.reflection(twin, networks[of], scene) for twin, of in twins.items()}
+    assert set(twins) | set(twins.values()) == set(networks)
+    surrogate, poses = PatchSurrogate(scene, networks), random_poses(40)
+    image = surrogate.wrenches(poses * REFLECTION)[:, ::-1] * REFLECTION
+    assert (surrogate.wrenches(poses) != 0.0).any()
+    np.testing.assert_allclose(surrogate.wrenches(poses), image, rtol=1e-10, atol=1e-10)
+
+
+def test_only_joints_of_equal_sides_are_symmetric():
+    knee = cc.load_scene("knee")
+    assert knee.symmetric
+    assert cc.load_scene("planar_knee").symmetric
+    other = {**knee.tables, "geometry": {**knee.geometry, "lat": {"frontal_radius": 21.0}}}
+    assert not Scene.from_tables(other).symmetric
+    assert not Scene.from_tables({**knee.tables, "pose": {"locked": {"tz": 1.0}}}).symmetric
+    assert not cc.load_scene("hip").symmetric
+    assert PatchSurrogate.twins(cc.load_scene("hip")) == {}

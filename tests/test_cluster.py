@@ -1,0 +1,106 @@
+"""Work on a Dask cluster: the same results as on one machine, whatever dies on the way."""
+
+import json
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from casadi_contact.cluster import cluster_workers
+from casadi_contact.dataset import partial_folder
+from casadi_contact.training import TrainingSettings, fit_all
+from casadi_contact.training.mlp import flatten
+from tests.sampling.test_draw import draw
+from tests.support.regressions import smooth
+
+distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
+WORKERS = 4
+
+
+@pytest.fixture
+def cluster():
+    """Four worker processes; a task may end as many of them as the tests kill."""
+    import dask
+
+    settings = {"distributed.scheduler.allowed-failures": 20, "distributed.admin.large-graph-warning-threshold": "1GB"}
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=WORKERS, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as running,
+    ):
+        yield running
+
+
+class Killer:
+    """Kills one worker after another, each time it is called, until `count` are dead."""
+
+    def __init__(self, address, count):
+        self.client, self.left, self.killed = distributed.Client(address, set_as_default=False), count, []
+
+    def __call__(self, *progress):
+        if self.left:
+            pids = sorted(set(self.client.run(os.getpid, on_error="ignore").values()) - set(self.killed))
+            if pids:
+                os.kill(pids[0], signal.SIGKILL)
+                self.killed.append(pids[0])
+                self.left -= 1
+
+
+def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "here.h5", executor)
+    killer = Killer(cluster.scheduler_address, 10)
+    with killer.client, cluster_workers(cluster.scheduler_address) as executor:
+        draw(tmp_path / "there.h5", executor, progress=killer)
+    assert len(set(killer.killed)) == 10
+    assert (tmp_path / "there.h5").read_bytes() == (tmp_path / "here.h5").read_bytes()
+
+
+def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_machine(cluster, tmp_path):
+    data = [smooth(seed=seed, name=name) for seed, name in enumerate(("root_med", "Fx/lat"))]
+    settings = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=200)
+    scheduler_file = tmp_path / "scheduler.json"
+    scheduler_file.write_text(json.dumps({"address": cluster.scheduler_address}))
+    killer = Killer(cluster.scheduler_address, 1)
+    with killer.client, cluster_workers(str(scheduler_file)) as executor:
+        there = fit_all(data, lambda r: settings, executor, tmp_path / "checkpoints", killer)
+    here = fit_all(data, lambda r: settings)
+    assert killer.left == 0
+    for name, fit in here.items():
+        np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
+
+
+def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path):
+    path = tmp_path / "samples.h5"
+
+    def lose(done, total):
+        if done == 3:
+            cluster.close()
+
+    with pytest.raises(ConnectionError, match="was lost: run the same command again"):  # noqa: SIM117
+        with cluster_workers(cluster.scheduler_address) as executor:
+            draw(path, executor, progress=lose)
+    assert len(list(partial_folder(path).glob("*.npz"))) >= 3
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor)
+        draw(tmp_path / "whole.h5", executor)
+    assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("scheduler", "reason"),
+    [
+        ("nowhere.json", "expected an address as tcp://host:8786"),
+        ("other.json", "is no scheduler file"),
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers"),
+    ],
+)
+def test_a_scheduler_that_is_none_is_one_line(scheduler, reason, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.json").write_text("[1]")
+    monkeypatch.setattr("casadi_contact.cluster._CONNECT_S", 1)
+    with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler):
+        pass

@@ -1,0 +1,89 @@
+"""Training to a tolerance: it ends where every domain's validation rows meet it, and says what misses."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import tolerance
+from casadi_contact.dataset import TEST, VALIDATION
+from casadi_contact.project import Project
+from casadi_contact.tolerance import misses, scene_to_tolerance
+from tests.support.smooth_samples import SPHERE, smooth_samples
+
+
+class Off:
+    """The samples' own loads, off by so much [N, N·mm] of each."""
+
+    def __init__(self, samples, **off):
+        self.load_names, self._samples, self._off = samples.scene.load_names, samples, off
+
+    def __call__(self, poses):
+        rows = [np.flatnonzero((self._samples.poses == pose).all(axis=1))[0] for pose in poses]
+        return self._samples.loads()[rows] + [self._off.get(name, 0.0) for name in self.load_names]
+
+
+def test_one_tolerance_for_all_forces_and_one_for_all_torques():
+    scene = scene_to_tolerance(cc.load_scene("knee"), 2.0, None)
+    assert {scene.tolerances[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")} == {2.0}
+    assert {scene.tolerances[name] for name in ("Tx", "Ty", "Tz")} == {25.0}
+    with pytest.raises(ValueError, match="tolerances"):
+        scene_to_tolerance(scene, -1.0, None)
+
+
+def test_misses_are_judged_on_validation_rows_by_domain_and_load_the_worst_first():
+    samples = smooth_samples(120)
+    assert (samples.role == VALIDATION).any()
+    tolerances = samples.scene.tolerances
+    first, second = samples.scene.load_names[:2]
+    assert misses(Off(samples, **{first: 0.9 * tolerances[first]}), samples) == []
+    found = misses(Off(samples, **{first: 1.5 * tolerances[first], second: 3.0 * tolerances[second]}), samples)
+    assert found[0].startswith(second)
+    assert found[-1].startswith(first)
+    held_back = samples.select(role=[0, TEST])
+    assert misses(Off(held_back, **{first: 1e6}), held_back) == []
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Scales that rounds asked samples for: drawn are those of a smooth function; all that is trained is real."""
+    scales = []
+
+    def drawn(project, *_):
+        scales.append(project.preset.sampling_scale)
+        project.samples_path.touch()
+        project.motion_path.touch()
+        samples = smooth_samples(int(2400 * project.preset.sampling_scale))
+        return replace(samples, scene=project.scene), None
+
+    monkeypatch.setattr(tolerance, "sample", drawn)
+    monkeypatch.setattr(tolerance, "FIRST_GFLOP", 0.1)
+    monkeypatch.setattr("casadi_contact.fitting.has_motion", lambda project: False)
+    return scales
+
+
+def trained(folder, force_n, torque_nmm, **more):
+    project = Project(scene_to_tolerance(SPHERE, force_n, torque_nmm), "quick", folder)
+    with ThreadPoolExecutor(1) as here:
+        return tolerance.train_to_tolerance(project, executor=here, **more)
+
+
+def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
+    small = trained(tmp_path / "loose", 100.0, 3000.0)
+    assert asked == [0.05]
+    large = trained(tmp_path / "tight", 1.0, 30.0)
+    rounds = asked[1:]
+    assert len(rounds) > 1
+    assert rounds == [0.05 * 2**k for k in range(len(rounds))]
+    assert misses(large, replace(smooth_samples(int(2400 * rounds[-1])), scene=large.scene)) == []
+    assert sum(n.parameter_count for n in small.networks.values()) <= sum(
+        n.parameter_count for n in large.networks.values()
+    )
+
+
+def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):
+    with pytest.raises(ValueError, match=r"after 1 rounds, 120 samples, the tolerance is missed: .* of 0.001 in D\d"):
+        trained(tmp_path / "far", 1e-3, 1e-3, rounds=1)
+    assert cc.load_surrogate(tmp_path / "far" / "patch.h5").scene.tolerances["Fy"] == 1e-3
