@@ -36,10 +36,11 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
 
     Polar quadrature for smooth shapes with one spot a patch, closed form for a ball in a cup, cubic cells for meshes
     and the rest. Its errors, against a much finer model of the same kind (cells: an element grid), have an RMS within
-    the tolerance of every load and are nowhere more than `convergence.WORST` times it, over poses that press each patch
-    within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
-    holds the choice and its errors; it is kept in the cache folder (`contact.kept`), for laws of the library. Raises
-    ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
+    the tolerance of every load and are nowhere more than `convergence.WORST` times it (cells: half of that, in
+    proportion to the force above the reference load), over poses that press each patch within its rim from the scene's
+    boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model holds the choice and its
+    errors; it is kept in the cache folder (`contact.kept`), for laws of the library. Raises ValueError for a shape that
+    has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     if scene.shape not in _CHOICES:

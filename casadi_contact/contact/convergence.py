@@ -25,17 +25,19 @@ def forces_tried(scene: Scene) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a model in n poses: absolute errors of the scene's named loads (n, L) [N, N·mm], and whether the rim cuts
-    contact (n,)."""
+    """Of a model in n poses: absolute errors of the scene's named loads (n, L) [N, N·mm], force on the pressed patch
+    (n,) [N], and whether the rim cuts contact (n,)."""
 
     scene: Scene
     loads: Array
+    forces_n: Array
     at_rim: np.ndarray
 
     @property
     def misses(self) -> float:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
-        error may exceed `WORST` times it. Poses at the rim count only where there are no others."""
+        error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
+        only where there are no others."""
         rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
         return float(max(rms.max(), self._of_allowed[self._judged].max()))
 
@@ -67,18 +69,19 @@ class Errors:
 
     @property
     def _of_allowed(self) -> Array:
-        return self.loads / (WORST * self._tolerances)
+        share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
+        return np.asarray(self.loads / (WORST * share[:, None] * self._tolerances))
 
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:
-    """The first candidate whose errors (poses, loads) are small enough (`Errors.misses`), its
+    """The first candidate whose errors (poses, loads) are small enough (`Errors.misses`, whatever the force), its
     record telling so.
 
     said: what the record holds besides. Raises ValueError where no candidate is good enough.
     """
     for model in candidates:
         found = np.abs(errors_of(model))
-        errors = Errors(scene, found, np.zeros(len(found), dtype=bool))
+        errors = Errors(scene, found, np.zeros(len(found)), np.zeros(len(found), dtype=bool))
         if errors.misses <= 1.0:
             model.record = errors.record(**said)
             return model
