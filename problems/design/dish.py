@@ -56,9 +56,8 @@ class DishContact:
         slopes = np.zeros((*values.shape, 8))
         for p, patch in enumerate(self._model.patches):
             dish = replace(patch, torus=torus)
-            with np.errstate(invalid="ignore"):  # an optimiser may try dishes that fit too tightly to have a middle
-                loads = patch_loads(dish, law, self.rays, R, t)
-                by_radii, there, deepest_by_radii = dish_slopes(dish, law, self.rays, R, t)
+            loads = patch_loads(dish, law, self.rays, R, t)
+            by_radii, there, deepest_by_radii = dish_slopes(dish, law, self.rays, R, t)
             touching = there.depth > 0.0
             by_twist = -twist(there.ends.G, there.ends.x - t) / there.ends.slope[:, None]
             rows = self._selection[:, p]

@@ -69,7 +69,7 @@ def travels(design: Design, poses: Array) -> Array:
 def first_state(design: Design) -> DishState:
     """The scene's own dish in balance."""
     scene = design.contact.scene
-    model = PolarFoundation(scene, design.contact.rays, compiled=False)
+    model = PolarFoundation(scene, design.contact.rays)
     rest = design.locked + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]) * scene.start_pose
     sides = dict(zip(BALANCED[:2], design.wanted[:, :2].T, strict=True))
     return balanced(design, design.contact.radii_mm, model, settle_in_range(model, rest, rest, ("ty", "rx"), sides))

@@ -13,10 +13,11 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.assembly import Assembly, Contact, Settling
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.verification import Verdict, judge, own_model
 
 TOLERANCE_N = 1e-4  # left on the patella, torques over 25 mm
+SAME_N = 0.01
 ASIDE_MM, ASIDE_RAD = 2.0, 0.05
 
 
@@ -37,6 +38,12 @@ class Ride:
         q = ca.MX.sym("q", 6, 2)
         pose = ca.Function("contact_pose", [q], [self.assembly.contact_pose(contact, q)])
         return np.array([np.asarray(pose(poses.T)).ravel() for poses in self.poses])
+
+    def loads_apart_n(self, other: Ride) -> Array:
+        """Largest difference of loads (n,) [N], torques over 25 mm. Where nothing presses the patella, its place is not
+        determined, but its loads are."""
+        scales = [LEVER_MM if "_T" in name else 1.0 for name in self.assembly.load_names]
+        return np.asarray(np.abs((self.loads - other.loads) / scales).max(axis=1))
 
     def verdict(self, name: str) -> Verdict:
         """What the elastic foundation says of a contact at these poses."""

@@ -14,6 +14,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.squat.muscles import MUSCLES
 from problems.squat.problem import Squat
@@ -26,7 +27,7 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
     verdict: on the moments of all results, one after the other; fine: the contact model it was made on.
     """
     console = PlainConsole()
-    console.print(str(verdict), highlight=False)
+    print_verdict(console, verdict)
     columns = _trade_off(squat, results, verdict)
     depth, flexion = squat.depth_deg, squat.nlp["x"].numel()
     table = Table(

@@ -9,6 +9,7 @@ from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import shear_free_poses
 from problems import patella
+from problems.patella.follow import SAME_N
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -42,8 +43,9 @@ def test_contact_carries_what_tendon_and_quadriceps_leave(ride):
     share = np.hypot(pressed, load(ride, "patellofemoral_Fy")) / TENSION_N
     assert share[0] < share[2]
     assert share[1] < share[2]
-    assert (load(ride, "patellar_tendon") < TENSION_N).all()
-    assert (load(ride, "patellar_tendon") > 0.5 * TENSION_N).all()
+    tendon = load(ride, "patellar_tendon") / TENSION_N
+    np.testing.assert_allclose(tendon[:2], 1.0, atol=0.05)
+    assert 0.5 < tendon[2] < 0.8
 
 
 def test_random_starts_end_where_the_neighbours_led(ride):
@@ -51,7 +53,9 @@ def test_random_starts_end_where_the_neighbours_led(ride):
         begin = patella.start_poses(ride, np.random.default_rng(seed))
         again = patella.follow(ride.assembly, ride.poses[:, 0], TENSION_N, begin)
         assert again.converged.all()
-        assert np.abs((again.poses[:, 1] - ride.poses[:, 1]) * POSE_IN_MM).max() < 0.01
+        assert ride.loads_apart_n(again).max() < SAME_N
+        off = np.abs((again.poses[:, 1] - ride.poses[:, 1]) * POSE_IN_MM).max(axis=1)
+        assert off[load(ride, "patellofemoral_Fx_lat") > 1.0].max() < 0.01, "pressed, it has one place"
 
 
 def test_slack_quadriceps_and_other_assemblies_are_refused(ride):

@@ -97,7 +97,7 @@ def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp
     elements = Tags(text).elements
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in elements}
     sources = [attributes["src"] for _, attributes in elements if "src" in attributes]
-    assert len(sources) == 2, "the scene and the convergence of the fits"
+    assert len(sources) == 3, "the scene, its reach and the convergence of the fits"
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert not re.search(r"https?://", text)
     assert "&lt;script&gt;alert" in text

@@ -1,5 +1,7 @@
 """A joint that is its own mirror image learns one side; the other side's networks are reflections."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import casadi_contact as cc
@@ -48,3 +50,28 @@ def test_only_joints_of_equal_sides_are_symmetric():
     assert not Scene.from_tables({**knee.tables, "pose": {"locked": {"tz": 1.0}}}).symmetric
     assert not cc.load_scene("hip").symmetric
     assert PatchSurrogate.twins(cc.load_scene("hip")) == {}
+
+
+def test_in_the_plane_of_symmetry_the_kernel_of_one_side_gives_the_loads_of_both():
+    scene = cc.load_scene("planar_knee")
+    networks = random_surrogate(cc.load_scene("knee"), "patch", seed=2).networks
+    free = list(scene.pose_space.free)
+    narrow = {
+        name: replace(
+            net,
+            input_shift=net.input_shift[free],
+            input_scale=net.input_scale[free],
+            weights=(net.weights[0][:, free], *net.weights[1:]),
+        )
+        for name, net in networks.items()
+    }
+    apart = PatchSurrogate(scene, narrow)
+    twins = PatchSurrogate.twins(scene)
+    alike = PatchSurrogate(
+        scene, narrow | {twin: PatchSurrogate.reflection(twin, narrow[of], scene) for twin, of in twins.items()}
+    )
+    assert [len(s._kernel(scene.load_names, roots=False).bundles) for s in (apart, alike)] == [4, 2]
+    for surrogate in (apart, alike):
+        function = surrogate.function(compiled=True)
+        for pose in random_poses(5, seed=9):
+            np.testing.assert_allclose(function(pose).full().ravel(), surrogate(pose), rtol=1e-9, atol=1e-9)

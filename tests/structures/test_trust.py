@@ -150,8 +150,9 @@ def test_how_far_a_patch_is_lifted_off_is_no_other_state(knee, walking):
 
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
-    """1 mm and 2 degrees off, uniform and normal: 93 to 99 % of the errors of the valid ones, over the loads carried;
-    every valid pose errs by less than 25 N, where a root load gone wrong once let 17 kN pass."""
+    """1 mm and 2 degrees off, uniform and normal: 93 to 99 % of the errors of the valid ones, over the loads carried,
+    of a single load but for what so few tell; every valid pose errs by less than 25 N, where a root load gone wrong
+    once let 17 kN pass."""
     surrogate, rng = cc.load_surrogate(name), np.random.default_rng(19)
     count = 2000
     moves = np.vstack([rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6))])
@@ -160,9 +161,12 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     teacher = cc.ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
     poses = poses[~teacher.at_edge(poses).any(axis=1)]
     loads = teacher(poses)
-    errors = np.abs(surrogate(poses) - loads)
-    assert (loads != 0.0).sum() > 500
-    assert 0.93 <= np.mean((errors <= surrogate.expected_error(poses))[loads != 0.0]) <= 0.99
+    errors, carried = np.abs(surrogate(poses) - loads), loads != 0.0
+    assert carried.sum() > 500
+    below = errors <= surrogate.expected_error(poses)
+    assert 0.93 <= np.mean(below[carried]) <= 0.99
+    for column, rows in zip(below.T, carried.T, strict=True):
+        assert column[rows].mean() > 0.95 - 2.5 * np.sqrt(0.95 * 0.05 / rows.sum())
     assert errors[:, :2].max() < 25.0
 
 

@@ -1,3 +1,5 @@
+#define KEEPS_FIRST 1 /* in the thread's memory */
+
 /* An elastic foundation in cubic cells: the formulas of contact/cells/quadrature.py. */
 /* Step from 0 to 1 over FADE, its slope and its bend */
 INLINE double fade_of(double force, double *slope, double *bend) {
@@ -17,7 +19,9 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
     distances(boxes->middle, pose, frame, &found);
     found -= STEEPEST * boxes->size;
     memcpy(least + b, &found, sizeof found);
-    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) first_block = least[b + l] < least[first_block] ? b + l : first_block;
+    for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
+      if (least[b + l] < least[first_block]) first_block = b + l;
+    }
   }
   for (int k = -1; k < p->block_count; k++) {
     const int b = k < 0 ? first_block : k;
@@ -46,12 +50,12 @@ FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, 
   Distance at;
   gather(p->nodes, ids, offsetof(Node, c), c);
   to_place(c, pose, frame, q);
-  distance_at(q, order == SECOND ? 2 : 1, &at);
+  distance_at(q, order == SECOND || order == SECOND_AFTER_FIRST ? 2 : 1, &at);
   out->gap = at.g[0];
   twist_of(at.slope, q, twist);
   for (int a = 0; a < 6; a++) by_twist[a] = -twist[a][0];
   to_fixed(frame, by_twist, out->gap_slope);
-  if (order == SECOND) {
+  if (order == SECOND || order == SECOND_AFTER_FIRST) {
     const Lanes nothing[3] = {{0.0}}, one = {1.0};
     Curvature sum;
     memset(&sum, 0, sizeof sum);
@@ -63,37 +67,37 @@ FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, 
 }
 
 /* Loads not yet faded, with order 2 their derivatives */
-INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, Sums *sums) {
+INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
   choose_cells(p, pose, frame, s);
   fill_nodes(p, pose, frame, order, s);
-  sum_cells(p, s, order, sums);
+  sum_cells(p, s, order, &s->sums);
 }
 
-INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                       PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                           PatchLoads *out) {
   const Patch *p = patches + patch;
   Scratch *s = own_scratch();
-  Sums sums;
+  Sums *sums = &s->sums;
   double slope, bend, fade, by[7][6];
   memset(out, 0, sizeof *out);
-  if (order != GAPS) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s, &sums);
-  if (order == GAPS || !(sums.loads[6] < 0.0)) {
+  if (order != GAPS && order != SECOND_AFTER_FIRST) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s);
+  if (order == GAPS || !(sums->loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;
   }
-  out->cut = sums.cut;
-  fade = fade_of(-sums.loads[6], &slope, &bend);
-  for (int k = 0; k < 6; k++) out->wrench[k] = fade * sums.loads[k];
+  out->cut = sums->cut;
+  fade = fade_of(-sums->loads[6], &slope, &bend);
+  for (int k = 0; k < 6; k++) out->wrench[k] = fade * sums->loads[k];
   if (order == VALUE) return;
-  for (int k = 0; k < 7; k++) to_fixed(frame, (const double *)sums.by_twist[k], by[k]);
+  for (int k = 0; k < 7; k++) to_fixed(frame, (const double *)sums->by_twist[k], by[k]);
   for (int k = 0; k < 6; k++) {
-    for (int a = 0; a < 6; a++) out->stiffness[k][a] = fade * by[k][a] - slope * sums.loads[k] * by[6][a];
+    for (int a = 0; a < 6; a++) out->stiffness[k][a] = fade * by[k][a] - slope * sums->loads[k] * by[6][a];
   }
-  if (order == SECOND) {
+  if (order == SECOND || order == SECOND_AFTER_FIRST) {
     double whole_weights[7], pull = 0.0, by_pull[6] = {0.0};
     for (int k = 0; k < 6; k++) {
       whole_weights[k] = fade * weights[k];
-      pull += weights[k] * sums.loads[k];
+      pull += weights[k] * sums->loads[k];
       for (int a = 0; a < 6; a++) by_pull[a] += weights[k] * by[k][a];
     }
     whole_weights[6] = -slope * pull;
@@ -104,29 +108,4 @@ INLINE void cell_loads(int patch, const double *pose, const Frame *frame, int or
       }
     }
   }
-}
-
-/* One function for each order, not inlined: compiling is quick, and patches share them. */
-FUNCTION void cell_value(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  cell_loads(patch, pose, frame, VALUE, 0, out);
-}
-
-FUNCTION void cell_first(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  cell_loads(patch, pose, frame, FIRST, 0, out);
-}
-
-FUNCTION void cell_second(int patch, const double *pose, const Frame *frame, const double *weights, PatchLoads *out) {
-  cell_loads(patch, pose, frame, SECOND, weights, out);
-}
-
-FUNCTION void cell_gaps(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  cell_loads(patch, pose, frame, GAPS, 0, out);
-}
-
-INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                        PatchLoads *out) {
-  if (order == VALUE) cell_value(patch, pose, frame, out);
-  if (order == FIRST) cell_first(patch, pose, frame, out);
-  if (order == SECOND) cell_second(patch, pose, frame, weights, out);
-  if (order == GAPS) cell_gaps(patch, pose, frame, out);
 }

@@ -1,5 +1,5 @@
-/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
- * far they reach from their middles, below 0 where there is none. */
+/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size:
+ * how far they reach from their middles, below 0 where there is none. */
 typedef struct {
   Lanes middle[3], half[2][3], beyond, size;
 } Boxes;
@@ -123,13 +123,13 @@ INLINE double greatest_of(Lanes x) {
 /* The boxes that the body may come within TOUCH of: by value, slope and bow of the field at the nodes nearest to their
  * middles (see contact/cells/tangents.py), without a look at the spline. */
 INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
-  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
+  const int counts[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
   Lanes q[3], away[3], slope[3], row[BLOCK], column[4], bow, way, least, node = all(0.0);
   to_place(boxes->middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
-    const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    const Lanes place = (q[i] - field_origin[i]) * (1.0 / TANGENT_SPACING);
     const Lanes nearest = nearest_whole(smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0)));
-    away[i] = (place - nearest) * FIELD_SPACING;
+    away[i] = (place - nearest) * TANGENT_SPACING;
     node = node * counts[i] + nearest;
   }
   for (int l = 0; l < BLOCK; l++) {

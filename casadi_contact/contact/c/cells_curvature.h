@@ -87,7 +87,8 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
   for (int i = 0; i < 3; i++) {
     w[i] = at->near_slope * inverse * (w_a[i] + at->d * w_b[i] + slope * at->m_slope * by.n[i]);
   }
-  e = (weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n)) / by.total;
+  e = weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n);
+  e /= by.total;
   for (int i = 0; i < 3; i++) w[i] += e * late * at->m_slope * by.n[i];
   bend_of(&at->at, w, bent);
   third_of(&at->at, w, t);
@@ -122,6 +123,7 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
 /* What four cells add by themselves, and the weights of their corners' values */
 INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, int count, int full,
                                const double weights[7], Lanes h[6][2]) {
+  const Lanes lives = {1.0, count > 1, count > 2, count > 3};
   Lanes v[12], pull[4], rate[12];
   corner_values(p, s, chosen, v);
   for (int c = 0; c < 4; c++) {
@@ -139,7 +141,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
     Lanes slope, bend, stiffness, stiffening, twice, weight = all(0.0);
     const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
     for (int c = 0; c < 4; c++) weight += share[r][c] * pull[c];
-    weight *= present_of(p, chosen, count, r);
+    weight *= present_of(p, chosen, lives, r);
     soft_pressure(depth, &stiffness, &stiffening);
     twice = weight * (stiffness * bend + stiffening * slope * slope);
     for (int j = 0; j < 12; j++) rate[j] += weight * stiffness * slope * hermite[r][j];

@@ -60,7 +60,7 @@ INLINE void begin_ray(Lanes first, Depth *at) {
  * at the nodes themselves, or 0 before that. */
 INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const double *pose, const Frame *frame, int order,
                      Depth *at) {
-  Lanes c[3], unused;
+  Lanes c[3], near, unused;
   gather(nodes, ids, offsetof(Node, c), c);
   gather(nodes, ids, offsetof(Node, n), at->n);
   for (int a = 0; a < 2; a++) {
@@ -72,12 +72,14 @@ INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const doubl
   to_place(c, pose, frame, at->q);
   distance_at(at->q, order, &at->at);
   for (int i = 0; i < 3; i++) {
-    at->slope[i] = frame->r[i][0] * at->at.slope[0] + frame->r[i][1] * at->at.slope[1] + frame->r[i][2] * at->at.slope[2];
+    const double *r = frame->r[i];
+    at->slope[i] = r[0] * at->at.slope[0] + r[1] * at->at.slope[1] + r[2] * at->at.slope[2];
   }
   at->sigma = -dot_of(at->slope, at->n);
   at->m = FLATTEST + positive_ramp(at->sigma - FLATTEST, FLATTEST_WIDTH, &at->m_slope, &at->m_bend, &unused);
   at->d = at->start - at->at.g / at->m;
-  at->value[0] = positive_ramp(at->d + FAR_DEPTH, FAR_WIDTH, &at->near_slope, &at->near_bend, &at->near_third) - FAR_DEPTH;
+  near = positive_ramp(at->d + FAR_DEPTH, FAR_WIDTH, &at->near_slope, &at->near_bend, &at->near_third);
+  at->value[0] = near - FAR_DEPTH;
   for (int a = 0; a < 2; a++) {
     at->value[1 + a] = at->near_slope / at->m *
                        (at->d * dot_of(at->slope, at->bend[a]) - dot_of(at->slope, at->along[a]));

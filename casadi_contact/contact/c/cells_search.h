@@ -18,6 +18,14 @@ typedef struct {
   int node_count, block_count;
 } Patch;
 
+/* Loads of a patch, not yet faded, as those of `Node` (force, moment, area), and their derivatives by twist in the axes
+ * of the moving body */
+typedef struct {
+  double loads[7];
+  Lanes by_twist[7][2]; /* six of the eight numbers */
+  int cut;
+} Sums;
+
 /* Of one patch in one pose; one for each thread, since it would not fit on every stack. */
 typedef struct {
   int nodes, cells, full, ids[MOST_NODES + BLOCK], chosen[MOST_CELLS + BLOCK], groups[MOST_GROUPS];
@@ -25,6 +33,7 @@ typedef struct {
   unsigned seen[MOST_NODES], turn;
   int again[MOST_NODES + BLOCK], agains; /* slots that are worth a second look, */
   int is_again[MOST_NODES + BLOCK];      /* and whether they are */
+  Sums sums;
   double value[MOST_NODES + BLOCK][BLOCK] __attribute__((aligned(64))); /* three, and the depth found at the node */
   double weight[MOST_NODES + BLOCK][BLOCK];
   double slopes[MOST_NODES + BLOCK][3][2 * BLOCK], share[MOST_NODES + BLOCK][2 * BLOCK];
@@ -128,7 +137,8 @@ FUNCTION void sort_cells(const Patch *p, double spare, Scratch *s) {
     memcpy(chosen, s->chosen + k, sizeof chosen);
     corner_values(p, s, chosen, v);
     for (int c = 0; c < 4; c++) {
-      const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1], along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
+      const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
+      const Lanes along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
       const Lanes high = v[3 * c] + larger_of(along_u, all(0.0)) + larger_of(along_v, all(0.0));
       const Lanes low = v[3 * c] + smaller_of(along_u, all(0.0)) + smaller_of(along_v, all(0.0));
       highest = c ? larger_of(highest, high) : high, lowest = c ? smaller_of(lowest, low) : low;

@@ -1,10 +1,4 @@
-/* Sums over the cells of a patch: of its pressures, shared out among the corners, with derivatives by twist in the axes
- * of the moving body. The loads of a node are those of `Node`: force, moment, area. */
-typedef struct {
-  double loads[7];
-  Lanes by_twist[7][2]; /* six of the eight numbers */
-  int cut;
-} Sums;
+/* Sums over the cells of a patch, whose pressures are shared out among the corners. */
 
 /* Value at the sub-points, of the functions hermite[r][j], and its share of the corners, share[r][c]: see basis.py */
 INLINE Lanes ramp(Lanes x, Lanes *slope, Lanes *bend) {
@@ -35,48 +29,60 @@ INLINE Lanes depth_of(const Lanes v[12], int r) {
   return a + (b + c);
 }
 
-INLINE Lanes present_of(const Patch *p, const int *chosen, int count, int r) {
-  Lanes w = all(0.0);
-  for (int l = 0; l < count; l++) w[l] = p->present[p->cells[chosen[l]].present][r];
-  return w;
+/* Which of the sub-points of four cells lie on the surface; lives: which of the cells there are. */
+INLINE Lanes present_of(const Patch *p, const int *chosen, Lanes lives, int r) {
+  Lanes w;
+  for (int l = 0; l < BLOCK; l++) w[l] = p->present[p->cells[chosen[l]].present][r];
+  return w * lives;
+}
+
+/* + derivatives of the weights at one row along u, from its sums over u with the products of share and hermite: the sums
+ * over both directions are taken one after the other. */
+INLINE void add_rates(const Lanes sums[8], const double products[8], Lanes rate[4][12]) {
+  for (int a = 0; a < 2; a++) {
+    for (int b = 0; b < 2; b++) {
+      for (int corner = 0; corner < 4; corner++) {
+        const Lanes *along_u = sums + 4 * a + corner / 2 * 2;
+        const double *along_v = products + 4 * b + corner % 2 * 2;
+        Lanes *of = rate[2 * a + b] + 3 * corner;
+        of[0] += along_u[0] * along_v[0], of[1] += along_u[1] * along_v[0], of[2] += along_u[0] * along_v[1];
+      }
+    }
+  }
 }
 
 /* Weights of four cells' corners, and with order 2 their derivatives by the corners' values */
 FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, int count, int full, int order,
-                         Lanes weight[4], Lanes rate[4][12], int *cut) {
-  Lanes v[12];
+                           Lanes weight[4], Lanes rate[4][12], int *cut) {
+  const Lanes lives = {1.0, count > 1, count > 2, count > 3};
+  Lanes v[12], at_rim, deepest = all(0.0);
   corner_values(p, s, chosen, v);
-  if (full) {
-    const Lanes lives = {1.0, count > 1, count > 2, count > 3};
-    for (int c = 0; c < 4; c++) {
-      weight[c] = all(0.0);
-      for (int j = 0; j < 12; j++) {
-        weight[c] += whole[c][j] * v[j];
-        if (order >= 2) rate[c][j] = whole[c][j] * lives;
-      }
-      weight[c] *= lives;
-    }
-    return;
-  }
   for (int c = 0; c < 4; c++) {
     weight[c] = all(0.0);
-    for (int j = 0; j < 12 && order >= 2; j++) rate[c][j] = all(0.0);
-  }
-  for (int r = 0; r < SUB_POINTS; r++) {
-    const Lanes here = present_of(p, chosen, count, r);
-    Lanes slope, bend, stiffness, unused, force;
-    const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
-    force = here * soft_pressure(depth, &stiffness, &unused);
-    stiffness *= here * slope;
-    for (int c = 0; c < 4; c++) {
-      weight[c] += share[r][c] * force;
-      if (order >= 2) {
-        const Lanes part = share[r][c] * stiffness;
-        for (int j = 0; j < 12; j++) rate[c][j] += hermite[r][j] * part;
-      }
+    for (int j = 0; j < 12; j++) {
+      if (full) weight[c] += whole[c][j] * v[j];
+      if (order >= 2) rate[c][j] = full ? whole[c][j] * lives : all(0.0);
     }
-    for (int l = 0; l < count; l++) *cut |= p->cells[chosen[l]].rim && depth[l] > 0.0 && here[l] > 0.0;
+    weight[c] *= lives;
   }
+  for (int l = 0; l < BLOCK; l++) at_rim[l] = p->cells[chosen[l]].rim;
+  for (int q = 0; q < ALONG_V && !full; q++) {
+    Lanes sums[8];
+    for (int i = 0; i < 8; i++) sums[i] = all(0.0);
+    KEEP_LOOP for (int k = 0; k < ALONG_U; k++) {
+      const int r = k * ALONG_V + q;
+      const Lanes here = present_of(p, chosen, lives, r);
+      Lanes slope, bend, stiffness, unused, force;
+      const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
+      force = here * soft_pressure(depth, &stiffness, &unused);
+      stiffness *= here * slope;
+      for (int c = 0; c < 4; c++) weight[c] += share[r][c] * force;
+      for (int i = 0; i < 8 && order >= 2; i++) sums[i] += product_u[k][i] * stiffness;
+      deepest = larger_of(deepest, here * depth);
+    }
+    if (order >= 2) add_rates(sums, product_v[q], rate);
+  }
+  *cut |= any(at_rim * (full ? lives : deepest) > 0.0);
 }
 
 /* In slots: the weights of the nodes' loads, their derivatives by twist before them */
@@ -110,7 +116,6 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     cell_weights(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, order, weight, rate, &sums->cut);
     KEEP_LOOP for (int l = 0; l < (count < BLOCK ? count : BLOCK); l++) {
       add_weights(p, s, chosen[l], l, order, weight, rate);
-      if (is_full) sums->cut |= p->cells[chosen[l]].rim;
     }
   }
   for (int k = 0; k < s->nodes; k++) {
@@ -118,7 +123,9 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     const Lanes first = lanes_at(s->share[k]), second = lanes_at(s->share[k] + BLOCK);
     if (s->share[k][6] == 0.0) continue;
     loads[0] -= s->share[k][6] * lanes_at(of), loads[1] -= s->share[k][6] * lanes_at(of + BLOCK);
-    for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+    for (int i = 0; i < 7 && order >= 2; i++) {
+      sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+    }
   }
   for (int i = 0; i < 7; i++) sums->loads[i] = loads[i / BLOCK][i % BLOCK];
 }

@@ -183,9 +183,11 @@ INLINE void cup_gap(const Place *p, PatchLoads *out) {
   }
 }
 
-INLINE void cup_loads(const double *pose, int order, const double *weights, PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                           PatchLoads *out) {
   const Place p = place_of(pose);
   const int touches = p.edge < (p.cos_tilt > RIM_COS ? 1.0 : p.begin);
+  (void)patch, (void)frame;
   memset(out, 0, sizeof *out);
   if (!touches || order == GAPS) cup_gap(&p, out);
   if (touches && order != GAPS) {
@@ -224,21 +226,4 @@ INLINE void cup_loads(const double *pose, int order, const double *weights, Patc
       to_fixed(&p, of_frame, out->curvature);
     }
   }
-}
-
-/* One function for each order, not inlined: compiling is quick. */
-FUNCTION void cup_value(const double *pose, PatchLoads *out) { cup_loads(pose, VALUE, 0, out); }
-FUNCTION void cup_first(const double *pose, PatchLoads *out) { cup_loads(pose, FIRST, 0, out); }
-FUNCTION void cup_second(const double *pose, const double *weights, PatchLoads *out) {
-  cup_loads(pose, SECOND, weights, out);
-}
-FUNCTION void cup_gaps(const double *pose, PatchLoads *out) { cup_loads(pose, GAPS, 0, out); }
-
-INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                        PatchLoads *out) {
-  (void)patch, (void)frame;
-  if (order == VALUE) cup_value(pose, out);
-  if (order == FIRST) cup_first(pose, out);
-  if (order == SECOND) cup_second(pose, weights, out);
-  if (order == GAPS) cup_gaps(pose, out);
 }

@@ -166,8 +166,8 @@ INLINE Place place_of(const Surfaces *s, const double *pose, const Frame *frame)
   return p;
 }
 
-INLINE void polar_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                        PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
+                           PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
   const Place place = place_of(s, pose, frame);
   Spot middle;
@@ -199,29 +199,4 @@ INLINE void polar_loads(int patch, const double *pose, const Frame *frame, int o
     }
   }
   turn_back(s->turn, order, out);
-}
-
-/* One function for each order, not inlined: compiling is quick, and patches share them. */
-FUNCTION void polar_value(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  polar_loads(patch, pose, frame, VALUE, 0, out);
-}
-
-FUNCTION void polar_first(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  polar_loads(patch, pose, frame, FIRST, 0, out);
-}
-
-FUNCTION void polar_second(int patch, const double *pose, const Frame *frame, const double *weights, PatchLoads *out) {
-  polar_loads(patch, pose, frame, SECOND, weights, out);
-}
-
-FUNCTION void polar_gaps(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  polar_loads(patch, pose, frame, GAPS, 0, out);
-}
-
-INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                        PatchLoads *out) {
-  if (order == VALUE) polar_value(patch, pose, frame, out);
-  if (order == FIRST) polar_first(patch, pose, frame, out);
-  if (order == SECOND) polar_second(patch, pose, frame, weights, out);
-  if (order == GAPS) polar_gaps(patch, pose, frame, out);
 }

@@ -52,6 +52,14 @@ def corner_shares(cells: Cells) -> Array:
     return np.stack(shares).reshape(4, -1) / (cells.along_u * cells.along_v)
 
 
+def share_products(count: int) -> Array:
+    """(count, 8): at sub-points along one side, each end's linear share, over their number, times each Hermite function
+    (value and slope at the first end, value and slope at the other)."""
+    t = middles(count)
+    functions = np.stack(_hermite(t)).transpose(2, 1, 0).reshape(count, 4)
+    return np.concatenate([(1.0 - t)[:, None] * functions, t[:, None] * functions], 1) / count
+
+
 def middles(count: int) -> Array:
     """Middles (count,) of equal parts of [0, 1]."""
     return (np.arange(count) + 0.5) / count

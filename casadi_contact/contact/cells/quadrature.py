@@ -2,9 +2,10 @@
 
 At a node c of the fixed surface with unit normal n, q = Rᵀ(c - t) lies in the frame of the moving body, whose signed
 distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n; where it is large, d = s - g/m from a
-second evaluation at c - s·n, s being d less `SMALL_MM`; its slopes along the chart are d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u,
-d_v at its corners by cubic Hermite functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0)
-(`basis.ramp`), and its force is shared out bilinearly among the corners, whose (N, c × N) make the wrench.
+second evaluation at c - s·n, s being that depth less `SMALL_MM`. Its slopes along the chart are
+d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u, d_v at its corners by cubic Hermite
+functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0) (`basis.ramp`), and its force is shared out
+bilinearly among the corners, whose (N, c × N) make the wrench.
 
 A patch whose pressures sum up to less than nothing, at the very brink of contact where ψ dips, carries nothing: its
 wrench is multiplied by a smooth step of ∫p dA from 0 to ``fade_n``. The kernel in C (``c/cells.h``) follows the same
@@ -166,8 +167,8 @@ class Quadrature:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; by how much that point goes along with
-    the depth; G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
+    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; how much that point moves with the
+    depth; G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
 
     used: np.ndarray
     R: Array

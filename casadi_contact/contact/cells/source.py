@@ -10,10 +10,10 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
-from casadi_contact.contact.cells.basis import corner_shares, hermite_functions
+from casadi_contact.contact.cells.basis import corner_shares, hermite_functions, share_products
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.cells.tangents import BOW_REACH_MM, tangents
+from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
@@ -67,6 +67,8 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
         "SUB_POINTS": len(functions),
+        "ALONG_U": cells.along_u,
+        "ALONG_V": cells.along_v,
         "MOST_NODES": max(len(quad.patch.c) for quad in patches),
         "MOST_CELLS": max(len(quad.patch.corners) for quad in patches),
         "MOST_GROUPS": max(_groups(quad.patch)[-1] for quad in patches),
@@ -86,7 +88,13 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "STEEPEST": STEEPEST_FIELD,
         "BOW_REACH": BOW_REACH_MM,
     }
-    arrays = {"hermite[SUB_POINTS][12]": functions, "share[SUB_POINTS][4]": shares, "whole[4][12]": whole}
+    arrays = {
+        "hermite[SUB_POINTS][12]": functions,
+        "share[SUB_POINTS][4]": shares,
+        "whole[4][12]": whole,
+        "product_u[ALONG_U][8]": share_products(cells.along_u),
+        "product_v[ALONG_V][8]": share_products(cells.along_v),
+    }
     text = [
         "#include <stddef.h>",
         *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
@@ -95,7 +103,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         body,
         *(c_text(name, _C) for name in ("cells_body.h", "cells_nodes.h", "cells_search.h")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
-        *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h")),
+        *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]
     return "\n".join(text), tables.data
 
@@ -119,6 +127,8 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     }
     if with_tangents:
         rows, index = tangents(coefficients, spacing)
+        sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
+        sizes["TANGENT_SPACING"] = STRIDE * spacing
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
         sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]

@@ -13,7 +13,8 @@ from scipy import ndimage
 
 from casadi_contact.conventions import Array
 
-BOW_REACH_MM = 2.4
+STRIDE = 2  # nodes of the field for one of these
+BOW_REACH_MM = 3.2
 _FAR_MM = 4.0  # beyond this, and deeper inside than the next, the steepest slope of g tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
@@ -23,7 +24,7 @@ _VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # 
 
 
 def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows g, ∇g, M (n, 8) of the nodes near the surface, in single precision, and the row of each node (nx, ny, nz).
+    """Rows g, ∇g, M (n, 8) of nodes near the surface, in single precision, and the row of each node, at every `STRIDE`.
 
     Nodes far from the surface and at the edge of the grid share the first row outside of the body, the second inside.
     """
@@ -31,7 +32,10 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     reach = int(np.ceil(BOW_REACH_MM / spacing_mm)) + 1
     known = np.zeros(g.shape, dtype=bool)
-    known[reach:-reach, reach:-reach, reach:-reach] = True
+    known[::STRIDE, ::STRIDE, ::STRIDE] = True
+    for axis in range(3):
+        edges = np.moveaxis(known, axis, 0)
+        edges[:reach] = edges[-reach:] = False
     known &= (g > _DEEP_MM) & (g < _FAR_MM)
     nodes = np.flatnonzero(known)
     at, tangent = g.ravel()[nodes], np.stack([slope.ravel()[nodes] for slope in slopes], 1)
@@ -49,7 +53,7 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
     rows = np.zeros((2 + len(nodes), 8), dtype=np.float32)
     rows[:2, 0] = _OUTSIDE_MM, -_OUTSIDE_MM
     rows[2:, :5] = np.column_stack([at, tangent, bow + _SPARE])
-    return rows, index
+    return rows, np.ascontiguousarray(index[::STRIDE, ::STRIDE, ::STRIDE])
 
 
 def _middle(reach: int, shape: tuple[int, ...]) -> int:

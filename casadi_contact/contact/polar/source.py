@@ -45,6 +45,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
             c_text("polar_rays.h", _C),
             c_text("polar.h", _C),
+            c_text("orders.h", _C),
         ]
     )
 

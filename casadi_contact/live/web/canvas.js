@@ -7,11 +7,14 @@ export const ACCENT = "#0072b2";
 export const SECOND = "#d55e00";
 export const BONE = [0.87, 0.86, 0.83];
 
+let sizes = new WeakMap(); // asking for one makes the browser lay out the page
+window.addEventListener("resize", () => (sizes = new WeakMap()));
+
 /** The context of a canvas cleared to its size on the page, in CSS pixels; and that size. */
 export function cleared(canvas) {
   const density = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth;
-  const height = canvas.clientHeight;
+  if (!sizes.has(canvas)) sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
+  const [width, height] = sizes.get(canvas);
   const [wide, high] = [Math.round(width * density), Math.round(height * density)];
   if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
   const context = canvas.getContext("2d");

@@ -113,7 +113,7 @@ class Page {
     const { free, loads } = this.content.settle;
     const columns = free.map((name) => this.content.pose.findIndex((parameter) => parameter.name === name));
     const found = settle(this.model, this.content, this.pose, columns, { names: loads, wanted });
-    this.wanted = wanted;
+    if (found.converged) this.wanted = wanted; // what the saved Python asks for can be met
     this.go(found.pose);
     byId("settled").textContent = found.converged
       ? `settled in ${found.steps} steps`

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from casadi_contact.conventions import REFLECTION, WRENCH_NAMES
 from casadi_contact.network import Network
 
@@ -18,3 +20,11 @@ def reflected(network: Network, columns: tuple[int, ...], component: str | None)
         weights=(network.weights[0] * signs, *network.weights[1:-1], sign * network.weights[-1]),
         biases=(*network.biases[:-1], sign * network.biases[-1]),
     )
+
+
+def equal_networks(a: Network, b: Network) -> bool:
+    """True where two networks are the same, number by number."""
+    if (a.hidden, a.activation, a.output_scale) != (b.hidden, b.activation, b.output_scale):
+        return False
+    arrays = [(n.input_shift, n.input_scale, *n.weights, *n.biases) for n in (a, b)]
+    return all(np.array_equal(x, y) for x, y in zip(*arrays, strict=True))

@@ -19,7 +19,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array, pose_or_poses
+from casadi_contact.conventions import REFLECTION, WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
@@ -28,7 +28,7 @@ from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
-from casadi_contact.structures.patch.mirror import reflected
+from casadi_contact.structures.patch.mirror import equal_networks, reflected
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.transcription.expressions import Expressions
@@ -180,7 +180,22 @@ class PatchSurrogate(Surrogate):
         if not roots:
             used = np.flatnonzero(selection.any(axis=(0, 2)))
             parts, selection = [parts[p] for p in used], selection[:, used]
+            if len(parts) == 2 and self._sides_alike():
+                parts, selection = parts[:1], selection[:, :1] + REFLECTION * selection[:, 1:]
         return patch_kernel(parts, selection, self.scene.reference_load, self.scene.pose_space)
+
+    def _sides_alike(self) -> bool:
+        """True where the joint stays in its plane of symmetry and one side's networks are reflections of the other's:
+        the sides' wrenches are then mirror images in every pose, and one side is enough."""
+        scene = self.scene
+        if not scene.symmetric or any(REFLECTION[k] < 0.0 for k in scene.pose_space.free):
+            return False
+        pairs = [(name, of) for name, of in self.twins(scene).items() if name in self.networks or of in self.networks]
+        return all(
+            {name, of} <= set(self.networks)
+            and equal_networks(self.networks[name], self.reflection(name, self.networks[of], scene))
+            for name, of in pairs
+        )
 
     def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
         """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
