@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import CELL_SHAPES
 from casadi_contact.contact.cells.choice import cell_foundation
+from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.cup.choice import cup_foundation
 from casadi_contact.contact.cup.cup import CUP_SHAPE
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.kept import keep_record, kept_record
+from casadi_contact.contact.kernel_source import C_LAWS
 from casadi_contact.contact.polar.choice import polar_foundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.patches import POLAR_SHAPES
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.scenes import Scene, load_scene
 
 # Later entries are cheaper where a shape has several.
@@ -26,11 +35,12 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     """The cheapest elastic foundation of a scene (or its name, or file) that meets the scene's tolerances.
 
     Polar quadrature for smooth shapes with one spot a patch, closed form for a ball in a cup, cubic cells for meshes
-    and the rest. Its errors, against a much finer model of the same kind, have an RMS within the tolerance of every
-    load and are nowhere more than `convergence.WORST` times it (cells: in proportion to the force above the reference
-    load), over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference
-    loads. ``record`` of the model holds the choice and its errors. Raises ValueError for a shape that has no such
-    model (`FOUNDATION_SHAPES`), or where none is good enough.
+    and the rest. Its errors, against a much finer model of the same kind (cells: an element grid), have an RMS within
+    the tolerance of every load and are nowhere more than `convergence.WORST` times it (cells: half of that, in
+    proportion to the force above the reference load), over poses that press each patch within its rim from the scene's
+    boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model holds the choice and its
+    errors; it is kept in the cache folder (`contact.kept`), for laws of the library. Raises ValueError for a shape that
+    has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     if scene.shape not in _CHOICES:
@@ -38,4 +48,23 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
             f"scene {scene.name} has the shape {scene.shape}, which has no foundation of its own: expected one of "
             f"{', '.join(FOUNDATION_SHAPES)}; others take cc.ElasticFoundation"
         )
-    return _CHOICES[scene.shape](scene, compiled=compiled)
+    kept = scene.material.law in C_LAWS  # of any other law the scene holds but a name
+    record = kept_record(scene) if kept else None
+    if record is not None:
+        return _as_recorded(scene, record, compiled=compiled)
+    model = _CHOICES[scene.shape](scene, compiled=compiled)
+    if kept:
+        keep_record(scene, model.record)
+    return model
+
+
+def _as_recorded(scene: Scene, record: Mapping[str, Any], *, compiled: bool) -> CompiledFoundation:
+    model: CompiledFoundation
+    if scene.shape == CUP_SHAPE:
+        model = CupFoundation(scene, record["points"], compiled=compiled)
+    elif scene.shape in POLAR_SHAPES:
+        model = PolarFoundation(scene, Rays(record["rays"], record["points"]), compiled=compiled)
+    else:
+        model = CellFoundation(scene, Cells(*record["cells_mm"], *record["sub_points"]), compiled=compiled)
+    model.record = dict(record)
+    return model

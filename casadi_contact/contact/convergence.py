@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,31 +23,74 @@ def forces_tried(scene: Scene) -> tuple[float, float]:
     return scene.boundary_load, LARGEST_LOAD * scene.reference_load
 
 
-def cheapest(
-    scene: Scene,
-    candidates: Iterable[Model],
-    errors_of: Callable[[Model], Array],
-    force_n: Array | None = None,
-    **said: Any,
-) -> Model:
-    """The first candidate whose errors (poses, loads) meet the scene's tolerances, its record telling so.
+@dataclass(frozen=True)
+class Errors:
+    """Of a model in n poses: absolute errors of the scene's named loads (n, L) [N, N·mm], force on the pressed patch
+    (n,) [N], and whether the rim cuts contact (n,)."""
 
-    Every load's RMS has to lie within its tolerance, and no error may exceed `WORST` times it; given the force_n
-    (poses,) on the patch, more in proportion where that exceeds the scene's reference load. said: what the record holds
-    besides. Raises ValueError where no candidate is good enough.
+    scene: Scene
+    loads: Array
+    forces_n: Array
+    at_rim: np.ndarray
+
+    @property
+    def misses(self) -> float:
+        """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
+        error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
+        only where there are no others."""
+        rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
+        return float(max(rms.max(), self._of_allowed[self._judged].max()))
+
+    @property
+    def worst(self) -> str:
+        """The error that exceeds what is allowed most, in words."""
+        excess = np.where(self._judged[:, None], self._of_allowed, 0.0)
+        n, load = np.unravel_index(excess.argmax(), excess.shape)
+        return f"{self.loads[n, load]:.3g} in {self.scene.load_names[load]}"
+
+    def record(self, **said: Any) -> dict[str, Any]:
+        """What is said of the model, and its errors, in plain values."""
+        found = {}
+        for where, rows in (("", self._judged), ("_at_rim", ~self._judged)):
+            if rows.any():
+                found[f"rms{where}"] = np.sqrt(np.mean(self.loads[rows] ** 2, axis=0))
+                found[f"largest{where}"] = self.loads[rows].max(axis=0)
+        names = self.scene.load_names
+        by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
+        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name}
+
+    @property
+    def _judged(self) -> np.ndarray:
+        return ~self.at_rim | self.at_rim.all()
+
+    @property
+    def _tolerances(self) -> Array:
+        return np.array([self.scene.tolerances[name] for name in self.scene.load_names])
+
+    @property
+    def _of_allowed(self) -> Array:
+        share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
+        return np.asarray(self.loads / (WORST * share[:, None] * self._tolerances))
+
+
+def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:
+    """The first candidate whose errors (poses, loads) are small enough (`Errors.misses`, whatever the force), its
+    record telling so.
+
+    said: what the record holds besides. Raises ValueError where no candidate is good enough.
     """
-    tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
-    allowed = 1.0 if force_n is None else np.maximum(force_n / scene.reference_load, 1.0)[:, None]
     for model in candidates:
-        errors = np.abs(errors_of(model))
-        rms, largest = np.sqrt(np.mean(errors**2, axis=0)), errors.max(axis=0)
-        if (rms <= tolerances).all() and (errors <= WORST * tolerances * allowed).all():
-            found = {"rms": rms, "largest": largest}
-            by_name = {key: dict(zip(scene.load_names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
-            model.record = {**said, "poses": len(errors), "forces_n": list(forces_tried(scene)), **by_name}
+        found = np.abs(errors_of(model))
+        errors = Errors(scene, found, np.zeros(len(found)), np.zeros(len(found), dtype=bool))
+        if errors.misses <= 1.0:
+            model.record = errors.record(**said)
             return model
-    worst = int(np.argmax(largest / tolerances))
-    raise ValueError(
-        f"scene {scene.name}: {model} is wrong by up to {largest[worst]:.3g} in {scene.load_names[worst]}, "
-        "expected less: relax the scene's tolerances, or take cc.ElasticFoundation"
+    raise not_good_enough(model, errors)
+
+
+def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> ValueError:
+    """The finest of a scene's models is not good enough."""
+    return ValueError(
+        f"scene {errors.scene.name}: {model} is wrong by up to {errors.worst}, expected less: relax the scene's "
+        "tolerances, or take cc.ElasticFoundation"
     )

@@ -75,12 +75,12 @@ class Quadrature:
 
     def wrench(self, R: Array, t: Array) -> Array:
         """The patch's wrench (6,) alone."""
-        total = self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t)).total
-        return np.asarray(smooth_step(-total[6] / self.fade_n)[0] * total[:6])
+        return self.wrench_and_cut(R, t)[0]
 
-    def reaches_rim(self, R: Array, t: Array) -> bool:
-        """Whether contact reaches the rim."""
-        return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t)).cut
+    def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
+        """The patch's wrench (6,), and whether contact reaches the rim."""
+        touch = self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
+        return smooth_step(-touch.total[6] / self.fade_n)[0] * touch.total[:6], touch.cut
 
     def pressures(self, R: Array, t: Array) -> tuple[Array, Array, Array]:
         """Middles (k, 3) [mm], areas (k,) [mm²] and mean pressures (k,) [MPa] of the cells."""

@@ -1,0 +1,81 @@
+"""The choice of a contact model is made once for a scene, and made again where what is kept is not as written."""
+
+import json
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import choice
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("CASADI_CONTACT_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def tests_run(monkeypatch):
+    """The scenes that a convergence test ran for."""
+    ran = []
+
+    def counted(choose):
+        def chosen(scene, **options):
+            ran.append(scene)
+            return choose(scene, **options)
+
+        return chosen
+
+    monkeypatch.setattr(choice, "_CHOICES", {shape: counted(choose) for shape, choose in choice._CHOICES.items()})
+    return ran
+
+
+@pytest.mark.parametrize("name", ["cylinder_on_plane", "patellofemoral", "hip"])
+def test_a_second_model_of_a_scene_is_the_first_without_a_test(folder, tests_run, name):
+    first, again = (cc.foundation(name, compiled=False) for _ in range(2))
+    assert len(tests_run) == 1
+    assert (repr(again), again.record) == (repr(first), first.record)
+    pose = first.scene.start_pose
+    np.testing.assert_array_equal(again.gaps(pose), first.gaps(pose))
+    assert len(list(folder.glob("choice-*.json"))) == 1
+
+
+def test_a_scene_with_other_tolerances_is_tested_itself(folder, tests_run):
+    scene = cc.load_scene("sphere_on_plane")
+    for tolerance in (5.0, 2.0):
+        cc.foundation(scene.with_overrides(Fy=tolerance), compiled=False)
+    assert [tested.tolerances["Fy"] for tested in tests_run] == [5.0, 2.0]
+    assert len(list(folder.glob("choice-*.json"))) == 2
+
+
+def no_json(content):
+    return content[:-20]
+
+
+def another_size(content):
+    return json.dumps(json.loads(content) | {"record": {"model": "cubic cells", "cells_mm": [9.0, 9.0]}}).encode()
+
+
+def too_deep(content):
+    return b"[" * 50_000
+
+
+@pytest.mark.parametrize("damage", [no_json, another_size, too_deep])
+def test_a_file_that_is_not_as_written_is_replaced(folder, tests_run, damage):
+    first = cc.foundation("sphere_on_plane", compiled=False)
+    (path,) = folder.glob("choice-*.json")
+    whole = path.read_bytes()
+    path.write_bytes(damage(whole))
+    again = cc.foundation("sphere_on_plane", compiled=False)
+    assert len(tests_run) == 2
+    assert again.record == first.record
+    assert path.read_bytes() == whole
+
+
+def test_without_a_folder_to_write_in_each_model_is_tested(tests_run, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("CASADI_CONTACT_CACHE", str(tmp_path / "file" / "cache"))
+    for _ in range(2):
+        cc.foundation("sphere_on_plane", compiled=False)
+    assert len(tests_run) == 2
