@@ -17,7 +17,7 @@ from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
 
 FARTHEST_MM = 3.0  # at which the distance from a mesh ends: what lies farther off is as far
-_NEAR_MM = 1.2  # of the surface: here the field counts for loads, farther off for gaps
+_NEAR_MM = 1.5  # of the surface: here the field counts for loads, farther off for gaps
 _NEAR_STEP_MM, _FAR_STEP_MM = 2.0**-12, 2.0**-3  # that coefficients are rounded to, so that they compress
 _CELLS = Cells(2.4, 0.85)
 
