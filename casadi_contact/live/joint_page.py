@@ -32,7 +32,7 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.show.figure import patch_title
 from casadi_contact.structures import Surrogate, load_surrogate
 
-_LIBRARY = "twgl-full.js"
+_LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = (
     *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "scene.js", "map.js", "section.js"),
@@ -62,7 +62,7 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
     python = python or f"cc.foundation({scene!r})"
     cycle = page_cycle(contact, poses)
     surfaces, moving = fixed_surfaces(contact), moving_body(contact.scene)
-    library = np.frombuffer(_web(_LIBRARY).encode(), dtype=np.uint8)
+    library = np.frombuffer(_text(*_LIBRARY).encode(), dtype=np.uint8)
     index, arrays = packed({"library": library, **_arrays(contact, learned, surfaces, moving)})
     content = _content(contact, learned, cycle, surfaces) | {"arrays": index, "python": python}
     words = {
@@ -72,22 +72,22 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
         "moving": "moving body",
         "fixed": "fixed body",
         "source": escape(f"{cycle.source}. Written by casadi_contact {version('casadi_contact')}."),
-        "style": _web("style.css"),
+        "style": _text("web", "style.css"),
         "content": json.dumps(content, separators=(",", ":")).replace("</", "<\\/"),
         "arrays": arrays,
         "modules": page_script(),
     }
-    return Template(_web("page.html")).substitute(words), cycle
+    return Template(_text("web", "page.html")).substitute(words), cycle
 
 
 def page_script() -> str:
     """The page's modules as one: each file's imports are those before it."""
-    texts = [_IMPORT.sub("", _web(name)) for name in _MODULES]
+    texts = [_IMPORT.sub("", _text("web", name)) for name in _MODULES]
     return "\n".join(re.sub(r"^export ", "", text, flags=re.MULTILINE) for text in texts)
 
 
-def _web(name: str) -> str:
-    return resources.files(__package__).joinpath("web", name).read_text("utf-8")
+def _text(*path: str) -> str:
+    return resources.files(__package__).joinpath(*path).read_text("utf-8")
 
 
 def _surrogate(contact: CompiledFoundation, name: str | None) -> tuple[Surrogate | None, str]:

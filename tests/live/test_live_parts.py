@@ -2,7 +2,9 @@
 
 import base64
 import gzip
+import hashlib
 import re
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -96,3 +98,10 @@ def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_
 def test_a_surrogate_of_another_scene_is_refused():
     with pytest.raises(ValueError, match=r"trained for another scene \(knee\) than hip"):
         joint_page("hip", surrogate="knee")
+
+
+def test_the_library_that_draws_is_the_one_that_its_makers_published():
+    """twgl.js 7.0.0, dist/7.x/twgl-full.js of the npm package."""
+    folder = resources.files("casadi_contact.live") / "third_party"
+    digest = hashlib.sha256((folder / "twgl-full.js").read_bytes()).hexdigest()
+    assert digest == "a1096308034021de808dee4906dbe69e2d22783ee4ef2ff5a5c12bf7208c8cba"
