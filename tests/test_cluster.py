@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,6 +18,7 @@ from tests.support.regressions import smooth
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 WORKERS = 4
+PATIENCE = 3000  # tenths of a second
 
 
 @pytest.fixture
@@ -42,11 +44,18 @@ class Killer:
 
     def __call__(self, *progress):
         if self.left:
-            pids = sorted(set(self.client.run(os.getpid, on_error="ignore").values()) - set(self.killed))
-            if pids:
-                os.kill(pids[0], signal.SIGKILL)
-                self.killed.append(pids[0])
-                self.left -= 1
+            os.kill(self._next(), signal.SIGKILL)
+            self.left -= 1
+
+    def _next(self):
+        """A worker that lives; the scheduler starts another for each that is killed."""
+        for _ in range(PATIENCE):
+            fresh = sorted(set(self.client.run(os.getpid, on_error="ignore").values()) - set(self.killed))
+            if fresh:
+                self.killed.append(fresh[0])
+                return fresh[0]
+            time.sleep(0.1)
+        raise TimeoutError("no worker was started in the place of those killed")
 
 
 def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):

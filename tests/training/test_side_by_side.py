@@ -59,12 +59,12 @@ def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
     """The worker here goes on only when the caller has heard of its first iteration."""
     told, heard = [], Event()
 
-    def patient_fit(regression, settings, checkpoint, tell):
+    def patient_fit(regression, settings, checkpoint, tell, start):
         def tell_and_wait(*line):
             tell(*line)
             assert heard.wait(60.0), "the caller heard nothing"
 
-        return fit(regression, settings, checkpoint, tell_and_wait)
+        return fit(regression, settings, checkpoint, tell_and_wait, start)
 
     def progress(*line):
         told.append(line)

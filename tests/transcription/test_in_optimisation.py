@@ -23,7 +23,7 @@ def poses_in_contact(surrogate, count):
 
 def test_only_the_needed_networks_are_in_the_graph(surrogate):
     one, two, all_loads = (surrogate.function(names) for names in (["Fy_med"], ["Fy_med", "Fy_lat"], None))
-    assert one.n_instructions() < two.n_instructions() < all_loads.n_instructions() / 2
+    assert one.n_instructions() < two.n_instructions() < 0.6 * all_loads.n_instructions()
     pose = random_poses(1)[0]
     want = dict(zip(surrogate.load_names, surrogate([pose])[0], strict=True))
     np.testing.assert_allclose(two(pose).full().ravel(), [want["Fy_med"], want["Fy_lat"]], rtol=1e-12)

@@ -42,13 +42,13 @@ INLINE void fill_nan(int n, double *values) {
 /* As many doubles as a register holds, and the widest part of a layer whose sums all stay in registers. */
 #if defined(__AVX512F__)
 #define BYTES 64
-#define BLOCK 32
+#define NEURONS_AT_ONCE 32
 #elif defined(__AVX__)
 #define BYTES 32
-#define BLOCK 24
+#define NEURONS_AT_ONCE 24
 #else
 #define BYTES 16
-#define BLOCK 8
+#define NEURONS_AT_ONCE 8
 #endif
 #if defined(__GNUC__)
 typedef double Vector __attribute__((vector_size(BYTES)));
@@ -86,7 +86,9 @@ INLINE void layer_block(int biased, int inputs, int width, int stride, const dou
 
 INLINE void layer(int biased, int inputs, int outputs, const double *w, const double *a, double *z) {
   int i = 0;
-  for (; i + BLOCK <= outputs; i += BLOCK) layer_block(biased, inputs, BLOCK, outputs, w + i, a, z + i);
+  for (; i + NEURONS_AT_ONCE <= outputs; i += NEURONS_AT_ONCE) {
+    layer_block(biased, inputs, NEURONS_AT_ONCE, outputs, w + i, a, z + i);
+  }
   if (outputs - i >= 24) layer_block(biased, inputs, 24, outputs, w + i, a, z + i);
   else if (outputs - i >= 16) layer_block(biased, inputs, 16, outputs, w + i, a, z + i);
   else if (outputs - i >= 8) layer_block(biased, inputs, 8, outputs, w + i, a, z + i);
