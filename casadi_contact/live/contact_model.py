@@ -23,7 +23,7 @@ _CELLS = Cells(2.4, 0.85)
 
 
 class PageCells(CellFoundation):
-    """Cubic cells of meshes, their distance field rounded to about 0.1 µm near the surface, none beyond `FARTHEST_MM`."""
+    """Cubic cells of meshes, the distance field rounded to about 0.1 µm near the surface, none beyond `FARTHEST_MM`."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene, _CELLS)
