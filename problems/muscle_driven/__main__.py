@@ -11,9 +11,12 @@ import typer
 import casadi_contact as cc
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.files import writable_folder
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
-from problems.common.command import RESULTS, new_app, run_command
+from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.outcome import print_verdict
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -45,7 +48,10 @@ def run(
     out: Annotated[Path, typer.Option(help="folder for muscle_driven.csv, .png, summary.json")] = RESULTS / NAME,
 ) -> None:
     """Solve a walk for activations, and let these drive the knee forward on three contact models: a surrogate, the
-    foundation of its scene and an EF of 160×80 elements."""
+    foundation of its scene and an EF of 160×80 elements.
+
+    Exit status 3: on some frames of the first one's motion the contact model differs.
+    """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
     source = ContactSource.of(surrogate, scene)
@@ -61,7 +67,11 @@ def run(
         name: Run.of(one, simulations[-1][name], float(np.median([turn[name].seconds for turn in simulations])))
         for name, one in driven.items()
     }
+    poses = runs[source.kind].simulation.poses
+    verdict = judge(model, poses, np.ones(len(poses), dtype=bool), own_model(model.scene))
+    print_verdict(PlainConsole(), verdict)
     report(driven, runs, out)
+    end_with(verdict, NAME, out)
 
 
 def main() -> None:

@@ -6,14 +6,18 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.scenes import load_scene
-from problems.common.command import RESULTS, new_app, run_command
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import judge, own_model
+from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.outcome import print_verdict
 from problems.wear.cycle import simulated_poses
 from problems.wear.problem import WEAR_FACTOR, archard_wear, volume_mm3
 from problems.wear.report import report
@@ -33,15 +37,20 @@ def run(
     wear_factor: Annotated[float, typer.Option(help="[mm³/(N·m)]")] = WEAR_FACTOR,
     out: Annotated[Path, typer.Option(help="folder for wear.csv, .png, .json")] = RESULTS / NAME,
 ) -> None:
-    """Wear of the insert over a cycle, of the knee simulator or from a file, by Archard's law on the scene's EF."""
+    """Wear of the insert over a cycle, of the knee simulator or from a file, by Archard's law on the scene's EF.
+
+    Exit status 3: on some frames of the simulated cycle the EF gives other loads than what it was simulated on.
+    """
     writable_folder(out)
     if poses is not None:
         if scene is None or surrogate is not None:
             raise ValueError("--poses needs --scene, and no --surrogate: its elements are what wears")
-        of, cycle = load_scene(scene), read_poses(poses)
+        of, cycle, verdict = load_scene(scene), read_poses(poses), None
     else:
         model = ContactSource.of(surrogate, scene).load()
         of, cycle = model.scene, simulated_poses(model, frames)
+        verdict = judge(model, cycle, np.ones(len(cycle), dtype=bool), own_model(of))
+        print_verdict(PlainConsole(), verdict)
     began = time.perf_counter()
     fine = ElasticFoundation(of, of.grids.get("teacher"))
     wear = archard_wear(fine, cycle, wear_factor)
@@ -52,6 +61,8 @@ def run(
         f"elements {fewer.grid[0]}×{fewer.grid[1]}": volume_mm3(archard_wear(fewer, cycle, wear_factor)),
     }
     report(fine, wear, coarser, wear_factor, seconds, out)
+    if verdict is not None:
+        end_with(verdict, NAME, out)
 
 
 def main() -> None:
