@@ -110,8 +110,8 @@ class Surrogate(SurrogateFunctions):
 
     @staticmethod
     def reflection(name: str, network: Network, scene: Scene) -> Network:
-        """The twin `name` of a network."""
-        raise NotImplementedError(f"{name} is no twin")
+        """The twin `name` of a network; raises ValueError for one that is not among `twins`."""
+        raise ValueError(f"network {name!r} is the mirror image of none, expected one of `twins`")
 
     @classmethod
     @abstractmethod
