@@ -108,7 +108,8 @@ def draw(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], path: Path
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green", "purple")]
     for name, curve, color in zip(POWERS, simulation.work.T, colours, strict=True):
         energy.plot(walk.percent, 1e-3 * curve, color=color, label=f"work of {name}")
-    energy.plot(walk.percent, 1e-3 * (simulation.kinetic - simulation.kinetic[0]), label="change of kinetic energy", **WANTED)
+    gained = 1e-3 * (simulation.kinetic - simulation.kinetic[0])
+    energy.plot(walk.percent, gained, label="change of kinetic energy", **WANTED)
     energy.set(title="energy", ylabel="[J]")
     energy.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "cycle [%]")
