@@ -3,7 +3,8 @@
 python -m tests.benchmarks.bench_cells
 python -m tests.benchmarks.bench_cells --samples samples.h5
 
-The second takes errors alone, over samples of the domains D1, D3 and D4 (``casadi-contact sample``). Needs the meshes that `problems/implant/tka_mesh.toml` names.
+The second takes errors alone, over samples of the domains D1, D3 and D4 (``casadi-contact sample``). Needs the meshes
+that `problems/implant/tka_mesh.toml` names.
 """
 
 from __future__ import annotations
