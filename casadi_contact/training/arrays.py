@@ -82,6 +82,14 @@ class TorchArrays:
         """Zeros of a shape."""
         return self.xp.zeros(shape, dtype=self.xp.float64, device=self.device)
 
+    def identity(self, size: int) -> Any:
+        """The unit matrix."""
+        return self.xp.eye(size, dtype=self.xp.float64, device=self.device)
+
+    def mask(self, values: Any) -> Any:
+        """Truth values, or whole numbers to index with, on the device."""
+        return self.xp.as_tensor(np.asarray(values), device=self.device)
+
     def numpy(self, array: Any) -> Any:
         """The array in the computer's memory."""
         return array.detach().cpu().numpy()
