@@ -120,8 +120,11 @@ class TorchArrays:
 
 def arrays_for(device: str) -> NumpyArrays | TorchArrays:
     """NumPy trains on "cpu"; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
-    if device == "cpu":
-        return NumpyArrays()
+    return NumpyArrays() if device == "cpu" else torch_arrays(device)
+
+
+def torch_arrays(device: str) -> TorchArrays:
+    """Tensors on a torch device, "cpu" among them; raises ValueError in one line if it cannot be had."""
     try:
         arrays = TorchArrays(device)
         arrays.zeros(1)
