@@ -104,7 +104,7 @@ class LevenbergMarquardt:
     def _assemble(self) -> None:
         """Assemble the preconditioner at the current parameters: rows drawn with probability ∝ their weight, each
         scaled so that the expectation is JᵀJ of all rows."""
-        rows, wanted = self.mlp.rows, int(_ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.outputs)
+        rows, wanted = self.mlp.rows, int(_ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.per_row)
         weights = self.mlp.draw_weights
         if wanted < rows and weights.sum() > 0.0:
             chance = np.minimum(1.0, weights * (wanted / weights.sum()))
