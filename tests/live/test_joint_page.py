@@ -146,7 +146,8 @@ def depths(model, p, surface, pose):
         depth = np.zeros(len(c))
         for _ in range(3):
             g, slope = distance_slopes(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
-            depth += g / np.einsum("ij,ij->i", slope, n @ R)
+            along = np.einsum("ij,ij->i", slope, n @ R)
+            depth += np.divide(g, along, out=np.zeros_like(g), where=along != 0.0)  # level where it is cut off
         return np.maximum(depth, 0.0)
     count = len(surface.places)
     ends = ray_ends(
