@@ -34,10 +34,7 @@ class Ride:
 
     def contact_poses(self, name: str) -> Array:
         """Poses (n, 6) of a contact's moving body in its fixed one."""
-        contact = self._contact(name)
-        q = ca.MX.sym("q", 6, 2)
-        pose = ca.Function("contact_pose", [q], [self.assembly.contact_pose(contact, q)])
-        return np.array([np.asarray(pose(poses.T)).ravel() for poses in self.poses])
+        return contact_poses(self.assembly, self._contact(name), self.poses)
 
     def loads_apart_n(self, other: Ride) -> Array:
         """Largest difference of loads (n,) [N], torques over 25 mm. Where nothing presses the patella, its place is not
@@ -52,6 +49,13 @@ class Ride:
 
     def _contact(self, name: str) -> Contact:
         return next(contact for contact in self.assembly.contacts if contact.name == name)
+
+
+def contact_poses(assembly: Assembly, contact: Contact, poses: Array) -> Array:
+    """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) of all."""
+    q = ca.MX.sym("q", 6, len(assembly.bodies))
+    pose = ca.Function("contact_pose", [q], [assembly.contact_pose(contact, q)])
+    return np.array([np.asarray(pose(one.T)).ravel() for one in poses])
 
 
 def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | None = None) -> Ride:
