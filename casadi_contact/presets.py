@@ -130,6 +130,15 @@ PRESETS: dict[str, Preset] = {
             }
         },
     ),
+    "mesh": Preset(  # for surfaces that touch in several places: a root network of many spots, and a trunk of ratios
+        sampling_scale=0.4,
+        efforts={
+            "trunk": {
+                "root": Effort(((24, 24, 24),), 6_000.0, tolerance_share=0.2, spots=16),
+                "ratios": Effort(((24, 24),), 2_000.0, tolerance_share=0.2),
+            }
+        },
+    ),
     "paper": Preset(
         sampling_scale=1.0,
         efforts={
