@@ -49,7 +49,8 @@ class Errors:
         return f"{self.loads[n, load]:.3g} in {self.scene.load_names[load]}"
 
     def record(self, **said: Any) -> dict[str, Any]:
-        """What is said of the model, and its errors, in plain values."""
+        """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,
+        which share exceeds what is allowed."""
         found = {}
         for where, rows in (("", self._judged), ("_at_rim", ~self._judged)):
             if rows.any():
@@ -57,7 +58,9 @@ class Errors:
                 found[f"largest{where}"] = self.loads[rows].max(axis=0)
         names = self.scene.load_names
         by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
-        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name}
+        exceed = (self._of_allowed[~self._judged] > 1.0).any(axis=1)
+        at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
+        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
 
     @property
     def _judged(self) -> np.ndarray:
