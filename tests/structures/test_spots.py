@@ -1,6 +1,7 @@
 """A patch that touches in two places, known in closed form: two balls side by side on an elastic plane, which rocks."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.fitting import fit_surrogate
 from casadi_contact.presets import Effort
-from casadi_contact.structures import with_trust
+from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate, with_trust
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 
@@ -34,13 +35,20 @@ def two_balls(scene, rows=700, seed=0):
     return Samples(scene, poses, wrenches, nearest, domain, role, table), depths
 
 
+def of_spots(scene, spots):
+    """The scene whose one patch is learned as so many spots, as a mesh scene says."""
+    (part,) = scene.parts
+    return replace(scene, parts=(replace(part, spots=spots),))
+
+
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     return pipeline.Project.open("sphere_on_plane", "quick", tmp_path_factory.mktemp("balls"))
 
 
 def trained(project, samples, spots):
-    efforts = {"root": Effort(((6, 6),), 1.0, spots=spots, tolerance_share=0.0), "ratios": Effort(((6, 6),), 0.3)}
+    efforts = {"root": Effort(((6, 6),), 1.0, tolerance_share=0.0), "ratios": Effort(((6, 6),), 0.3)}
+    samples = replace(samples, scene=of_spots(samples.scene, spots))
     with ThreadPoolExecutor(1) as here:
         folder = project.folder / str(spots)
         return fit_surrogate(project, samples, "trunk", efforts, folder, "a test", "balls", executor=here)
@@ -89,6 +97,12 @@ def test_a_surrogate_of_spots_is_saved_trusted_and_compiled_like_any_other(learn
     many = np.tile(samples.poses, (4, 1))
     close(arrays.validity(many), loaded.validity(many), 8)
     close(arrays(many), loaded(many), 10)
+
+
+def test_networks_that_confirm_the_reference_structure_keep_one_root(learned):
+    samples = replace(learned[0], scene=of_spots(learned[0].scene, 2))
+    assert {r.name: r.outputs for r in PatchSurrogate.regressions(samples)}["root_contact"] == 2
+    assert {r.outputs for r in TwoStageSurrogate.regressions(samples)} == {1}
 
 
 def test_as_many_outputs_as_there_are_spots_but_of_roots_alone(learned):
