@@ -123,10 +123,7 @@ def fit_surrogate(
             continue
         effort = effort_for(efforts, regression.name)
         wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
-        wanted = _at_most(wanted, effort.max_rows, seed=0)
-        if kind.gives_spots(wanted.name):
-            wanted = replace(wanted, spots=effort.spots)
-        regressions.append(wanted)
+        regressions.append(_at_most(wanted, effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
             sizes=effort.sizes, activation=effort.activation, max_gflop=effort.gflop, device=device
         )
@@ -135,8 +132,7 @@ def fit_surrogate(
         if update is not None:
             update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
 
-    whole = {r.name for r in regressions if r.spots == 1}
-    starts = kind.starts({name: chosen.sizes[0] for name, chosen in settings.items() if name in whole}, made or {})
+    starts = kind.starts({name: chosen.sizes[0] for name, chosen in settings.items()}, made or {})
     fits = fit_all(regressions, settings, executor, checkpoints, progress, starts)
     for name, fit in fits.items():
         if update is not None:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Effort:
-    """Training of one kind of network: sizes to grow through, budget, activation, samples used at most, the wanted
-    error as a share of the scene's tolerance (below 1, all the budget is used to get better than needed), and of how
-    many spots a root load is made (`casadi_contact.spots`), those that it does not need included.
+    """Training of one kind of network: sizes to grow through, budget, activation, samples used at most, and the wanted
+    error as a share of the scene's tolerance (below 1, all the budget is used to get better than needed).
 
     gflop: 10⁹ floating-point operations, counted as `training.TrainingSettings` says. Work and not time, so that the
     same samples give the same surrogate on a busy machine. Measured on one core with AVX-512: 3 Gflop a second for
@@ -22,7 +21,6 @@ class Effort:
     activation: str = "algebraic"
     max_rows: int | None = None
     tolerance_share: float = 1.0
-    spots: int = 1
 
 
 @dataclass(frozen=True)
