@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import traceback
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
@@ -45,6 +46,14 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
             yield client.get_executor()
         except CancelledError:
             raise ConnectionError(f"the scheduler at {address} was lost: run the same command again to go on") from None
+        except TypeError as error:
+            # Where a worker or the scheduler dies between a result's arrival and its delivery, Dask's executor takes
+            # the result for an error, and apart.
+            if not traceback.extract_tb(error.__traceback__)[-1].filename.endswith("cfexecutor.py"):
+                raise
+            raise ConnectionError(
+                f"a result from the scheduler at {address} was lost: run the same command again to go on"
+            ) from None
         except distributed.KilledWorker as error:
             raise ChildProcessError(
                 f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
