@@ -25,7 +25,7 @@ from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 
 # Relative ridge of the small least-squares problem of the output layer: below what double precision resolves well.
-_OUTPUT_RIDGE = 1e-13
+OUTPUT_RIDGE = 1e-13
 
 
 def layer_shapes(inputs: int, hidden: tuple[int, ...], outputs: int = 1) -> tuple[tuple[int, int], ...]:
@@ -194,7 +194,7 @@ class Mlp:
             gram += weighted.T @ weighted
             right += weighted.T @ residuals[c]
         self.flop += 2 * self.rows * width**2
-        factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
+        factor = self.arrays.factor(gram, OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
         return None if factor is None else self.arrays.solve(factor, right)
 
     def accept(self, parameters: Any) -> Any:
