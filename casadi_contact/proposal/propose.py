@@ -80,10 +80,11 @@ def propose(
         told.append(
             f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
         )
-    if (thinnest := min(shells.values())) < THIN_MM:
-        tables["geometry"] |= {"spacing": round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)}
     if shells["moving"] < THIN_MM:
         tables["geometry"]["shell"] = "outer" if regions.round else "whole"
+    closed = [shells["fixed"], np.inf if regions.round else shells["moving"]]  # an outer side alone is no thin shell
+    if (thinnest := min(closed)) < THIN_MM:
+        tables["geometry"]["spacing"] = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
     direction = direction_of(joint, frame, meeting)

@@ -51,7 +51,7 @@ def check(regression: Regression) -> None:
     name, rows = regression.name, len(regression.inputs)
     if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
         raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
-    per_row = (rows,) if regression.outputs == 1 else (rows, regression.outputs)
+    per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
     for column, expected in (("targets", per_row), ("weights", per_row), ("validation", (rows,))):
         shape = np.shape(getattr(regression, column))
         if shape != expected:
@@ -165,7 +165,7 @@ def _check_start(regression: Regression, settings: TrainingSettings, start: Netw
 
 def _result(regression: Regression, search: Search, cpu_s: float) -> Fit:
     network = search.best_network()
-    weighted = regression.weights * (network.value(regression.inputs) - regression.targets)
+    weighted = regression.residuals(network)
     rms = {
         chosen: float(np.sqrt(np.sum(weighted[rows] ** 2) / rows.sum())) if rows.any() else np.nan
         for chosen, rows in ((False, ~regression.validation), (True, regression.validation))

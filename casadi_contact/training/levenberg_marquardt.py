@@ -129,7 +129,7 @@ class LevenbergMarquardt:
 
     def _assemble(self) -> None:
         """Assemble the preconditioner at the current parameters, of some rows (see `draw_rows`) or of all."""
-        rows, wanted = self.mlp.rows, int(ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.outputs)
+        rows, wanted = self.mlp.rows, int(ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.per_row)
         drawn = draw_rows(self.mlp.draw_weights, wanted, [self._seed, self._assemblies])
         self._gram = self.mlp.gram() if drawn is None else self.mlp.gram(*drawn)
         self._unit = float(self.mlp.arrays.diagonal(self._gram).mean()) or 1.0

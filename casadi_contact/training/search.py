@@ -16,6 +16,7 @@ from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
 from casadi_contact.training.settings import TrainingSettings
+from casadi_contact.training.spots import SpotMlp
 from casadi_contact.training.trunk import TrunkMlp
 
 # A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
@@ -189,7 +190,8 @@ class Search:
             return self._given
         rows, regression = self._training, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
-        fresh = initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
+        columns = regression.inputs[rows], regression.targets[rows]
+        fresh = initial_network(*columns, sizes, activation, self._seed(level), regression.spots)
         if self._given is None or level > 0:
             return fresh
         scales = ("input_shift", "input_scale", "output_scale")  # kept, so that weights of all attempts compare
@@ -206,7 +208,8 @@ class Search:
 
     def _start(self, network: Network, state: State | None = None) -> None:
         def mlp(rows: np.ndarray) -> Mlp:
-            kind = Mlp if network.outputs == 1 else TrunkMlp
+            several = SpotMlp if self.regression.spots > 1 else TrunkMlp
+            kind = Mlp if network.outputs == 1 else several
             return kind(network, *self._columns(rows), self._arrays, self.settings.chunk_rows)
 
         self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), self._drawing_seed(), state)
