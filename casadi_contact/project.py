@@ -165,7 +165,7 @@ def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
 
 
 def shipped_surrogate(scene: Scene) -> Surrogate | None:
-    """The surrogate that comes with the library under the scene's own name; None if there is none of this very scene."""
+    """The surrogate of this very scene that comes with the library under its name; None if there is none."""
     found = load_surrogate(scene.name) if scene.name in ready_surrogates() else None
     return found if found is not None and found.scene.digest == scene.digest else None
 

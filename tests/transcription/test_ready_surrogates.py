@@ -46,8 +46,10 @@ def test_all_evaluations_agree_in_every_domain(name, poses_of_domain):
 
 
 def test_the_shipped_knee_errs_on_new_poses_as_its_file_says(poses_of_domain):
-    """At most 1.5 times the RMS error of each load in each domain that the surrogate states (`casadi-contact info`): single
-    errors of 8 times that are rare but there, and a domain has 200 poses here."""
+    """At most 1.5 times the RMS error of each load in each domain that the surrogate states (`casadi-contact info`).
+
+    Single errors of 8 times that are rare but there, and a domain has 200 poses here.
+    """
     knee = cc.load_surrogate("knee")
     teacher = ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
     for domain, poses in poses_of_domain.items():
