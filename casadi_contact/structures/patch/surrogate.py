@@ -142,7 +142,7 @@ class PatchSurrogate(Surrogate):
     def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
         s, ds = self._network(root_name(part.name), poses, part, derivative=derivative)
-        s = s.reshape(len(poses), -1)
+        s = s if s.ndim == 2 else s[:, None]
         return s, ds.reshape(len(ds), s.shape[1], 6) if derivative else np.empty((0, s.shape[1], 6))
 
     def _ratios(
