@@ -50,11 +50,13 @@ def train(
     executor: Executor | None = None,
     *,
     structure: str | None = None,
+    device: str = "cpu",
 ) -> list[Path]:
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
-    Goes on from checkpoints where an earlier run stopped. Raises ValueError for a structure that the preset does not
-    train or that cannot stand for the scene's loads.
+    device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). Goes on from
+    checkpoints where an earlier run stopped. Raises ValueError for a structure that the preset does not train or that
+    cannot stand for the scene's loads.
     """
     structures = structures_for_scene(project)
     if structure is not None and structure not in structures:
@@ -71,7 +73,7 @@ def train(
         folder, path = project.folder / "training" / name, project.surrogate_path(name)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(
-                project, samples, name, efforts, folder, command, name, update, workers, made=made
+                project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device
             )
         made[name] = with_trust(surrogate, samples, around)
         made[name].save(path)
@@ -100,6 +102,7 @@ def fit_surrogate(
     executor: Executor | None = None,
     loads: Sequence[str] | None = None,
     made: Mapping[str, Surrogate] | None = None,
+    device: str = "cpu",
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
@@ -108,7 +111,7 @@ def fit_surrogate(
     that is its own mirror image one side is fitted, on the samples of both. update is called as (title and network,
     Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their budget was
     used up. made: surrogates of the same samples by structure, from which some structures train on
-    (`Surrogate.starts`).
+    (`Surrogate.starts`). device: as in `train`.
     """
     kind = STRUCTURES[structure]
     needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
@@ -122,7 +125,7 @@ def fit_surrogate(
         wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
         regressions.append(_at_most(wanted, effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
-            sizes=effort.sizes, activation=effort.activation, max_gflop=effort.gflop
+            sizes=effort.sizes, activation=effort.activation, max_gflop=effort.gflop, device=device
         )
 
     def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
@@ -141,7 +144,8 @@ def fit_surrogate(
     networks |= {twin: kind.reflection(twin, networks[of], project.scene) for twin, of in twins.items()}
     if loads is not None:
         networks = {name: networks[name] for name in needed}
-    surrogate = kind(project.scene, networks, _record(project, samples, kind(project.scene, networks), fits, command))
+    bare = kind(project.scene, networks)
+    surrogate = kind(project.scene, networks, _record(project, samples, bare, fits, command, device))
     if line := budget_line(surrogate.record):
         _log.warning("%s: %s", title, line)
     return surrogate
@@ -164,7 +168,7 @@ def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
 
 
 def _record(
-    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str, device: str
 ) -> dict[str, Any]:
     """What the surrogate's file says of how it was made (see `surrogate.info`)."""
     return {
@@ -177,5 +181,5 @@ def _record(
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
         "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
-        "machine": machine_record(),
+        "machine": {**machine_record(), **({} if device == "cpu" else {"device": f"{device}, untested on a GPU"})},
     }

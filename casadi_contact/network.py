@@ -15,6 +15,7 @@ import numpy as np
 
 from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
+from casadi_contact.spots import joint_root
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,8 @@ class Network:
 class Regression:
     """One network to fit: residual_i = weights_i·(net(inputs_i) - targets_i), root mean square wanted below tolerance.
 
-    inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row;
+    inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
+    spots: targets (n,) are joint root loads (`casadi_contact.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
     Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
     """
@@ -109,8 +111,14 @@ class Regression:
     weights: Array
     validation: np.ndarray
     tolerance: float
+    spots: int = 1
 
     @property
     def outputs(self) -> int:
-        """Number m of outputs."""
-        return 1 if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]
+        """Number of the network's outputs."""
+        return self.spots if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]
+
+    def residuals(self, network: Network) -> Array:
+        """Weighted residuals, (n,) or (n, m)."""
+        values = network.value(self.inputs)
+        return np.asarray(self.weights * ((joint_root(np, values)[0] if self.spots > 1 else values) - self.targets))

@@ -48,6 +48,7 @@ from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.scenes import Scene
 from casadi_contact.show import contact_pose
 from casadi_contact.structures import Surrogate, with_trust
+from casadi_contact.training.arrays import arrays_for
 from casadi_contact.transcription import save_function
 
 __all__ = [
@@ -81,17 +82,18 @@ def build(
     folder: str | Path | None = None,
     progress: Update | None = None,
     executor: Executor | None = None,
+    device: str = "cpu",
 ) -> dict[str, Surrogate]:
     """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
     contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: samples are drawn from it,
     in this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
-    results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again after an
-    interruption it goes on where it stopped.
+    results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a torch device
+    ("cuda") that samples and trains in this process. Called again after an interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be written or that another
-    process works in.
+    Raises ValueError for input that cannot be used or a device that cannot be had, OSError for a folder that cannot be
+    written or that another process works in.
     """
     if table is not None and (cycles or model is not None):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
@@ -100,8 +102,8 @@ def build(
         if table is not None:
             take_table(project, Path(table))
         else:
-            _draw(project, [Path(path) for path in cycles], model, progress, executor)
-        train(project, progress, executor)
+            _draw(project, [Path(path) for path in cycles], model, progress, executor, device)
+        train(project, progress, executor, device=device)
         evaluate(project)
         export(project)
         report(project)
@@ -114,6 +116,7 @@ def _draw(
     model: DrawnModel | None,
     progress: Update | None,
     executor: Executor | None,
+    device: str,
 ) -> None:
     """Draw the samples of the scene's elastic foundation, or of another model."""
 
@@ -122,7 +125,7 @@ def _draw(
             progress("samples", done, total, "")
 
     if model is None:
-        sample(project, cycles, tell, executor)
+        sample(project, cycles, tell, executor, device=device)
         return
     if model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
@@ -142,14 +145,19 @@ def sample(
     progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
+    device: str = "cpu",
 ) -> tuple[Samples, ReferenceReport]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
-    another contact model than the elastic foundation.
+    another contact model than the elastic foundation. device: a torch device evaluates the elastic foundation in this
+    process; its samples are those of the processor to rounding, not to the last bit.
 
-    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` (the file is kept).
+    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` (the file is kept), and for
+    a device that cannot be had or does not know the models.
     """
+    if device != "cpu":
+        models, executor = _on_device(models, device), ThreadPoolExecutor(1)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
@@ -166,6 +174,15 @@ def sample(
     write_npz(project.motion_path, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
     refuse_many_dropped(samples, settings.most_dropped)
     return samples, report
+
+
+def _on_device(models: ModelPair, device: str) -> ModelPair:
+    if models is not elastic_foundations:
+        raise ValueError(f"got device {device!r} with another contact model, expected the elements' (--model elements)")
+    arrays_for(device)
+    from casadi_contact.bridges.torch_foundation import foundations_on  # imports torch
+
+    return foundations_on(device)
 
 
 @alone

@@ -16,7 +16,7 @@ import numpy as np
 PressureLaw = Callable[[float, float, float], tuple[float, float, float]]
 """(K [MPa], h [mm], d > 0 [mm]) -> p [MPa], dp/dd [MPa/mm], d²p/dd² [MPa/mm²], in what numba can compile."""
 
-_TANGENT_STRAIN = 0.9
+TANGENT_STRAIN = 0.9
 
 
 def _linear(modulus, thickness, depth):
@@ -26,11 +26,11 @@ def _linear(modulus, thickness, depth):
 
 def _logarithmic(modulus, thickness, depth):
     strain = depth / thickness
-    if strain < _TANGENT_STRAIN:
+    if strain < TANGENT_STRAIN:
         slope = modulus / (thickness * (1.0 - strain))
         return -modulus * np.log1p(-strain), slope, slope / (thickness * (1.0 - strain))
-    slope = modulus / (thickness * (1.0 - _TANGENT_STRAIN))
-    return slope * (depth - _TANGENT_STRAIN * thickness) - modulus * np.log1p(-_TANGENT_STRAIN), slope, 0.0
+    slope = modulus / (thickness * (1.0 - TANGENT_STRAIN))
+    return slope * (depth - TANGENT_STRAIN * thickness) - modulus * np.log1p(-TANGENT_STRAIN), slope, 0.0
 
 
 LAWS: dict[str, PressureLaw] = {"linear": _linear, "log": _logarithmic}

@@ -70,12 +70,13 @@ def train_to_tolerance(
     executor: Executor | None = None,
     models: ModelPair = foundations,
     rounds: int = ROUNDS,
+    device: str = "cpu",
 ) -> Surrogate:
     """Sample and train in rounds until the tolerances of the project's scene are met; samples and surrogate of the last
     round go into the project's folder.
 
-    Goes on where an earlier run stopped. Raises ValueError, naming the largest misses, where the last round does not
-    meet them; its samples and surrogate are kept all the same.
+    device: as in `pipeline.sample` and `fitting.train`. Goes on where an earlier run stopped. Raises ValueError, naming
+    the largest misses, where the last round does not meet them; its samples and surrogate are kept all the same.
     """
     efforts = {
         "": Effort(LADDER, RATIO_SHARE * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
@@ -86,11 +87,13 @@ def train_to_tolerance(
         preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
         this = replace(project, folder=project.folder / f"round-{k + 1}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _drawing(update, k + 1), executor, models)
+        samples, _ = sample(this, cycle_files, _drawing(update, k + 1), executor, models, device)
         with worker_pool(executor) as workers:
             folder, title = this.folder / "training", f"round {k + 1}"
             command = f"casadi-contact build {project.scene.name} to its tolerances, {title}"
-            surrogate = fit_surrogate(this, samples, STRUCTURE, efforts, folder, command, title, update, workers)
+            surrogate = fit_surrogate(
+                this, samples, STRUCTURE, efforts, folder, command, title, update, workers, device=device
+            )
         missed = misses(surrogate, samples)
         if not missed:
             break

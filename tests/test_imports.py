@@ -16,8 +16,8 @@ PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
     *("compilation", "files", "page", "workers", "cluster", "terminal", "machine", "quantities"),
     *("conventions", "pressure_laws"),
-    *("activations", "network", "transcription", "geometry", "shapes", "scenes", "motion", "contact", "statics"),
-    *("dataset", "sampling", "training", "structures"),
+    *("activations", "spots", "network", "transcription", "geometry", "shapes", "scenes", "motion"),
+    *("contact", "statics", "dataset", "sampling", "training", "structures"),
     *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
     *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
     *("commands", "cli", "__main__"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring
 from casadi_contact.assembly.frames import placed, relative_pose, rotation
@@ -96,6 +97,21 @@ class Assembly:
             found[k] -= ca.DM(spring.stiffness) * (poses[:, k] - ca.DM(spring.rest))
         names = ["poses", "tensions"], ["forces"]
         return ca.Function(name, [poses, tensions], [ca.horzcat(*found)], *names)
+
+    def contact(self, name: str) -> Contact:
+        """A contact by its name; ValueError where there is none."""
+        found = {contact.name: contact for contact in self.contacts}
+        if name not in found:
+            raise ValueError(f"assembly {self.name} has no contact {name}, expected one of {', '.join(found)}")
+        return found[name]
+
+    def contact_poses(self, name: str, poses: ArrayLike) -> Array:
+        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6)."""
+        count = len(self.bodies)
+        q = ca.MX.sym("q", 6, count)
+        pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
+        stacked = np.asarray(poses, dtype=float).reshape(-1, 6)
+        return np.asarray(pose.map(len(stacked) // count)(stacked.T)).T
 
     def contact_pose(self, contact: Contact, poses: ca.MX) -> ca.MX:
         """Pose (6) of a contact's moving body in its fixed one, for poses (6 x bodies)."""

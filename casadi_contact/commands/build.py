@@ -14,6 +14,7 @@ from casadi_contact import pipeline
 from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
     Cycles,
+    Device,
     ModelName,
     MoreCycles,
     Out,
@@ -21,6 +22,7 @@ from casadi_contact.commands.arguments import (
     SceneName,
     Scheduler,
     Table,
+    check_device,
     console,
     say_shipped,
 )
@@ -43,6 +45,7 @@ def build(
     table: Table = None,
     model: ModelName = "elements",
     scheduler: Scheduler = None,
+    device: Device = "cpu",
     out: Out = None,
     force_tol: Annotated[
         float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
@@ -50,15 +53,16 @@ def build(
     torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
+    check_device(device, scheduler)
     files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     project = _project_within(scene, out, table, force_tol, torque_tol) if within else Project.open(scene, preset, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
         stages: dict[str, Callable[[], None]] = {
-            "samples": lambda: _sample(project, files, table, model, executor),
-            "training": lambda: _train(project, executor),
+            "samples": lambda: _sample(project, files, table, model, executor, device),
+            "training": lambda: _train(project, executor, device),
         }
         if within:
-            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
+            stages = {"samples and training": lambda: _train_within(project, files, model, executor, device)}
         stages |= {
             "evaluation": lambda: _evaluate(project),
             "export": lambda: _export(project),
@@ -91,12 +95,14 @@ def sample(
     table: Table = None,
     model: ModelName = "elements",
     scheduler: Scheduler = None,
+    device: Device = "cpu",
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
+    check_device(device, scheduler)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model, executor)
+        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model, executor, device)
 
 
 def train(
@@ -104,12 +110,14 @@ def train(
     preset: PresetName = "quick",
     structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
     scheduler: Scheduler = None,
+    device: Device = "cpu",
     out: Out = None,
 ) -> None:
     """Train the preset's networks on the samples."""
+    check_device(device, scheduler)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
-        _train(project, executor, structure)
+        _train(project, executor, device, structure)
 
 
 def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
@@ -145,7 +153,7 @@ def export(
 
 
 def _sample(
-    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None
+    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None, device: str
 ) -> None:
     if table is not None:
         if cycle_files:
@@ -160,6 +168,7 @@ def _sample(
             lambda done, total: update("samples", done, total, ""),
             executor,
             models=model_pair(model),
+            device=device,
         )
     if report is not None:
         console.print(str(report), highlight=False)
@@ -173,14 +182,14 @@ def _sample(
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 
-def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
+def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None, device: str) -> None:
     with progress_bars(console) as update:
-        train_to_tolerance(project, files, update, executor, model_pair(model))
+        train_to_tolerance(project, files, update, executor, model_pair(model), device=device)
 
 
-def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:
+def _train(project: Project, executor: Executor | None, device: str, structure: str | None = None) -> None:
     with progress_bars(console) as update:
-        paths = pipeline.train(project, update, executor, structure=structure)
+        paths = pipeline.train(project, update, executor, structure=structure, device=device)
     for path in paths:
         console.print(f"surrogate in {path}", highlight=False)
 

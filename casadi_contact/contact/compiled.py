@@ -78,9 +78,18 @@ class CompiledFoundation(ContactFunctions):
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes, _ = self._wrenches(poses, slopes=True)
-        selection = self._rows(loads)
-        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
+        if self._library is None:
+            wrenches, by_pose, _ = self._wrenches(poses, slopes=True)
+            selection = self._rows(loads)
+            return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, by_pose)
+        values = np.empty((len(poses), len(self.load_names)))
+        slopes = np.empty((*values.shape, 6))
+        call_in_shares(self._library, "array_jacobians", poses, values, slopes)
+        asked = self.check_loads(loads)
+        if asked == self.load_names:
+            return values, slopes
+        columns = [self.load_names.index(name) for name in asked]
+        return values[:, columns], slopes[:, columns]
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike) -> Array:

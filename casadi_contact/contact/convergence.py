@@ -14,6 +14,7 @@ from casadi_contact.scenes import Scene
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
 WORST = 3.0  # times the tolerance that a single pose may be wrong by
+_MOSTLY = 0.5
 
 Model = TypeVar("Model", bound=CompiledFoundation)
 
@@ -37,7 +38,7 @@ class Errors:
     def misses(self) -> float:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
         error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
-        only where there are no others."""
+        only where most of them are: a narrow joint bears there."""
         rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
         return float(max(rms.max(), self._of_allowed[self._judged].max()))
 
@@ -49,7 +50,8 @@ class Errors:
         return f"{self.loads[n, load]:.3g} in {self.scene.load_names[load]}"
 
     def record(self, **said: Any) -> dict[str, Any]:
-        """What is said of the model, and its errors, in plain values."""
+        """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,
+        which share exceeds what is allowed."""
         found = {}
         for where, rows in (("", self._judged), ("_at_rim", ~self._judged)):
             if rows.any():
@@ -57,11 +59,13 @@ class Errors:
                 found[f"largest{where}"] = self.loads[rows].max(axis=0)
         names = self.scene.load_names
         by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
-        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name}
+        exceed = (self._of_allowed[~self._judged] > 1.0).any(axis=1)
+        at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
+        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
 
     @property
     def _judged(self) -> np.ndarray:
-        return ~self.at_rim | self.at_rim.all()
+        return ~self.at_rim | (np.mean(self.at_rim) > _MOSTLY)
 
     @property
     def _tolerances(self) -> Array:

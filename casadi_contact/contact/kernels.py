@@ -17,27 +17,27 @@ from casadi_contact.geometry.surfaces import signed_distance, signed_distance_va
 
 announce_compilation()
 
-_RAY_ITERATIONS = 30
-_RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9
-_NEAREST_SURFACE = 0.9  # of -g(c): g rises by 1 over 1 mm, the field of a mesh by a little more at sharp edges
-_STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
+RAY_ITERATIONS = 30
+RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9
+NEAREST_SURFACE = 0.9  # of -g(c): g rises by 1 over 1 mm, the field of a mesh by a little more at sharp edges
+STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
 @njit(inline="always")
 def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
     d = start
-    least = _NEAREST_SURFACE * start  # without this bound Newton's method diverges where g jumps
+    least = NEAREST_SURFACE * start  # without this bound Newton's method diverges where g jumps
     gx = gy = gz = 0.0
-    for _ in range(_RAY_ITERATIONS):
+    for _ in range(RAY_ITERATIONS):
         qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
         g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
         gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
         gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
         gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
-        slope = min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
+        slope = min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
         before, d = d, max(d + g / slope, least)
-        if abs(d - before) < _RAY_TOLERANCE_MM:
+        if abs(d - before) < RAY_TOLERANCE_MM:
             break
     return d, gx, gy, gz
 
@@ -80,7 +80,7 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
                 rx = cx - d * nx - t[0]
                 ry = cy - d * ny - t[1]
                 rz = cz - d * nz - t[2]
-                scale = -dp * areas[e] / min(gx * nx + gy * ny + gz * nz, _STEEPEST_RAY_SLOPE)
+                scale = -dp * areas[e] / min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
                 depth_slope[0] = scale * gx
                 depth_slope[1] = scale * gy
                 depth_slope[2] = scale * gz

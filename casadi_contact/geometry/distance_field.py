@@ -51,7 +51,7 @@ class FieldFit:
         left = f", {self.nonmanifold_edges} non-manifold edges away from contact" if self.nonmanifold_edges else ""
         return (
             f"smooth surface {self.rms_mm:.2g} mm RMS, {self.largest_mm:.2g} mm at most from the vertices, "
-            f"{self.dropped_triangles} degenerate triangles dropped{left}"
+            f"{self.dropped_triangles} degenerate or repeated triangles dropped{left}"
         )
 
 

@@ -1,7 +1,7 @@
 """Triangle meshes of real joints: read, checked and cleaned, in mm and in the library's axes.
 
 STL, OBJ and PLY are read by trimesh, VTP by `geometry.vtp`. What cannot work is refused with what was got, what was
-expected and the cure; degenerate triangles are dropped and counted.
+expected and the cure; degenerate and repeated triangles are dropped and counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have n
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A checked mesh: vertices_mm (v, 3), faces (f, 3) anticlockwise seen from outside, degenerate ones dropped."""
+    """A checked mesh: vertices_mm (v, 3), faces (f, 3) anticlockwise seen from outside; dropped: degenerate and
+    repeated ones."""
 
     name: str
     vertices_mm: Array
@@ -134,7 +135,7 @@ def checked_mesh(
     contact: Sequence[Box] | None = None,
     placement: Placement = AS_IN_FILE,
 ) -> TriangleMesh:
-    """Merge equal vertices, drop degenerate triangles and refuse a mesh that cannot work (see `load_mesh`)."""
+    """Merge equal vertices, drop degenerate and repeated triangles; refuse what cannot work (see `load_mesh`)."""
     if units not in MM_PER_UNIT:
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
     vertices, faces = np.asarray(vertices, dtype=float).reshape(-1, 3), np.asarray(faces, dtype=np.int64)
@@ -155,7 +156,7 @@ def checked_mesh(
             f"{_LARGEST_MM:g} mm: is the file in {other}?"
         )
     vertices, faces = _merge_vertices(vertices, faces)
-    sound = _heights(vertices, faces) > _LEAST_HEIGHT
+    sound = (_heights(vertices, faces) > _LEAST_HEIGHT) & _first_of_equals(faces)
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()))
     if not sound.any():
         raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
@@ -208,6 +209,15 @@ def _heights(vertices: Array, faces: np.ndarray) -> Array:
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return doubled / np.maximum(edges, 1e-300) ** 2
+
+
+def _first_of_equals(faces: np.ndarray) -> np.ndarray:
+    """False (f,) for a triangle that an earlier one repeats, with the same corners in the same turn."""
+    first = faces.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
+    kept = np.zeros(len(faces), dtype=bool)
+    kept[np.unique(turned, axis=0, return_index=True)[1]] = True
+    return kept
 
 
 def _directed_edges(faces: np.ndarray) -> np.ndarray:

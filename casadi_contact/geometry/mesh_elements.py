@@ -35,9 +35,7 @@ def grid_on_mesh(
     ValueError if no cell is left.
     """
     frame = grid_frame(pressing)
-    low, high = np.maximum(mesh.vertices_mm.min(axis=0), box[0]), np.minimum(mesh.vertices_mm.max(axis=0), box[1])
-    corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ frame.T
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = grid_range(mesh, box, frame)
     step = (high - low)[[0, 2]] / grid
     x, z = (low[axis] + (np.arange(count) + 0.5) * d for axis, count, d in zip((0, 2), grid, step, strict=True))
     points = np.empty((*grid, 3))
@@ -82,6 +80,13 @@ def grid_frame(pressing: Sequence[float]) -> Array:
     first = rough - (rough @ up) * up
     first /= np.linalg.norm(first)
     return np.array([first, up, np.cross(first, up)]) + 0.0
+
+
+def grid_range(mesh: TriangleMesh, box: tuple[Array, Array], frame: Array) -> tuple[Array, Array]:
+    """Lowest and highest coordinates (3,) [mm], along the rows of a frame, of what a box may hold of a mesh."""
+    low, high = np.maximum(mesh.vertices_mm.min(axis=0), box[0]), np.minimum(mesh.vertices_mm.max(axis=0), box[1])
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ frame.T
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def facing_axis(mesh: TriangleMesh) -> str | None:

@@ -45,7 +45,9 @@ def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
         return PageCycle(np.zeros(1), contact_pose(ElasticFoundation(scene))[None], "a pose in contact")
     cycle = reference_motion_cycles(scene, ())[0]
     poses, report = reference_poses(model, [cycle])
-    return PageCycle(np.linspace(cycle.time_s[0], cycle.time_s[-1], len(poses[0])), poses[0], str(report))
+    return PageCycle(
+        np.linspace(cycle.time_s[0], cycle.time_s[-1], len(poses[0])), poses[0], "; ".join(str(report).splitlines())
+    )
 
 
 def slider_ranges(poses: Array, surrogate: Surrogate | None) -> tuple[Array, str]:

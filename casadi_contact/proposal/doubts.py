@@ -1,9 +1,13 @@
-"""What is doubtful about a proposed scene: edges that contact reaches."""
+"""What is doubtful about a proposed scene: frames without a pose, edges that contact reaches, shells passed through."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
+from casadi_contact.sampling.reference import ReferenceReport
+from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
 
 
@@ -18,3 +22,26 @@ def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
             "the surface goes on or is cut; such poses are no samples to learn from"
         )
     return doubts
+
+
+def unsettled(scene: Scene, report: ReferenceReport) -> list[str]:
+    """How many frames of the reference motion have no pose, the reason for the first, and whose motion it is."""
+    without = ~report.converged
+    if not without.any():
+        return []
+    whose = "made up" if "motion" in scene.tables else "measured in another knee"
+    return [
+        f"whether it can move so: {int(without.sum())} of {without.size} frames of the reference motion ({whose}) find "
+        f"no pose ({report.reason[without][0]}); give measured cycles of this joint"
+    ]
+
+
+def shells_passed(model: ElasticFoundation, poses: Array, shells_mm: Mapping[str, float]) -> list[str]:
+    """Whether overlaps in the poses (n, 6) reach more than half of a moving shell all of whose sides count."""
+    overlap = float(-model.gaps(poses).min())
+    if model.scene.geometry.get("shell") != "whole" or overlap < 0.5 * shells_mm["moving"]:
+        return []
+    return [
+        f"which side of the moving shell counts: overlaps reach {overlap:.2g} mm of its {shells_mm['moving']:.2g} mm, "
+        "and beyond half of it loads fall"
+    ]

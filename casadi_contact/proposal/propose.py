@@ -13,7 +13,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, TriangleMesh, load_mesh
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.proposal.doubts import edges_reached
+from casadi_contact.proposal.doubts import edges_reached, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint, joint_of
@@ -22,7 +22,7 @@ from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
-from casadi_contact.sampling.reference import reference_poses
+from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
@@ -80,32 +80,30 @@ def propose(
         told.append(
             f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
         )
-    if (thinnest := min(shells.values())) < THIN_MM:
-        tables["geometry"] |= {"spacing": round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)}
     if shells["moving"] < THIN_MM:
-        tables["geometry"]["shell"] = "whole"
+        tables["geometry"]["shell"] = "outer" if regions.round else "whole"
+    closed = [shells["fixed"], np.inf if regions.round else shells["moving"]]  # an outer side alone is no thin shell
+    if (thinnest := min(closed)) < THIN_MM:
+        tables["geometry"]["spacing"] = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
-    pose, reason = rest_pose(model, joint)
+    direction = direction_of(joint, frame, meeting)
+    pose, reason = rest_pose(model, joint, direction)
     if reason:
         untold.append(f"a pose at rest under 300 N a patch: {reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
-    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction_of(joint, frame, meeting))
+    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_N)
     poses, _ = _reference(tables, cycles=_TEST_CYCLES)
-    if (overlap := float(-model.gaps(poses).min())) > 0.5 * shells["moving"]:
-        tables["geometry"]["shell"] = "outer"
-        told.append(f"overlaps reach {overlap:.2g} mm, more than half the moving shell: its outer side alone counts")
-        model = ElasticFoundation(Scene.from_tables(tables))
     tables["tolerances"] = _tolerances(model, poses)
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
     tables["grids"] = convergence.grids
     (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
-    poses, settled = _reference(tables)
+    poses, report = _reference(tables)
     final = ElasticFoundation(Scene.from_tables(tables))
-    untold += edges_reached(final, poses)
-    return Proposal(Scene.from_tables(tables), joint, pose, poses, len(settled), told, untold)
+    untold += [*unsettled(final.scene, report), *edges_reached(final, poses), *shells_passed(final, poses, shells)]
+    return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
 
 
 def _meshes(files: Mapping[str, Path]) -> tuple[str, dict[str, TriangleMesh]]:
@@ -125,13 +123,12 @@ def _sampling(joint: Joint) -> dict[str, Any]:
     return {"counts": {"D5": 6000, "D7": 3000}, "liftoff_mm": 0.4}
 
 
-def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, np.ndarray]:
-    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and which settled (frames,)."""
+def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:
+    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and what became of each."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
     poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles])
-    settled = report.converged.ravel()
-    return poses.reshape(-1, 6)[settled], settled
+    return poses[report.converged], report
 
 
 def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:

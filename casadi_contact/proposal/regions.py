@@ -24,13 +24,15 @@ _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 class Regions:
     """weight (n,): how often each fixed point was near, times its area. axis: of the files, along which patches lie
     beside each other (None for one patch); cuts_mm: between neighbouring patches, rising. centre_mm (3,): of the moving
-    body's curvature where the bodies meet. anchors_mm (patches, 3): that of each patch, on the moving body's file."""
+    body's curvature where the bodies meet. anchors_mm (patches, 3): that of each patch, on the moving body's file.
+    round: whether the moving body bulges where it touches, away from its anchors."""
 
     weight: Array
     axis: int | None
     cuts_mm: tuple[float, ...]
     centre_mm: Array
     anchors_mm: Array
+    round: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -58,14 +60,16 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
         depth, cuts = _valleys(pair.points_mm[:, axis], weight, pair.areas_mm2 * (pair.normals @ meeting.pressing < 0))
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
-    found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)))
+    found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)), round=True)
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
     anchors = [
         centre_of_normals(on_moving[which], _unit(slopes[which]), pair.areas_mm2[rows[which]])
         for which in (patches[rows] == number for number in range(len(best[2]) + 1))
     ]
-    return replace(found, anchors_mm=np.array(anchors))
+    away = on_moving - np.array(anchors)[patches[rows]]
+    bulges = float(pair.areas_mm2[rows] @ np.einsum("nk,nk->n", away, slopes)) > 0.0
+    return replace(found, anchors_mm=np.array(anchors), round=bulges)
 
 
 def _unit(vectors: Array) -> Array:

@@ -15,14 +15,21 @@ from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.statics import settle
 
 _REST_N = 300.0
+_LIFTED_MM = (0.0, 0.5, 1.0, 2.0)
 _DEEPER_MM = np.linspace(0.0, 1.0, 41)
 
 
-def rest_pose(model: ElasticFoundation, joint: Joint) -> tuple[Array, str]:
-    """The pose (6,) near the start pose that carries 300 N on every patch, and why there is none ("" if there is)."""
+def rest_pose(model: ElasticFoundation, joint: Joint, direction: Sequence[float]) -> tuple[Array, str]:
+    """The pose (6,) near the start pose that carries 300 N on every patch, and why there is none ("" if there is).
+
+    It is sought from further out too, against the direction of pressing: bodies of one scan may overlap at first.
+    """
     scene = model.scene
-    poses, report = settle(model, [scene.start_pose], scene.sensitive_pose, rest_loads(scene, joint))
-    return poses[0], str(report.reason[0])
+    out = np.outer(_LIFTED_MM, np.asarray(direction) / np.linalg.norm(direction))
+    starts = scene.start_pose - np.pad(out, ((0, 0), (0, 3)))
+    poses, report = settle(model, starts, scene.sensitive_pose, rest_loads(scene, joint))
+    found = int(report.converged.argmax())
+    return poses[found], str(report.reason[found])
 
 
 def rest_loads(scene: Scene, joint: Joint, size_n: float = _REST_N) -> dict[str, float]:

@@ -20,7 +20,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
+from casadi_contact.contact import CellFoundation, ContactModel, ElasticFoundation, foundation
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
@@ -36,15 +37,41 @@ ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]
 Progress = Callable[[int, int], None]
 
 
+@dataclass(frozen=True)
+class WithinElements:
+    """A model to evaluate samples on whose rim is that of an element grid."""
+
+    model: CellFoundation
+    elements: ElasticFoundation
+
+    def wrenches(self, poses: Array) -> Array:
+        """Those of the model (n, patches, 6)."""
+        return self.model.wrenches(poses)
+
+    def gaps(self, poses: Array) -> Array:
+        """Those of the model (n, patches) [mm]."""
+        return self.model.gaps(poses)
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches the outermost elements."""
+        return self.elements.at_edge(poses)
+
+
 def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
     """Elastic foundations on the settings' settle grid and teacher grid."""
     return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
 
 
 def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-    """The scene's `contact.foundation`, which needs no grids, both to settle on and to evaluate samples on."""
+    """The scene's `contact.foundation`, both to settle on and to evaluate samples on.
+
+    A cell is several times as wide as an element of the teacher grid, whose outermost tell in its place where contact
+    reaches the rim: a third of a mesh's samples were lost to contact that ends well within.
+    """
     model = foundation(scene)
-    return model, model
+    if not isinstance(model, CellFoundation):
+        return model, model
+    return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
 
 
 MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.sampling.envelopes import Envelopes
-from casadi_contact.sampling.sample_point import SamplePoint, pressed
+from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.statics import SettleReport, first_touch, settle
@@ -128,8 +128,8 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps): first the sensitive pose parameters alone under the sensitive loads, then all. Frames
-    left over begin once more between the frames that converged, and then in the pose of the nearest one.
+    for a model without gaps). Frames left over begin once more between the frames that converged, and then in the pose
+    of the nearest one.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
@@ -149,9 +149,6 @@ def reference_poses(
     poses = scene.pose_space.onto(poses)
     if start is None:
         poses = first_touch(model, poses, wanted)
-    sensitive = {name: wanted[name] for normal in pressed(scene) for name in normal.loads if name in wanted}
-    if len(sensitive) == len(scene.sensitive_pose):
-        poses, _ = settle(model, poses, scene.sensitive_pose, sensitive, tolerance=tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)

@@ -22,13 +22,14 @@ from casadi_contact.scenes.normal_load import NormalLoad
 @dataclass(frozen=True)
 class Part:
     """One part: its patch by number, bounds [mm] of its elements' centres along z, its anchor (3,) on the moving body
-    [mm], and the normal load, which is that of the patch."""
+    [mm], the normal load, which is that of the patch, and how many spots its root load is learned as (`spots`)."""
 
     name: str
     patch: int
     z_mm: tuple[float, float]
     anchor_mm: Array
     normal: NormalLoad
+    spots: int = 1
 
 
 def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors_mm: Array) -> tuple[Part, ...]:
@@ -40,13 +41,13 @@ def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors
     parts = []
     for p, (normal, anchor) in enumerate(zip(normals, anchors_mm, strict=True)):
         bounds = patches.get(normal.patch, {})
-        cuts = bounds.get("split_z", [])
+        cuts, spots = bounds.get("split_z", []), bounds.get("spots", 1)
         if not cuts:
-            parts.append(Part(normal.patch, p, (-np.inf, np.inf), anchor, normal))
+            parts.append(Part(normal.patch, p, (-np.inf, np.inf), anchor, normal, spots))
             continue
         low, high = bounds["z"]
         for k, (a, b) in enumerate(itertools.pairwise([low, *cuts, high]), start=1):
             name = f"{normal.patch}_{k}"
             at = np.array([anchor[0], anchor[1], 0.5 * (a + b)])
-            parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name)))
+            parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name), spots))
     return tuple(parts)

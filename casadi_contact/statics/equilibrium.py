@@ -76,6 +76,16 @@ class Equilibrium:
             if load.component is None and set(load.loads) <= set(self.names)
         }
 
+    def pressing(self) -> Equilibrium | None:
+        """The equations of the sensitive pose parameters under the normal loads alone; None where that are not some of
+        the free parameters, with a load for each."""
+        sensitive = tuple(pose_index(name) for name in self.model.scene.sensitive_pose)
+        of_vectors = [column for columns in self._vector_targets.values() for column in columns]
+        columns = sorted({*self._directed_targets, *self._total_targets, *of_vectors})
+        if not columns or len(columns) != len(sensitive) or not set(sensitive) < set(self.free):
+            return None
+        return Equilibrium(self.model, sensitive, tuple(self.names[k] for k in columns), self.wanted[:, columns])
+
     def pulls(self) -> np.ndarray:
         """True (n,) where a wanted normal load would pull, which no contact can."""
         normals = self.model.scene.normal_loads

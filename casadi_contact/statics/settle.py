@@ -53,7 +53,9 @@ def settle(
 
     Levenberg-Marquardt on `Equilibrium`'s residuals with the model's own Jacobian: with as many targets as free
     parameters a damped Newton method; with more, or where no pose carries the loads, it ends at the nearest pose in
-    the least-squares sense and says so. tolerance is in N (torques over 25 mm).
+    the least-squares sense and says so. tolerance is in N (torques over 25 mm). Where more than the scene's sensitive
+    pose parameters is free, these settle first under the normal loads alone: torques of bodies that press each other
+    far too hard, or one side alone, lead astray.
 
     Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets; a pose that
     does not converge is reported, not raised.
@@ -65,6 +67,22 @@ def settle(
         empty = np.zeros(0)
         misfits = dict.fromkeys(equations.names, empty)
         return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
+    pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
+    if pressing is not None:
+        poses, _, pressed, _ = _newton(pressing, poses, tolerance, max_iterations)
+    poses, misfit, iterations, stalled = _newton(equations, poses, tolerance, max_iterations)
+    residual = equations.in_newtons(misfit)
+    converged = residual <= tolerance
+    reason = _reasons(equations, converged, stalled, misfit)
+    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
+    return poses, SettleReport(converged, pressed + iterations, residual, misfits, reason)
+
+
+def _newton(
+    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int
+) -> tuple[Array, Array, np.ndarray, np.ndarray]:
+    """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,), from a start that is kept."""
+    poses, count = poses.copy(), len(poses)
     columns, scales = list(equations.free), equations.free_scales
     r, slope, misfit = equations.residuals(poses, np.arange(count))
     fraction = np.ones(count)
@@ -91,11 +109,7 @@ def settle(
         fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.35 * reach)
         # Nothing left to gain: a local least-squares solution, or the limit of arithmetic.
         stalled[rows] = (fraction[rows] < _SMALLEST_FRACTION) | (length < _SMALLEST_STEP_MM)
-    residual = equations.in_newtons(misfit)
-    converged = residual <= tolerance
-    reason = _reasons(equations, converged, stalled, misfit)
-    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
-    return poses, SettleReport(converged, iterations, residual, misfits, reason)
+    return poses, misfit, iterations, stalled
 
 
 def _damped_inverse(slope: Array) -> Array:

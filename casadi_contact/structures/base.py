@@ -68,7 +68,8 @@ class Surrogate(SurrogateFunctions):
                     f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
                     f"expected one of {', '.join(known)}"
                 )
-            size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
+            wanted = network.outputs if self.gives_spots(name) else outputs[name]
+            size, expected = (len(network.input_shift), network.outputs), (known[name], wanted)
             if size != expected:
                 raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
         self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
@@ -92,6 +93,11 @@ class Surrogate(SurrogateFunctions):
     def network_outputs(cls, scene: Scene) -> dict[str, int]:
         """The same networks, each with its number of outputs."""
         return dict.fromkeys(cls.network_inputs(scene), 1)
+
+    @staticmethod
+    def gives_spots(name: str) -> bool:
+        """True for a network that may have several outputs, the root loads of as many spots."""
+        return False
 
     @staticmethod
     def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Surrogate]) -> dict[str, Network]:

@@ -82,6 +82,14 @@ class TorchArrays:
         """Zeros of a shape."""
         return self.xp.zeros(shape, dtype=self.xp.float64, device=self.device)
 
+    def identity(self, size: int) -> Any:
+        """The unit matrix."""
+        return self.xp.eye(size, dtype=self.xp.float64, device=self.device)
+
+    def mask(self, values: Any) -> Any:
+        """Truth values, or whole numbers to index with, on the device."""
+        return self.xp.as_tensor(np.asarray(values), device=self.device)
+
     def numpy(self, array: Any) -> Any:
         """The array in the computer's memory."""
         return array.detach().cpu().numpy()
@@ -112,8 +120,11 @@ class TorchArrays:
 
 def arrays_for(device: str) -> NumpyArrays | TorchArrays:
     """NumPy trains on "cpu"; any other name is a torch device ("cuda", "cuda:1"). ValueError if it cannot be had."""
-    if device == "cpu":
-        return NumpyArrays()
+    return NumpyArrays() if device == "cpu" else torch_arrays(device)
+
+
+def torch_arrays(device: str) -> TorchArrays:
+    """Tensors on a torch device, "cpu" among them; raises ValueError in one line if it cannot be had."""
     try:
         arrays = TorchArrays(device)
         arrays.zeros(1)

@@ -35,6 +35,8 @@ def digest(regression: Regression, settings: TrainingSettings, start: Network | 
         array = np.ascontiguousarray(array)
         name.update(f"{array.dtype.str}{array.shape}".encode())
         name.update(array.data)
+    if regression.spots > 1:
+        name.update(f"{regression.spots} spots".encode())
     if start is not None:
         for array in (start.input_shift, start.input_scale, *start.weights, *start.biases):
             name.update(np.ascontiguousarray(array, dtype="<f8").tobytes())

@@ -51,7 +51,7 @@ def check(regression: Regression) -> None:
     name, rows = regression.name, len(regression.inputs)
     if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
         raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
-    per_row = (rows,) if regression.outputs == 1 else (rows, regression.outputs)
+    per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
     for column, expected in (("targets", per_row), ("weights", per_row), ("validation", (rows,))):
         shape = np.shape(getattr(regression, column))
         if shape != expected:
@@ -92,30 +92,65 @@ def fit(
     checkpoint of other data.
     """
     settings = settings or TrainingSettings()
-    check(regression)
-    if start is not None:
-        _check_start(regression, settings, start)
-    identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
-    saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
-    with threadpool_limits(settings.threads):
-        cpu_s = float(saved["cpu_s"]) if saved else 0.0
-        began = time.thread_time() - cpu_s
-        search = Search(regression, settings, saved, start)
-        snapshot, written = search.snapshot(), time.monotonic()
-        try:
-            while not search.stop_reason:
-                search.iterate()
-                snapshot, cpu_s = search.snapshot(), time.thread_time() - began
-                if checkpoint and time.monotonic() - written >= settings.checkpoint_every_s:
-                    checkpoint_file.write(checkpoint, identity, {**search.content(snapshot), "cpu_s": cpu_s})
-                    written = time.monotonic()
-                if progress:
-                    hidden = settings.sizes[search.level]
-                    progress(regression.name, search.gflop, settings.max_gflop, search.training_rms, hidden)
-        finally:  # on Ctrl-C too: the snapshot is that of the last whole iteration
-            if checkpoint:
-                checkpoint_file.write(checkpoint, identity, {**search.content(snapshot), "cpu_s": cpu_s})
-        return _result(regression, search, cpu_s)
+    with threadpool_limits(settings.threads), Run(regression, settings, checkpoint, progress, start) as run:
+        began = time.thread_time()
+        while not run.search.stop_reason:
+            run.search.iterate()
+            now = time.thread_time()
+            run.note(now - began)
+            began = now
+        return run.result()
+
+
+class Run:
+    """A fit in progress: its search, its checkpoint and who is told. Leaving the block keeps the state of the last
+    whole iteration, on Ctrl-C too."""
+
+    def __init__(
+        self,
+        regression: Regression,
+        settings: TrainingSettings,
+        checkpoint: Path | None,
+        progress: Progress | None,
+        start: Network | None,
+        kind: type[Search] = Search,
+    ) -> None:
+        check(regression)
+        if start is not None:
+            _check_start(regression, settings, start)
+        self._checkpoint, self._progress = checkpoint, progress
+        self._identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
+        saved = checkpoint_file.read(checkpoint, self._identity) if checkpoint else None
+        self._cpu_s = float(saved["cpu_s"]) if saved else 0.0
+        self.search = kind(regression, settings, saved, start)
+        self._snapshot, self._written = self.search.snapshot(), time.monotonic()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._write()
+
+    def note(self, cpu_s: float) -> None:
+        """After an iteration that took so many CPU seconds: keep its state, and tell of it."""
+        search, settings = self.search, self.search.settings
+        self._cpu_s += cpu_s
+        self._snapshot = search.snapshot()
+        if time.monotonic() - self._written >= settings.checkpoint_every_s:
+            self._write()
+        if self._progress:
+            hidden = settings.sizes[search.level]
+            self._progress(search.regression.name, search.gflop, settings.max_gflop, search.training_rms, hidden)
+
+    def _write(self) -> None:
+        if self._checkpoint:
+            content = {**self.search.content(self._snapshot), "cpu_s": self._cpu_s}
+            checkpoint_file.write(self._checkpoint, self._identity, content)
+            self._written = time.monotonic()
+
+    def result(self) -> Fit:
+        """The best network so far, and its course."""
+        return _result(self.search.regression, self.search, self._cpu_s)
 
 
 def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:
@@ -130,7 +165,7 @@ def _check_start(regression: Regression, settings: TrainingSettings, start: Netw
 
 def _result(regression: Regression, search: Search, cpu_s: float) -> Fit:
     network = search.best_network()
-    weighted = regression.weights * (network.value(regression.inputs) - regression.targets)
+    weighted = regression.residuals(network)
     rms = {
         chosen: float(np.sqrt(np.sum(weighted[rows] ** 2) / rows.sum())) if rows.any() else np.nan
         for chosen, rows in ((False, ~regression.validation), (True, regression.validation))

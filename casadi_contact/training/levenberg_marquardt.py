@@ -13,6 +13,7 @@ not. A step that does not reduce the loss is shortened first, since a trial cost
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,14 +22,14 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.training.mlp import Mlp
 
-_ROWS_PER_PARAMETER = 3.0
-_ASSEMBLIES_WORTH = 1.5
-_ACCURACY = 0.1  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
-_MAX_PRODUCTS = 60
-_REFACTOR_RATIO = 3.0
-_SHORTER = 0.4
-_TRIALS = 4
-_MIN_DAMPING, _MAX_DAMPING = 1e-15, 1e8
+ROWS_PER_PARAMETER = 3.0
+ASSEMBLIES_WORTH = 1.5
+ACCURACY = 0.1  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
+MAX_PRODUCTS = 60
+REFACTOR_RATIO = 3.0
+SHORTER = 0.4
+TRIALS = 4
+FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-2, 1e-15, 1e8
 
 
 @dataclass(frozen=True)
@@ -44,19 +45,44 @@ class State:
     factored_damping: float  # λ at which it was factored, NaN if it is not
 
 
+def draw_rows(weights: Array, wanted: int, seed: Sequence[int]) -> tuple[np.ndarray, Array] | None:
+    """About `wanted` rows drawn with probability ∝ their weight, and a scale for each, so that JᵀJ of the scaled rows
+    has the expectation of JᵀJ of all; None for all rows, where no more are there."""
+    if wanted >= len(weights) or not weights.sum() > 0.0:
+        return None
+    chance = np.minimum(1.0, weights * (wanted / weights.sum()))
+    drawn = np.flatnonzero(np.random.default_rng(seed).random(len(weights)) < chance)
+    return drawn, 1.0 / np.sqrt(chance[drawn])
+
+
+def allowed_products(parameters: int, drawn: int, rows: int) -> float:
+    """Products that a preconditioner of so many drawn rows may serve for: a product costs about 4 floating-point
+    operations per row and parameter at a third of the speed of JᵀJ."""
+    return ASSEMBLIES_WORTH * 0.1 * parameters * drawn / rows
+
+
+def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, float]:
+    """λ and its growth after a step that reduced the loss by `ratio` times what the model foretold (Nielsen 1999)."""
+    if ratio > 0.0:
+        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 2.0
+    else:
+        damping, growth = damping * growth, min(2.0 * growth, 16.0)
+    return max(damping, MIN_DAMPING), growth
+
+
 class LevenbergMarquardt:
     """Minimises ½Σr² of an `Mlp` step by step; reproducible for a seed, and from a `State` at any iteration."""
 
     def __init__(self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None) -> None:
         self.mlp, self.xp, self._seed = mlp, mlp.xp, seed
-        self.damping, self._growth = 1e-2, 2.0
+        self.damping, self._growth = FIRST_DAMPING, 2.0
         self._assemblies = self._products = 0
         self._factor: Any = None
         self._factored = np.nan
         self.exhausted = False
         self._solver_flop = 0
-        if state is None:
-            self._move_to(parameters, solve_output=True)
+        if state is None or not state.assemblies:  # a state of before the first iteration
+            self._move_to(parameters if state is None else state.parameters, solve_output=True)
             self._assemble()
             return
         self._move_to(state.assembled_at, solve_output=False)
@@ -102,33 +128,25 @@ class LevenbergMarquardt:
         )
 
     def _assemble(self) -> None:
-        """Assemble the preconditioner at the current parameters: rows drawn with probability ∝ their weight, each
-        scaled so that the expectation is JᵀJ of all rows."""
-        rows, wanted = self.mlp.rows, int(_ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.outputs)
-        weights = self.mlp.draw_weights
-        if wanted < rows and weights.sum() > 0.0:
-            chance = np.minimum(1.0, weights * (wanted / weights.sum()))
-            drawn = np.flatnonzero(np.random.default_rng([self._seed, self._assemblies]).random(rows) < chance)
-            self._gram = self.mlp.gram(drawn, 1.0 / np.sqrt(chance[drawn]))
-        else:
-            drawn = np.arange(rows)
-            self._gram = self.mlp.gram()
+        """Assemble the preconditioner at the current parameters, of some rows (see `draw_rows`) or of all."""
+        rows, wanted = self.mlp.rows, int(ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.per_row)
+        drawn = draw_rows(self.mlp.draw_weights, wanted, [self._seed, self._assemblies])
+        self._gram = self.mlp.gram() if drawn is None else self.mlp.gram(*drawn)
         self._unit = float(self.mlp.arrays.diagonal(self._gram).mean()) or 1.0
-        # A product costs about 4 floating-point operations per row and parameter at a third of the speed of JᵀJ.
-        self._allowance = _ASSEMBLIES_WORTH * 0.1 * self.mlp.parameter_count * len(drawn) / rows
+        self._allowance = allowed_products(self.mlp.parameter_count, rows if drawn is None else len(drawn[0]), rows)
         self._assembled_at, self._assemblies, self._products = self.parameters, self._assemblies + 1, 0
         self._factor, self._factored = None, np.nan
 
     def _precondition(self) -> None:
         """A Cholesky factor for a damping near the present one; rounding may ask for more damping."""
-        near = 1.0 / _REFACTOR_RATIO <= self._factored / self.damping <= _REFACTOR_RATIO
+        near = 1.0 / REFACTOR_RATIO <= self._factored / self.damping <= REFACTOR_RATIO
         if self._factor is not None and near:
             return
         while True:
             self._factor = self.mlp.arrays.factor(self._gram, self.damping * self._unit)
             self._factored = self.damping
             self._solver_flop += self.mlp.parameter_count**3 // 3
-            if self._factor is not None or self.damping > _MAX_DAMPING:
+            if self._factor is not None or self.damping > MAX_DAMPING:
                 return
             self.damping *= 10.0
 
@@ -139,7 +157,7 @@ class LevenbergMarquardt:
         residual = -self._gradient
         z = arrays.solve(self._factor, residual)
         direction, rz, gain = z, float(residual @ z), 0.0
-        for count in range(1, _MAX_PRODUCTS + 1):
+        for count in range(1, MAX_PRODUCTS + 1):
             product = self.mlp.gram_product(direction) + shift * direction
             curvature = float(direction @ product)
             if not (curvature > 0.0 and rz > 0.0):
@@ -150,7 +168,7 @@ class LevenbergMarquardt:
             residual = residual - length * product
             self._products += 1
             gain += length * rz
-            if count > 1 and length * rz * count < _ACCURACY * gain:
+            if count > 1 and length * rz * count < ACCURACY * gain:
                 break
             z = arrays.solve(self._factor, residual)
             rz, before = float(residual @ z), rz
@@ -172,7 +190,7 @@ class LevenbergMarquardt:
             return False
         x, foretold = self._solve()
         start, length, ratio, fell = self.loss, 1.0, -np.inf, False
-        for trial in range(_TRIALS):
+        for trial in range(TRIALS):
             tried, loss = self.mlp.evaluate(self._parameters + length * x)
             if trial == 0 and foretold > 0.0 and np.isfinite(loss):
                 ratio = (start - loss) / foretold
@@ -181,13 +199,7 @@ class LevenbergMarquardt:
                 self._gradient = self.mlp.accept(tried)
                 self._parameters, self.loss = tried, loss
                 break
-            length *= _SHORTER
-        if ratio > 0.0:
-            self.damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
-            self._growth = 2.0
-        else:
-            self.damping *= self._growth
-            self._growth = min(2.0 * self._growth, 16.0)
-        self.damping = max(self.damping, _MIN_DAMPING)
-        self.exhausted = self.damping > _MAX_DAMPING
+            length *= SHORTER
+        self.damping, self._growth = next_damping(self.damping, self._growth, ratio)
+        self.exhausted = self.damping > MAX_DAMPING
         return fell

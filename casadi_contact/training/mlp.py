@@ -25,7 +25,7 @@ from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 
 # Relative ridge of the small least-squares problem of the output layer: below what double precision resolves well.
-_OUTPUT_RIDGE = 1e-13
+OUTPUT_RIDGE = 1e-13
 
 
 def layer_shapes(inputs: int, hidden: tuple[int, ...], outputs: int = 1) -> tuple[tuple[int, int], ...]:
@@ -34,10 +34,12 @@ def layer_shapes(inputs: int, hidden: tuple[int, ...], outputs: int = 1) -> tupl
     return tuple((after, before + 1) for before, after in pairwise(sizes))
 
 
-def initial_network(inputs: Array, targets: Array, hidden: tuple[int, ...], activation: str, seed: Any) -> Network:
+def initial_network(
+    inputs: Array, targets: Array, hidden: tuple[int, ...], activation: str, seed: Any, spots: int = 1
+) -> Network:
     """Random weights N(0, 1/fan_in), biases U(-1, 1), on inputs standardised by the data; outputs in units of the
     targets' standard deviation, starting near their mean. A constant input or target has scale 1 (or its size).
-    targets (n,), or (n, m) for several outputs."""
+    targets (n,), or (n, m) for several outputs. spots: so many outputs of one scale, which differ from the start."""
     rng = np.random.default_rng(seed)
     shift, scale = inputs.mean(axis=0), inputs.std(axis=0)
     scale = np.where(scale > 1e-12 * np.maximum(np.abs(shift), 1e-300), scale, 1.0)
@@ -45,11 +47,14 @@ def initial_network(inputs: Array, targets: Array, hidden: tuple[int, ...], acti
     size = np.where(mean == 0.0, 1.0, np.abs(mean))
     output_scale = np.where((spread > 1e-12 * np.abs(mean)) & (spread > 0.0), spread, size)
     weights, biases = [], []
-    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden, len(spread))):
+    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden, spots * len(spread))):
         weights.append(rng.normal(size=(neurons, fan_in)) / np.sqrt(fan_in))
         biases.append(rng.uniform(-1.0, 1.0, neurons))
-    weights[-1] *= 0.1
-    biases[-1][:] = mean / output_scale
+    if spots > 1:
+        biases[-1][:] = 0.0
+    else:
+        weights[-1] *= 0.1
+        biases[-1][:] = mean / output_scale
     one_scale = output_scale if targets.ndim > 1 else float(output_scale[0])
     return Network(shift, scale, tuple(weights), tuple(biases), one_scale, activation)
 
@@ -119,6 +124,11 @@ class Mlp:
         """Buffers for the products."""
         self._delta = [self.arrays.empty(self.rows, neurons) for neurons, _ in self.shapes]
         self._delta[-1][:, 0] = self._weight
+
+    @property
+    def per_row(self) -> int:
+        """Number of residuals of a row."""
+        return 1
 
     @property
     def draw_weights(self) -> Array:
@@ -194,7 +204,7 @@ class Mlp:
             gram += weighted.T @ weighted
             right += weighted.T @ residuals[c]
         self.flop += 2 * self.rows * width**2
-        factor = self.arrays.factor(gram, _OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
+        factor = self.arrays.factor(gram, OUTPUT_RIDGE * float(self.arrays.diagonal(gram).sum()))
         return None if factor is None else self.arrays.solve(factor, right)
 
     def accept(self, parameters: Any) -> Any:
@@ -268,17 +278,17 @@ class Mlp:
     def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> Any:
         """JᵀJ (upper triangle at least), of all rows or of chosen ones, each multiplied by its scale."""
         count = self.rows if rows is None else len(rows)
-        at_once = min(500 // self.outputs, self.rows)
+        at_once = min(500 // self.per_row, self.rows)
         if self._jacobian_rows is None:
-            self._jacobian_rows = self.arrays.empty(at_once * self.outputs, self.parameter_count)
+            self._jacobian_rows = self.arrays.empty(at_once * self.per_row, self.parameter_count)
         gram = self.arrays.new_gram(self.parameter_count)
         for start in range(0, count, at_once):
             c = slice(start, min(start + at_once, count))
             part = self.jacobian(c if rows is None else rows[c], out=self._jacobian_rows)
             if row_scales is not None:
-                part *= self.arrays.array(np.repeat(row_scales[c], self.outputs))[:, None]
+                part *= self.arrays.array(np.repeat(row_scales[c], self.per_row))[:, None]
             gram = self.arrays.add_gram(gram, part)
-        self.flop += count * self.outputs * self.parameter_count**2  # half of the products: JᵀJ is symmetric
+        self.flop += count * self.per_row * self.parameter_count**2  # half of the products: JᵀJ is symmetric
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.conventions import Array
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import stopping
 from casadi_contact.training.arrays import arrays_for
@@ -15,6 +16,7 @@ from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
 from casadi_contact.training.settings import TrainingSettings
+from casadi_contact.training.spots import SpotMlp
 from casadi_contact.training.trunk import TrunkMlp
 
 # A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
@@ -24,6 +26,8 @@ _LEAST_ITERATIONS = 20
 
 class Search:
     """One fit in progress; `iterate` until ``stop_reason`` is set."""
+
+    _lm: Any  # LevenbergMarquardt, or a member of a batch
 
     def __init__(
         self,
@@ -38,7 +42,7 @@ class Search:
         self.history = History()
         self.level = self.attempt = self.began = 0
         self.stop_reason = ""
-        self.flop = 0
+        self.flop = self._counted = 0
         self._best_level, self._best_score = 0, np.inf
         if saved is None:
             self._start(self._fresh())
@@ -97,10 +101,13 @@ class Search:
 
     def iterate(self) -> None:
         """One step of Levenberg-Marquardt, then what §2.6 says to do about it."""
-        before = self._flop_of_network()
         self._lm.step()
+        self.judge()
+
+    def judge(self) -> None:
+        """What §2.6 says to do about a step that was made."""
         validation_rms = self._validation_rms()
-        self.flop += self._flop_of_network() - before
+        self._count()
         self.history.add(self._lm.rms, validation_rms, self.gflop, self.level)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
         reached = stopping.error_reached(self._lm.rms, validation_rms, self.regression.tolerance)
@@ -128,6 +135,11 @@ class Search:
         if self.settings.max_iterations is not None and len(self.history) >= self.settings.max_iterations:
             return stopping.ITERATION_LIMIT
         return stopping.BUDGET_USED if stopping.budget_used(self.gflop, self.settings.max_gflop) else ""
+
+    def _count(self) -> None:
+        """Count what the present network has cost since it was counted last."""
+        now = self._flop_of_network()
+        self.flop, self._counted = self.flop + now - self._counted, now
 
     def _flop_of_network(self) -> int:
         """Operations of the present network since it (or the run) began."""
@@ -178,7 +190,8 @@ class Search:
             return self._given
         rows, regression = self._training, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
-        fresh = initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
+        columns = regression.inputs[rows], regression.targets[rows]
+        fresh = initial_network(*columns, sizes, activation, self._seed(level), regression.spots)
         if self._given is None or level > 0:
             return fresh
         scales = ("input_shift", "input_scale", "output_scale")  # kept, so that weights of all attempts compare
@@ -194,18 +207,23 @@ class Search:
         self._start(widen(present, hidden, self._seed(self.level)) if same_depth else self._fresh())
 
     def _start(self, network: Network, state: State | None = None) -> None:
-        regression, settings = self.regression, self.settings
-
         def mlp(rows: np.ndarray) -> Mlp:
-            columns = (regression.inputs[rows], regression.targets[rows], regression.weights[rows])
-            kind = Mlp if network.outputs == 1 else TrunkMlp
-            return kind(network, *columns, self._arrays, settings.chunk_rows)
+            several = SpotMlp if self.regression.spots > 1 else TrunkMlp
+            kind = Mlp if network.outputs == 1 else several
+            return kind(network, *self._columns(rows), self._arrays, self.settings.chunk_rows)
 
-        seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
-        self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), seed, state)
+        self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), self._drawing_seed(), state)
         self._validation_mlp = mlp(self._validation) if self._validation.any() else None
-        if state is None:  # what a resumed fit does again was counted before
-            self.flop += self._lm.flop
+        self._counted = 0 if state is None else self._lm.flop  # what a resumed fit does again was counted before
+        self._count()
+
+    def _drawing_seed(self) -> int:
+        return int(np.random.default_rng(self._seed(self.level)).integers(2**31))
+
+    def _columns(self, rows: np.ndarray) -> tuple[Array, Array, Array]:
+        """Inputs, targets and weights of these rows."""
+        regression = self.regression
+        return regression.inputs[rows], regression.targets[rows], regression.weights[rows]
 
     def _validation_rms(self) -> float:
         if self._validation_mlp is None:

@@ -35,13 +35,14 @@ def fit_all(
 ) -> dict[str, Fit]:
     """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
 
-    settings: by the regression's name, or a function of the regression. executor: None fits one after the other
-    here. checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
+    settings: by the regression's name, or a function of the regression, all of one device. executor: None fits one
+    after the other here; on another device than "cpu" all are fitted in this process (`batch_fit`).
+    checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
     starts: networks to go on from instead of random weights, by the regression's name.
     progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``.
 
-    Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits still waiting are
-    then cancelled, those running go on in their workers until the executor is shut down.
+    Raises ValueError for duplicate names, missing settings, several devices, and for what `fit` refuses; the fits
+    still waiting are then cancelled, those running go on in their workers until the executor is shut down.
     """
     chosen, given = _settings_by_name(regressions, settings), starts or {}
     for regression in regressions:
@@ -51,7 +52,10 @@ def fit_all(
         folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
         folder.mkdir(parents=True, exist_ok=True)
         checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
-        if executor is None:
+        device = _device(chosen)
+        if device != "cpu":
+            fits = _fit_on_device(order, chosen, device, checkpoints, progress, given)
+        elif executor is None:
             fits = {r.name: fit(r, chosen[r.name], checkpoints[r.name], progress, given.get(r.name)) for r in order}
         else:
             reports = {r.name: _beside(folder, r.name, "progress.json") for r in order}
@@ -63,6 +67,33 @@ def fit_all(
             }
             fits = _collect(futures, reports, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
+
+
+def _device(settings: Mapping[str, TrainingSettings]) -> str:
+    """The one device of all settings."""
+    devices = sorted({s.device for s in settings.values()}) or ["cpu"]
+    if len(devices) > 1:
+        raise ValueError(f"settings name the devices {', '.join(devices)}, expected one for all fits of a call")
+    return devices[0]
+
+
+def _fit_on_device(
+    regressions: Sequence[Regression],
+    settings: Mapping[str, TrainingSettings],
+    device: str,
+    checkpoints: Mapping[str, Path | None],
+    progress: Progress | None,
+    starts: Mapping[str, Network],
+) -> dict[str, Fit]:
+    """In this process: networks of one output in batches, others one after the other."""
+    from casadi_contact.training.batch_fit import fit_batches  # imports torch
+
+    batched = [r for r in regressions if r.outputs == 1]
+    fits = fit_batches(batched, settings, device, checkpoints, progress, starts)
+    for r in regressions:
+        if r.name not in fits:
+            fits[r.name] = fit(r, settings[r.name], checkpoints[r.name], progress, starts.get(r.name))
+    return fits
 
 
 def _settings_by_name(regressions: Sequence[Regression], settings: SettingsOf) -> dict[str, TrainingSettings]:

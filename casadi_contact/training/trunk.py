@@ -20,6 +20,11 @@ from casadi_contact.training.mlp import Mlp, split
 class TrunkMlp(Mlp):
     """Residuals of one network of m outputs, targets and weights (rows, m); otherwise as `Mlp`."""
 
+    @property
+    def per_row(self) -> int:
+        """Number of residuals of a row."""
+        return self.outputs
+
     def _prepare(self) -> None:
         self._slopes = [self.arrays.empty(self.rows, neurons) for neurons, _ in self.shapes[:-1]]
         self._layers: list[Any] = []
@@ -43,30 +48,47 @@ class TrunkMlp(Mlp):
         for slopes, values in zip(self._slopes, self._current[1:], strict=True):
             for c in self._chunks():
                 slopes[c] = self._activation.slope_from_value(self.xp, values[c][:, :-1])
+        self._accept_output()
         return self.vjp(self._residuals)
+
+    def _accept_output(self) -> None:
+        """Keep what the three below need of the outputs at the current parameters."""
+
+    def _of_outputs(self, tangent: Any, c: slice) -> Any:
+        """Change of the residuals of rows c with that of their outputs (len(c), outputs)."""
+        return tangent * self._weight[c]
+
+    def _by_outputs(self, rows: Any, c: slice) -> Any:
+        """Jᵀ·u at the outputs (len(c), outputs)."""
+        return rows * self._weight[c]
+
+    def _seeds(self, rows: Any) -> Any:
+        """∂r/∂y (len(rows), residuals of a row, outputs)."""
+        weight = self._weight[rows]
+        seeds = self.arrays.zeros(len(weight), self.outputs, self.outputs)
+        for k in range(self.outputs):
+            seeds[:, k, k] = weight[:, k]
+        return seeds
 
     def _forward_product(self, layers: list[Any], c: slice) -> Any:
         tangent = self._current[0][c] @ layers[0].T
         for level, layer in enumerate(layers[1:], start=1):
             tangent *= self._slopes[level - 1][c]
             tangent = self._current[level][c] @ layer.T + tangent @ self._layers[level][:, :-1].T
-        return tangent * self._weight[c]
+        return self._of_outputs(tangent, c)
 
     def _add_reverse_product(self, total: Any, rows: Any, c: slice) -> None:
-        layers, delta = split(total, self.shapes), rows * self._weight[c]
+        layers, delta = split(total, self.shapes), self._by_outputs(rows, c)
         for level in range(len(layers) - 1, -1, -1):
             layers[level] += delta.T @ self._current[level][c]
             if level:
                 delta = (delta @ self._layers[level][:, :-1]) * self._slopes[level - 1][c]
 
     def jacobian(self, rows: Any, out: Any | None = None) -> Any:
-        """Rows of J, the outputs of each below each other (len(rows)·m, parameters)."""
-        weight = self._weight[rows]
-        count = len(weight) * self.outputs
+        """Rows of J, the residuals of each below each other (len(rows)·m, parameters)."""
+        delta = self._seeds(rows)
+        count = len(delta) * self.per_row
         out = self.arrays.empty(count, self.parameter_count) if out is None else out[:count]
-        delta = self.arrays.zeros(len(weight), self.outputs, self.outputs)
-        for k in range(self.outputs):
-            delta[:, k, k] = weight[:, k]
         end = self.parameter_count
         for level in range(len(self.shapes) - 1, -1, -1):
             neurons, width = self.shapes[level]

@@ -25,7 +25,6 @@ from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import pose_steps
 from problems.muscle_contact.knee_coordinates import COORDINATES
-from problems.patella.follow import contact_poses
 
 FEMUR, PATELLA = "femur", "patella"
 SETTLED_N = 0.01
@@ -87,7 +86,7 @@ class Extensor:
 
     def contact_poses(self, femur: Array, patella: Array) -> Array:
         """Poses (n, 6) of the patella in its groove, for poses (n, 6) of both in the tibia."""
-        return contact_poses(self.assembly, self.contact, np.stack([femur, patella], axis=1))
+        return self.assembly.contact_poses(self.contact.name, np.stack([femur, patella], axis=1))
 
     def settled(self, femur: Array, tension_n: Array) -> Array:
         """Poses of the patella in the tibia (n, 6) under tensions (n,) on the femur (n, 6), frame after frame in the

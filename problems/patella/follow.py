@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly import Assembly, Contact, Settling
+from casadi_contact.assembly import Assembly, Settling
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.verification import Verdict, judge, own_model
 
@@ -34,28 +33,16 @@ class Ride:
 
     def contact_poses(self, name: str) -> Array:
         """Poses (n, 6) of a contact's moving body in its fixed one."""
-        return contact_poses(self.assembly, self._contact(name), self.poses)
+        return self.assembly.contact_poses(name, self.poses)
 
     def loads_apart_n(self, other: Ride) -> Array:
-        """Largest difference of loads (n,) [N], torques over 25 mm. Where nothing presses the patella, its place is not
-        determined, but its loads are."""
-        scales = [LEVER_MM if "_T" in name else 1.0 for name in self.assembly.load_names]
-        return np.asarray(np.abs((self.loads - other.loads) / scales).max(axis=1))
+        """Largest difference of loads (n,) [N], see `loads_apart_n`."""
+        return loads_apart_n(self.assembly, self.loads, other.loads)
 
     def verdict(self, name: str) -> Verdict:
         """What the elastic foundation says of a contact at these poses."""
-        model = self._contact(name).model
+        model = self.assembly.contact(name).model
         return judge(model, self.contact_poses(name), self.converged, own_model(model.scene))
-
-    def _contact(self, name: str) -> Contact:
-        return next(contact for contact in self.assembly.contacts if contact.name == name)
-
-
-def contact_poses(assembly: Assembly, contact: Contact, poses: Array) -> Array:
-    """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) of all."""
-    q = ca.MX.sym("q", 6, len(assembly.bodies))
-    pose = ca.Function("contact_pose", [q], [assembly.contact_pose(contact, q)])
-    return np.array([np.asarray(pose(one.T)).ravel() for one in poses])
 
 
 def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | None = None) -> Ride:
@@ -76,7 +63,8 @@ def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | No
     settle, function = Settling(assembly, {"patella": POSE_NAMES}), assembly.function()
     poses = np.stack([femur, np.tile(assembly.start_poses()[1], (len(femur), 1)) if start is None else start], axis=1)
     residual = np.full(len(femur), np.inf)
-    for frame, neighbour in _outwards(femur, assembly.start_poses()[0]):
+    first = int(np.abs(femur[:, 5] - assembly.start_poses()[0, 5]).argmin())
+    for frame, neighbour in outwards(first, len(femur)):
         if start is None and neighbour is not None:
             poses[frame, 1] = poses[neighbour, 1]
         held = settle(poses[frame], tensions=[float(tension_n[frame])], tolerance=TOLERANCE_N)
@@ -86,15 +74,21 @@ def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | No
     return Ride(assembly, poses, loads, residual, residual <= TOLERANCE_N)
 
 
+def loads_apart_n(assembly: Assembly, loads: Array, others: Array) -> Array:
+    """Largest difference of an assembly's loads (n, L) [N], torques over 25 mm, (n,). Where nothing presses a body its
+    place is not determined, but its loads are."""
+    scales = [LEVER_MM if "_T" in name else 1.0 for name in assembly.load_names]
+    return np.asarray(np.abs((loads - others) / scales).max(axis=1))
+
+
 def start_poses(ride: Ride, rng: np.random.Generator) -> Array:
     """Poses (n, 6) of the patella at random about where it rides, up to `ASIDE_MM` and `ASIDE_RAD` off."""
     spread = np.repeat([ASIDE_MM, ASIDE_RAD], 3)
     return np.asarray(ride.poses[:, 1] + rng.uniform(-1.0, 1.0, ride.poses[:, 1].shape) * spread)
 
 
-def _outwards(femur: Array, begin: Array) -> list[tuple[int, int | None]]:
-    """Frames and the neighbour that each begins at, from the one whose flexion is nearest to that of begin (6,)."""
-    first = int(np.abs(femur[:, 5] - begin[5]).argmin())
-    after = [(frame, frame - 1) for frame in range(first + 1, len(femur))]
+def outwards(first: int, count: int) -> list[tuple[int, int | None]]:
+    """Frames and the neighbour that each begins at, from the first one on to both ends."""
+    after = [(frame, frame - 1) for frame in range(first + 1, count)]
     before = [(frame, frame + 1) for frame in range(first - 1, -1, -1)]
     return [(first, None), *after, *before]

@@ -70,16 +70,33 @@ def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
 
 
 @needs_compiler
-def test_derivatives_are_sparse_and_equal_differences(knee, held):
+def test_derivatives_are_sparse(knee):
     x = ca.MX.sym("x", 12)
-    loads = knee.function()(ca.reshape(x, 6, 2))
-    jacobian = ca.jacobian(loads, x)
+    jacobian = ca.jacobian(knee.function()(ca.reshape(x, 6, 2)), x)
     assert jacobian[:7, 6:].nnz() == 0, "the patella does nothing to the tibiofemoral contact"
     assert jacobian.nnz() == 7 * 6 + 7 * 12 + 6
+
+
+@needs_compiler
+def test_second_derivatives_equal_differences_of_the_first(knee, held):
+    check_hessian(knee, held)
+
+
+@needs_compiler
+@pytest.mark.parametrize("degrees", [30.0, 45.0])
+def test_second_derivatives_of_foundations_too_where_each_spot_lies_on_one_arc(knee, held, degrees):
+    foundations = cc.load_assembly("knee_with_patella", lambda scene: PolarFoundation(scene, Rays(24, 3)))
+    check_hessian(foundations, at_flexion(knee, degrees, held).poses)
+
+
+def check_hessian(knee, poses):
+    """Of a weighted sum of the loads, against differences of its gradient (fourth order), to 1e-6."""
+    x = ca.MX.sym("x", 12)
+    loads = knee.function()(ca.reshape(x, 6, 2))
     weights = ca.DM([1e-3 if "_F" in name or "_T" not in name else 4e-5 for name in knee.load_names])
     slope = ca.Function("slope", [x], [ca.gradient(ca.dot(weights, loads), x)])
     hessian = ca.Function("hessian", [x], [ca.hessian(ca.dot(weights, loads), x)[0]])
-    at = held.ravel()
+    at = poses.ravel()
     exact, differences = np.asarray(hessian(at)), np.empty((12, 12))
     for j, step in enumerate(np.tile([1e-5] * 3 + [4e-7] * 3, 2)):
         move = step * np.eye(12)[j]

@@ -1,21 +1,27 @@
 """Contact models of a knee implant's meshes in one run on one thread: time per pose, errors, roughness; run on demand:
 
 python -m tests.benchmarks.bench_cells
+python -m tests.benchmarks.bench_cells --samples samples.h5
 
-Needs the meshes that `problems/implant/tka_mesh.toml` names.
+The second takes errors alone, over samples of the domains D1, D3 and D4 (``casadi-contact sample``). Needs the meshes
+that `problems/implant/tka_mesh.toml` names.
 """
 
 from __future__ import annotations
 
 import platform
 from functools import partial
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 import casadi_contact as cc
 from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
 from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
 from casadi_contact.contact import Cells
+from casadi_contact.dataset import read_samples
 from casadi_contact.machine import machine_record
 from casadi_contact.transcription.kernel.compiler import FLAGS, machine_flags
 from problems.implant import SCENE
@@ -24,6 +30,7 @@ from tests.benchmarks.bench_foundation import roughness
 SIZES = (Cells(1.17, 0.71), Cells(1.7, 0.85, 6, 3), Cells(1.76, 0.94))
 GRIDS = ((80, 40), (40, 80), (160, 80))
 REFERENCE = (320, 160)
+DOMAINS, OF_DOMAIN = ("D1", "D3", "D4"), 300  # poses, spread evenly over a domain's samples
 SHIFT_MM, YAW_RAD = 3.0, 0.1  # from where the knee stands in walking, of the wide poses
 
 
@@ -41,7 +48,7 @@ def settled_poses(scene: cc.Scene, *, wide: bool, count: int = 200) -> np.ndarra
     return np.asarray(poses[report.converged])
 
 
-def main() -> None:
+def main(samples: Annotated[Path | None, typer.Option(help="errors over these samples alone")] = None) -> None:
     """Print all of it."""
     scene = cc.load_scene(SCENE)
     reference = cc.ElasticFoundation(scene, REFERENCE)
@@ -51,19 +58,36 @@ def main() -> None:
     models |= {f"EF {nx}×{nz}": cc.ElasticFoundation(scene, (nx, nz)) for nx, nz in GRIDS}
     print(machine_record(), platform.processor(), " ".join((*FLAGS, *machine_flags())))
     print(f"cc.foundation: {chosen.record}")
+    if samples is not None:
+        for domain in DOMAINS:
+            poses = read_samples(samples).select(domain=domain).poses
+            poses = poses[np.linspace(0, len(poses) - 1, min(len(poses), OF_DOMAIN)).astype(int)]
+            errors(models, reference, poses, domain)
+        return
     for wide in (False, True):
         poses = settled_poses(scene, wide=wide)
         poses = poses[~reference.at_edge(poses).any(axis=1)]
-        truth = reference(poses)
-        print(f"{len(poses)} {'wide' if wide else 'usual'} poses inside the rim, errors against EF {REFERENCE}:")
+        errors(models, reference, poses, "wide" if wide else "usual")
         for name, model in models.items():
-            errors = np.abs(model(poses) - truth)
-            rms, worst = np.sqrt(np.mean(errors**2, axis=0)), errors.max(axis=0)
             rough, missed = roughness(model, poses[:30])
-            print(f"{name:40s} RMS {np.round(rms, 2)}, largest {np.round(worst, 1)} ({', '.join(scene.load_names)})")
-            print(f"  dN/dty: roughness {rough:.1e} %, against differences of N {missed:.1e} % (medians)")
+            print(f"{name:40s} roughness of dN/dty {rough:.1e} %, against differences of N {missed:.1e} % (medians)")
         if not wide:
             times(models, poses)
+
+
+def errors(
+    models: dict[str, cc.CellFoundation | cc.ElasticFoundation],
+    reference: cc.ElasticFoundation,
+    poses: np.ndarray,
+    where: str,
+) -> None:
+    """RMS and largest errors of every load, against the reference."""
+    truth = reference(poses)
+    print(f"{len(poses)} {where} poses, errors against EF {REFERENCE} ({', '.join(reference.load_names)}):")
+    for name, model in models.items():
+        off = np.abs(model(poses) - truth)
+        rms, worst = np.sqrt(np.mean(off**2, axis=0)), off.max(axis=0)
+        print(f"{name:40s} RMS {np.round(rms, 2)}, largest {np.round(worst, 1)}")
 
 
 def times(models: dict[str, cc.CellFoundation | cc.ElasticFoundation], poses: np.ndarray) -> None:
@@ -84,4 +108,4 @@ def times(models: dict[str, cc.CellFoundation | cc.ElasticFoundation], poses: np
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -7,6 +7,7 @@ import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
 from casadi_contact.contact.cells.choice import cell_foundation
+from casadi_contact.geometry.mesh_elements import grid_frame
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
@@ -21,14 +22,14 @@ def cells(name, size=Cells(1.2, 1.2), **overrides):  # noqa: B008
     return cc.CellFoundation(cc.load_scene(name, **overrides), size, compiled=False)
 
 
+def bumps(x, z):
+    return sum(0.9 * np.exp(-((x - middle) ** 2 + z**2) / 8.0) for middle in (-TWO_BUMPS_MM, TWO_BUMPS_MM))
+
+
 @pytest.fixture(scope="module")
 def ball_mesh(tmp_path_factory):
     """A meshed ball on a plate with two shallow bumps: it touches each in a spot of its own."""
     moving = cap_mesh(RADIUS_MM, 1.5, 0.5)
-
-    def bumps(x, z):
-        return sum(0.9 * np.exp(-((x - middle) ** 2 + z**2) / 8.0) for middle in (-TWO_BUMPS_MM, TWO_BUMPS_MM))
-
     return scene_of(tmp_path_factory.mktemp("bumps"), moving, sheet_mesh(20.0, 0.8, bumps), grid=(160, 160))
 
 
@@ -86,6 +87,23 @@ def test_two_spots_on_a_mesh_carry_what_a_fine_element_grid_says(ball_mesh):
     elements = fine.pressure_maps(poses[0])[0]
     pressed = float(elements.pressures_mpa @ elements.areas_mm2)
     assert float(spots.pressures_mpa @ spots.areas_mm2) == pytest.approx(pressed, rel=0.02)
+
+
+@pytest.mark.parametrize("pressing", [[0.0, 0.0, 1.0], [0.3, -0.6, 0.2]])
+def test_whichever_way_it_is_pressed_a_mesh_carries_the_same(ball_mesh, tmp_path, pressing):
+    """Both bodies turned together, so that what was up is against `pressing`: the loads turn with them."""
+    frame = grid_frame(pressing)
+    meshes = cap_mesh(RADIUS_MM, 1.5, 0.5), sheet_mesh(20.0, 0.8, bumps)
+    bodies = [(points @ frame, faces) for points, faces in meshes]
+    scene = scene_of(tmp_path, *bodies, extra=f"pressing = {pressing}")
+    upright, turned = (cc.CellFoundation(each, Cells(0.8, 0.8), compiled=False) for each in (ball_mesh, scene))
+    translation = np.array([0.5, RADIUS_MM - 0.05, 0.1])
+    force, torque = upright.wrenches([[*translation, 0.0, 0.0, 0.0]])[0, 0].reshape(2, 3)
+    assert np.linalg.norm(force) > 50.0
+    found = turned.wrenches([[*(translation @ frame), 0.0, 0.0, 0.0]])[0, 0].reshape(2, 3)
+    np.testing.assert_allclose(found[0], force @ frame, atol=0.01 * np.linalg.norm(force))
+    np.testing.assert_allclose(found[1], torque @ frame, atol=0.02 * np.linalg.norm(force) * TWO_BUMPS_MM)
+    check_jacobian(turned, np.array([[*(translation @ frame), 0.01, 0.02, 0.0]]), 1e-4)
 
 
 @pytest.mark.parametrize("law", ["linear", "log"])

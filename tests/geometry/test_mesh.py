@@ -81,6 +81,15 @@ def test_degenerate_triangles_are_dropped_and_counted():
     assert (len(mesh.faces), mesh.dropped) == (4, 2)
 
 
+def test_repeated_triangles_are_dropped_and_counted():
+    """As exporters write them: the same triangle again, from any corner; turned round it is another sheet."""
+    vertices, faces = TETRAHEDRON
+    mesh = checked_mesh("t", vertices, np.vstack([faces, faces[2], np.roll(faces[1], 1)]))
+    assert (len(mesh.faces), mesh.dropped) == (4, 2)
+    with pytest.raises(ValueError, match="not manifold"):
+        checked_mesh("t", vertices, np.vstack([faces, faces[2][::-1]]))
+
+
 def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
     vertices = scale * TETRAHEDRON[0]
     if vertex is not None:

@@ -1,6 +1,7 @@
 """The joint in a page, driven in headless Chromium: its numbers are Python's, and its controls do what they say."""
 
 import re
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -19,6 +20,7 @@ from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, until
+from tests.support.shared_data import shared_file
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 
@@ -28,7 +30,23 @@ POSES = {  # pressed on all patches, pressed otherwise, apart
     "knee": [[5.8, 27.94, 0.2, 0.01, -0.06, 0.05], [0.5, 27.4, 0.1, 0.03, 0.0, -0.3], [0.0, 29.5, 0.0, 0.0, 0.1, -1.0]],
     "hip": [[69.9, -65.56, -83.9, 0.0, 0.1, -0.2], [70.1, -65.8, -84.0, 0.0, 0.0, 0.3], [70.0, -66.0, -84.0, 0, 0, 0]],
     "cylinder_on_plane": [[0.0, 29.8, 0.0, 0.0, 0.0, 0.0], [0.3, 29.6, 0.1, 0.01, 0.0, 0.0], [0.0, 30.4, 0.0, 0, 0, 0]],
+    "tka_mesh": [
+        [-6.2, 41.55, -0.2, 0.0, -0.05, -0.07],
+        [-4.0, 41.3, 0.0, 0.01, 0.0, -0.2],
+        [-6.2, 43.0, 0.0, 0, 0, 0],
+    ],
 }
+
+
+MESHES = Path(__file__).parents[2] / "problems" / "implant" / "tka_mesh.toml"
+
+
+def scene_of(name):
+    """A ready scene's name, or the scene file of real meshes, which are not part of the project."""
+    if name != "tka_mesh":
+        return name
+    shared_file("data/dm_tka/femoral_component.stl")
+    return str(MESHES)
 
 
 class Live:
@@ -36,7 +54,7 @@ class Live:
 
     def __init__(self, scene, path, tab, complaints, asked):
         self.path, self.tab, self.complaints, self.asked = path, tab, complaints, asked
-        self.contact = page_contact(cc.load_scene(scene))
+        self.contact = page_contact(cc.load_scene(scene_of(scene)))
         self.surrogate = cc.load_surrogate("knee") if scene == "knee" else None
         until(tab, READY)
 
@@ -55,11 +73,11 @@ class Live:
 @pytest.fixture(scope="module", params=list(POSES))
 def live(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
-    page, motion = folder / "page.html", folder / "poses.csv"
+    page, motion, scene = folder / "page.html", folder / "poses.csv", scene_of(request.param)
     start = np.array(POSES[request.param][0])
     poses = start + np.linspace(0.0, 0.1, 7)[:, None] * np.eye(6)[1]
     write_poses(np.linspace(0.0, 1.0, len(poses)), poses, motion)
-    write_joint_page(request.param, page, str(motion))
+    write_joint_page(scene, page, str(motion))
     with opened(page) as (tab, complaints, asked):
         live = Live(request.param, page, tab, complaints, asked)
         yield live
@@ -128,7 +146,8 @@ def depths(model, p, surface, pose):
         depth = np.zeros(len(c))
         for _ in range(3):
             g, slope = distance_slopes(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
-            depth += g / np.einsum("ij,ij->i", slope, n @ R)
+            along = np.einsum("ij,ij->i", slope, n @ R)
+            depth += np.divide(g, along, out=np.zeros_like(g), where=along != 0.0)  # level where it is cut off
         return np.maximum(depth, 0.0)
     count = len(surface.places)
     ends = ray_ends(

@@ -25,14 +25,15 @@ from problems.studies.stability import (
     starts,
     time_steps,
 )
-from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, KRIGING, METHODS, PATCH, TWO_STAGE
+from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, FOUNDATION, METHODS, PATCH, TWO_STAGE
+from problems.studies.stability.peers import KRIGING, PEERS
 from problems.studies.stability.picture import draw
 from problems.studies.stability.table import Line, print_table, write_table
 
 
 @pytest.fixture(scope="module")
 def bench():
-    return methods.bench(kriging_points=150, kernel_gflop=10.0)
+    return methods.bench(peer_points=150, peer_gflop=10.0)
 
 
 def only(bench, *chosen):
@@ -66,8 +67,23 @@ def test_starts_lie_at_the_stated_distance_and_the_patch_surrogate_solves_from_t
     lines, row = starts.measure(only(bench, PATCH, EF_ANALYTIC, KRIGING), 4, (5.0, -2.0))
     assert row["shares"][PATCH] == row["shares"][EF_ANALYTIC] == [1.0, 1.0]
     assert row["shares"][KRIGING][0] == 0.0, "out of contact it has no slope to come back by"
+    assert starts.measure(only(bench, FOUNDATION), 4, (5.0, -2.0))[1]["shares"][FOUNDATION] == [1.0, 1.0]
     assert by_quantity(lines, PATCH)["5 mm out", "of 4 solved [%]"] == 100.0
     assert by_quantity(lines, PATCH)["5 mm out", "iterations"] > 0
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_peers_are_contact_models_with_slopes_and_root_loads(bench, peer):
+    if peer not in bench.models:
+        pytest.skip(bench.missing[peer])
+    model, poses = bench.models[peer], bench.poses[::20]
+    loads, jacobian = model.jacobian(poses)
+    step = 1e-5 * np.eye(6)[1]
+    slope = (model(poses + step) - model(poses - step)) / 2e-5
+    np.testing.assert_allclose(jacobian[:, :, 1], slope, atol=2e-3 * np.abs(slope).max())
+    roots, _ = model.root_loads(poses)
+    normal = -loads[:, [model.load_names.index(name) for name in bench.scene.sensitive_loads]]
+    np.testing.assert_allclose(bench.scene.reference_load * roots**2, np.maximum(normal, 0.0), rtol=1e-9)
 
 
 def test_at_lift_off_the_patch_surrogate_bends_where_two_stages_have_a_kink(bench):

@@ -62,6 +62,13 @@ def test_a_left_ball_and_cup_are_mirrored_into_right_ones():
     np.testing.assert_allclose(frame.directions(POLE * [1.0, 1.0, -1.0]), POLE, atol=1e-12)
 
 
+def test_a_ball_is_round_where_it_touches_and_a_cup_on_a_ball_is_hollow():
+    ball, cup = ball_in_cup()
+    for moving, fixed, is_round in ((ball, cup, True), (cup, ball, False)):
+        pair = Pair.of(moving, fixed)
+        assert regions_of(pair, meeting_of(pair)).round == is_round
+
+
 @pytest.mark.parametrize("height", [22.0, 60.0])
 def test_a_button_rests_on_both_facets_of_its_groove(height):
     """Whether the files place the bodies together, or each about its own origin."""

@@ -6,7 +6,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from casadi_contact.contact import CallableModel, ElasticFoundation
+from casadi_contact.contact import CallableModel, CellFoundation, Cells, ElasticFoundation
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, partial_folder, read_samples
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import (
@@ -18,6 +18,7 @@ from casadi_contact.sampling import (
     reference_motion,
     teacher_of,
 )
+from casadi_contact.sampling.draw import WithinElements
 from casadi_contact.scenes import load_scene
 from tests.support import two_spheres
 from tests.support.two_spheres import TwoSpheres, knee
@@ -283,6 +284,18 @@ def test_the_knee_on_elastic_foundations(tmp_path):
     assert (samples.select(domain=5).wrenches == 0.0).all()
     assert np.abs(loads_of[6] + 5.0).min(axis=1).max() < 1.0
     np.testing.assert_allclose(loads_of[7], -5.0, atol=1.0)
+
+
+def test_contact_that_ends_within_the_outermost_cell_does_not_reach_the_rim():
+    """A ball 0.1 mm deep in a plane of ±12 mm touches within 2.45 mm: up to 10.95 and 12.95 mm from the middle."""
+    scene = load_scene("sphere_on_plane")
+    cells = CellFoundation(scene, Cells(4.0, 4.0), compiled=False)
+    teacher = WithinElements(cells, ElasticFoundation(scene, (120, 120)))
+    poses = np.array([[x, 29.9, 0.0, 0.0, 0.0, 0.0] for x in (0.0, 8.5, 10.5)])
+    assert cells.at_edge(poses)[:, 0].tolist() == [False, True, True]
+    assert teacher.at_edge(poses)[:, 0].tolist() == [False, False, True]
+    np.testing.assert_array_equal(teacher.wrenches(poses), cells.wrenches(poses))
+    np.testing.assert_array_equal(teacher.gaps(poses), cells.gaps(poses))
 
 
 def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_error(tmp_path):

@@ -55,6 +55,27 @@ def test_four_free_parameters_meet_forces_and_centre_of_pressure(knee):
     np.testing.assert_allclose(found[report.converged], truth[report.converged], atol=1e-3)
 
 
+def test_two_mm_and_five_degrees_off_four_free_parameters_come_back(knee):
+    """Too deep by 2 mm a knee carries tens of thousands of newtons, whose torques would lead astray."""
+    poses, targets = walking(60)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    off = np.random.default_rng(5).uniform(-1.0, 1.0, (60, 4)) * [2.0, 2.0, 2.0, np.radians(5.0)]
+    start = truth + np.pad(off, ((0, 0), (0, 2)))
+    found, report = cc.settle(knee, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(found, truth, atol=1e-3)
+
+
+def test_poses_that_carry_their_loads_stay(knee):
+    poses, targets = walking(5)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    found, report = cc.settle(knee, truth, ("tx", "ty", "tz", "rx"), wanted)
+    assert not report.iterations.any()
+    np.testing.assert_array_equal(found, truth)
+
+
 def test_a_pulling_target_is_reported_not_hidden(knee):
     poses, targets = walking(4)
     targets["Fy_lat"][2] = 50.0

@@ -40,9 +40,10 @@ def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tenso
         patch, anchor, pressed = part.name, part.anchor_mm, scene.tables["loads"]["sensitive"][part.patch]
         sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
         local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
-        s = _network(surrogate.networks[f"root_{patch}"], local)
-        roots[part.patch].append(s)
-        normal = scene.reference_load * torch.clamp(s, min=0.0) ** 2
+        root = surrogate.networks[f"root_{patch}"]
+        of_spots = [_network(root, local, k) for k in range(root.outputs)]
+        roots[part.patch] += of_spots
+        normal = scene.reference_load * sum(torch.clamp(s, min=0.0) ** 2 for s in of_spots)
         for component in WRENCH_NAMES:
             if component == sensitive:
                 wrenches.append(normal if pressed.startswith("+") else -normal)

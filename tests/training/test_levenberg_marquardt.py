@@ -44,10 +44,10 @@ def test_a_network_s_own_function_is_recovered_to_machine_precision(activation):
 
 def test_steps_solve_the_damped_normal_equations_of_all_rows(monkeypatch):
     """With a strict accuracy the step found with a preconditioner from a subset is that of the dense equations."""
-    monkeypatch.setattr(levenberg_marquardt, "_ACCURACY", 1e-14)
+    monkeypatch.setattr(levenberg_marquardt, "ACCURACY", 1e-14)
     data = smooth(4000)
     lm, _ = solver(data, (6, 5))
-    assert lm.mlp.parameter_count * levenberg_marquardt._ROWS_PER_PARAMETER < 0.5 * lm.mlp.rows
+    assert lm.mlp.parameter_count * levenberg_marquardt.ROWS_PER_PARAMETER < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(slice(None))
     lm._precondition()
     x, foretold = lm._solve()

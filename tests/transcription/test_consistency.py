@@ -7,13 +7,13 @@ import pytest
 from casadi_contact.activations import ACTIVATIONS
 from casadi_contact.scenes.scene import load_scene
 from tests.support.agreement import agree
-from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-CASES += [("hip", "trunk"), (IN_PARTS, "trunk")]
+CASES += [("hip", "trunk"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
 
 
 def second_derivatives(function: ca.Function) -> ca.Function:

@@ -11,6 +11,7 @@ from tests.support.agreement import CANCELLED, agree, usual_size
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import (
     IN_PARTS,
+    IN_SPOTS,
     POSE_CENTRE,
     POSE_SPREAD,
     random_poses,
@@ -24,7 +25,7 @@ pytestmark = needs_compiler
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-CASES += [("hip", "trunk"), (IN_PARTS, "trunk")]
+CASES += [("hip", "trunk"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
 
 
 def far_poses(count: int) -> np.ndarray:
@@ -51,7 +52,9 @@ def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
 def test_kernel_equals_numpy_and_torch(scene, structure, activation):
     surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
     touching = at_liftoff(surrogate, random_poses(1, seed=2))
-    if scene == IN_PARTS:  # in the very kink rounding decides which part bears, and so which curvature there is
+    if (
+        scene == IN_PARTS or structure == IN_SPOTS
+    ):  # in the very kink rounding decides which bears, and so the curvature
         touching = touching[2:]
     poses = np.vstack([random_poses(6, seed=1), far_poses(5), touching])
     function = surrogate.load_and_root_function(compiled=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.peers.history import history
+from casadi_contact.benchmark.peers.history import HISTORY_MODELS, history
 from casadi_contact.benchmark.peers.kriging import kriging
 from casadi_contact.benchmark.peers.lazy_learning import lazy_learning
 from casadi_contact.benchmark.peers.polynomial import polynomials
@@ -19,7 +20,7 @@ from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.structures.base import Surrogate
 
 Peer = Callable[[], Iterator[Candidate]]
-FAMILIES = ("polynomial", "Kriging", "radial basis", "lazy learning", "time-delay network", "two-stage form")
+FAMILIES = ("polynomial", "Kriging", "radial basis", "lazy learning", *HISTORY_MODELS, "two-stage form")
 
 
 def peer_candidates(
@@ -36,7 +37,7 @@ def peer_candidates(
 
     gflop: budget of 10⁹ floating-point operations, counted and not timed, so that a busy machine gives the same peers.
     names: loads to predict, the scene's if left out. two_stage: the surrogate whose other forms are timed. motion:
-    what the history model learns from. domains: fit on the samples of these domains alone, and say so in the names; a
+    what history models learn from. domains: fit on the samples of these domains alone, and say so in the names; a
     method that holds few points may serve one domain better than all. A family that lacks what it needs, or fails,
     becomes one candidate with model None and the failure's text, beside what it gave before. Raises ValueError for
     samples without training rows, unknown loads or families, and a budget that is not positive.
@@ -53,7 +54,7 @@ def peer_candidates(
         "Kriging": lambda: kriging(data, gflop),
         "radial basis": lambda: radial_basis(data, gflop),
         "lazy learning": lambda: lazy_learning(data),
-        "time-delay network": lambda: history(data, gflop, motion),
+        **{family: partial(history, family, data, gflop, motion) for family in HISTORY_MODELS},
         "two-stage form": lambda: two_stage_forms(two_stage, data.load_names),
     }
     made = (candidate for family in families for candidate in _kept(family, peers[family]))

@@ -96,11 +96,10 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
         for (int b = 0; b < 3; b++) turning[a][b] += mu * ray.gradient[a] * arm[b];
       }
     } else {
-      const Lanes rise = sigma * (plan->du[edge] * (ray.gradient[0] - ray.n_x * ray.gradient[1]) +
-                                  plan->dv[edge] * (ray.gradient[2] - ray.n_z * ray.gradient[1]));
+      const Lanes steep = smaller_of(sigma * rise_of(&ray, plan->du[edge], plan->dv[edge]), all(-LEAST_RISE));
       const Lanes jump = FULL_TURN / RAYS * STIFFNESS_AT_ZERO * plan->edge[edge] * plan->inside[edge];
       for (int k = 0; k < 6; k++) {
-        left[k][4 * n + edge] = jump * pull / smaller_of(rise, all(-1e-9)) * d[k], right[k][4 * n + edge] = d[k];
+        left[k][4 * n + edge] = jump * pull / steep * d[k], right[k][4 * n + edge] = d[k];
       }
     }
   }

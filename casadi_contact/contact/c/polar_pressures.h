@@ -13,13 +13,12 @@ INLINE void depth_slope(const Place *p, const Ray *ray, Lanes slope[6]) {
 INLINE void area_slope(const Surfaces *s, const Place *p, const Spot *m, const Plan *plan, double slope[6]) {
   Lanes sum[6] = {{0.0}};
   for (int j = 0; j < RAY_BLOCKS; j++) {
-    Lanes d[6], rise, width;
+    Lanes d[6], steep, width;
     Ray ray;
     cast(s, p, m->u + plan->edge[j] * plan->du[j], m->v + plan->edge[j] * plan->dv[j], TO_END, &ray);
     depth_slope(p, &ray, d);
-    rise = ray.length / steepness(&ray) * (plan->du[j] * (ray.gradient[0] - ray.n_x * ray.gradient[1]) +
-                                           plan->dv[j] * (ray.gradient[2] - ray.n_z * ray.gradient[1]));
-    width = FULL_TURN / RAYS * plan->edge[j] * ray.length * plan->inside[j] / smaller_of(rise, all(-1e-9));
+    steep = ray.length / steepness(&ray) * rise_of(&ray, plan->du[j], plan->dv[j]);
+    width = FULL_TURN / RAYS * plan->edge[j] * ray.length * plan->inside[j] / smaller_of(steep, all(-LEAST_RISE));
     for (int k = 0; k < 6; k++) sum[k] -= width * d[k];
   }
   for (int k = 0; k < 6; k++) slope[k] = sum_of(sum[k]);

@@ -35,6 +35,11 @@ INLINE Lanes edge_of(Lanes depth, Lanes slope, Lanes curvature) {
   return (slope + root(slope * slope + 2.0 * k * depth)) / k;
 }
 
+/* Slope of the distance from the body along (du, dv) in the chart */
+INLINE Lanes rise_of(const Ray *ray, Lanes du, Lanes dv) {
+  return du * (ray->gradient[0] - ray->n_x * ray->gradient[1]) + dv * (ray->gradient[2] - ray->n_z * ray->gradient[1]);
+}
+
 /* The junctions at the start and at the end of the middle's arc: signed distance of the middle's ray end from them, its
  * rate along u and v, and how much more the body is curved along the arc beyond them. */
 typedef struct {
@@ -66,7 +71,7 @@ FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *
   const Lanes depth = all(m->depth);
   const double along[2] = {dot3(m->tangent[0], m->along), dot3(m->tangent[1], m->along)};
   const Junctions beside = junctions_beside(s, p, m);
-  Lanes slopes[RAY_BLOCKS], reach[RAY_BLOCKS];
+  Lanes reach[RAY_BLOCKS];
   for (int j = 0; j < RAY_BLOCKS; j++) {
     const Lanes du = s->scale_u * lanes_at(ray_cos + j * BLOCK), dv = s->scale_v * lanes_at(ray_sin + j * BLOCK);
     const Lanes slope = m->slope[0] * du + m->slope[1] * dv, turned = du * along[0] + dv * along[1];
@@ -83,17 +88,16 @@ FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *
     left = larger_of(depth + slope * nearest - 0.5 * k * nearest * nearest, all(0.0));
     left = nearest + edge_of(left, slope - k * nearest, k + more * turned * turned);
     reach[j] = rim_distance(s, m->u, m->v, du, dv);
-    plan->du[j] = du, plan->dv[j] = dv, plan->junction[j] = nearest, slopes[j] = slope;
+    plan->du[j] = du, plan->dv[j] = dv, plan->junction[j] = nearest;
     plan->edge[j] = smaller_of(pick(nearest < edge, left, edge), reach[j]);
   }
-  for (int i = 0; i < EDGE_STEPS; i++) { /* blocks within: they do not wait for one another */
+  for (int i = 0; i < EDGE_STEPS; i++) { /* Newton's, of g = 0; blocks within: they do not wait for one another */
     for (int j = 0; j < RAY_BLOCKS; j++) {
-      const Lanes edge = plan->edge[j], slope = slopes[j];
-      Lanes bend, moved;
+      const Lanes edge = plan->edge[j];
+      Lanes moved;
       Ray ray;
-      cast(s, p, m->u + edge * plan->du[j], m->v + edge * plan->dv[j], DEPTH_ONLY, &ray);
-      bend = 2.0 * (depth + slope * edge - ray.step * ray.length);
-      moved = edge_of(depth, slope, bend / larger_of(edge * edge, all(LEAST_LENGTH * LEAST_LENGTH)));
+      cast(s, p, m->u + edge * plan->du[j], m->v + edge * plan->dv[j], AT_START, &ray);
+      moved = edge - ray.g / larger_of(rise_of(&ray, plan->du[j], plan->dv[j]), all(LEAST_RISE));
       plan->edge[j] = smaller_of(smaller_of(larger_of(moved, 0.5 * edge), 2.0 * edge), reach[j]);
     }
   }

@@ -27,6 +27,7 @@ typedef struct {
 } Ray;
 
 #define STEEPEST (-0.05)
+#define LEAST_RISE 1e-9
 #define LEAST_CURVATURE 1e-4
 #define LEAST_LENGTH 1e-12
 
@@ -87,19 +88,24 @@ INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int what, 
   slope = smaller_of(a * m_r + b * m[2], STEEPEST * ray->length);
   bent = a * m[2] - b * m_r;
   bend = rho * inverse * bent * bent + a * distance * inverse * m_t * m_t;
-  inverse = 1.0 / slope;
   ray->g = distance - s->tube_radius;
-  ray->step = ray->g * inverse;
-  ray->step += 0.5 * ray->step * ray->step * bend * inverse;
-  if (what != DEPTH_ONLY) {
-    Lanes e_x, e_y;
-    if (what == AT_START) ray->step = 0.0 * u;
+  if (what == AT_START) {
+    ray->step = 0.0 * u;
+  } else {
+    const Lanes by_slope = 1.0 / slope;
+    ray->step = ray->g * by_slope;
+    ray->step += 0.5 * ray->step * ray->step * bend * by_slope;
+  }
+  if (what == TO_END) {
     x -= ray->step * m[0], y -= ray->step * m[1], z -= ray->step * m[2];
     rho = larger_of(root(x * x + y * y), all(LEAST_LENGTH));
     out = rho - offset;
     distance = larger_of(root(out * out + z * z), all(LEAST_LENGTH));
     inverse = 1.0 / (rho * distance);
-    a = out * rho * inverse, b = z * rho * inverse, e_x = x * distance * inverse, e_y = y * distance * inverse;
+    a = out * rho * inverse, b = z * rho * inverse;
+  }
+  if (what != DEPTH_ONLY) {
+    const Lanes e_x = x * distance * inverse, e_y = y * distance * inverse;
     ray->kappa = a * distance * inverse;
     to_chart(p, a * e_x, a * e_y, b, ray->gradient);
     to_chart(p, -b * e_x, -b * e_y, a, ray->across);

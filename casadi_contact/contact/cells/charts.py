@@ -1,7 +1,8 @@
 """Charts of fixed surfaces: points, normals and their derivatives over coordinates (u, v) [mm].
 
-A mesh is seen from above, u = x and v = z: the zero of its distance field over each point. Beyond its edge, where the
-cells of the rim still need corners, it goes on as the quadric through the points around. A spherical cup is laid out
+A mesh is seen from where the moving body comes: from above, u = x and v = z, or along the scene's `pressing` in the
+axes of `grid_frame`. It is the zero of its distance field over each point. Beyond its edge, where the cells of the rim
+still need corners, it goes on as the quadric through the points around. A spherical cup is laid out
 about its pole so that areas keep their size (Lambert's azimuthal map): u² + v² = (2R·sin(θ/2))² at the angle θ. A
 plane is its own chart.
 """
@@ -16,12 +17,12 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.field_derivatives import field_derivatives
-from casadi_contact.geometry.mesh_elements import DOWN, grid_on_mesh
+from casadi_contact.geometry.mesh_elements import DOWN, grid_frame, grid_on_mesh, grid_range
 from casadi_contact.scenes import Scene
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
-_STEPS = 6  # of Newton's method along y
-_LEAST_UPWARD = 0.2  # n_y, as for elements
+_STEPS = 6  # of Newton's method along the rays
+_LEAST_UPWARD = 0.2  # of n against them, as for elements
 _AROUND_MM = 2.5  # reach of the quadric that continues a surface
 _FEWEST = 12  # points that it goes through
 
@@ -120,30 +121,25 @@ class CupChart:
 
 
 class MeshChart:
-    """The part of a fixed mesh that a patch's box holds, seen from above."""
+    """The part of a fixed mesh that a patch's box holds, seen along `pressing`."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
         from casadi_contact.shapes.mesh_bodies import body_field, patch_box
         from casadi_contact.shapes.mesh_patches import patch_mesh
 
-        pressing = np.array(scene.geometry.get("pressing", DOWN))
-        if not np.array_equal(pressing / np.linalg.norm(pressing), DOWN):
-            raise ValueError(
-                f"scene {scene.name}: cubic cells lie on what a mesh shows to +y, but geometry.pressing = "
-                f"{pressing.tolist()}: take cc.ElasticFoundation, or turn the meshes so that it is -y"
-            )
+        self._pressing = scene.geometry.get("pressing", DOWN)
+        self._frame = grid_frame(self._pressing)  # its second axis is up: heights below are along it
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
         self._field = body_field(scene.geometry, "fixed")
         self._box = patch_box(scene.geometry, patch)
-        low, high = self._mesh.vertices_mm.min(axis=0), self._mesh.vertices_mm.max(axis=0)
-        self.low = np.maximum(low, self._box[0])[[0, 2]]
-        self.high = np.minimum(high, self._box[1])[[0, 2]]
+        low, high = grid_range(self._mesh, self._box, self._frame)
+        self.low, self.high = low[[0, 2]], high[[0, 2]]
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Where a ray from above meets the mesh inside the box, and no wall."""
-        points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box)
+        points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box, self._pressing)
         present = areas > 0.0
-        self._heights, self._present = points[..., 1], present
+        self._heights, self._present = points @ self._frame[1], present
         self._origin, self._step = np.array([u[0], v[0]]), np.array([u[1] - u[0], v[1] - v[0]])
         return present
 
@@ -159,15 +155,17 @@ class MeshChart:
         known[np.flatnonzero(known)[~found]] = False
         if not known.all():
             jet[~known] = self._continued(u[~known], v[~known])
-        return _height_surface(u, v, jet, known)
+        seen, frame = _height_surface(u, v, jet, known), self._frame
+        return Surface(seen.c @ frame, seen.n @ frame, seen.tangents @ frame, seen.bends @ frame, known)
 
     def _jets(self, x: Array, y: Array, z: Array) -> tuple[Array, np.ndarray]:
-        """y and its derivatives x, z, xx, xz, zz (m, 6) on the field's zero; False for a wall (m,)."""
-        points = np.stack([x, y, z], 1)
+        """y and its derivatives x, z, xx, xz, zz (m, 6) on the field's zero, in the frame; False for a wall (m,)."""
+        points, frame = np.stack([x, y, z], 1), self._frame
         for _ in range(_STEPS):
-            g, slope = self._field(points)
-            points[:, 1] -= g / np.maximum(slope[:, 1], _LEAST_UPWARD)
-        _, slope, bend = field_derivatives(self._field.parameters, points)
+            g, slope = self._field(points @ frame)
+            points[:, 1] -= g / np.maximum(slope @ frame[1], _LEAST_UPWARD)
+        _, slope, bend = field_derivatives(self._field.parameters, points @ frame)
+        slope, bend = slope @ frame.T, frame @ bend @ frame.T
         fine = slope[:, 1] > _LEAST_UPWARD * np.linalg.norm(slope, axis=1)
         up = np.where(fine, slope[:, 1], 1.0)
         y_x, y_z = -slope[:, 0] / up, -slope[:, 2] / up

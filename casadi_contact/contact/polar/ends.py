@@ -9,6 +9,7 @@ import numpy as np
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.conventions import Array
 
+LEAST_RISE = 1e-9
 _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
 
 
@@ -38,6 +39,12 @@ class Ends:
     def slope(self) -> Array:
         """σ = G·n, the cosine between surface and ray."""
         return np.asarray(np.sum(self.G * self.N, -1) / self.length)
+
+
+def rise(ends: Ends, du: Array, dv: Array) -> Array:
+    """Slope G·(τ_u du + τ_v dv) of the distance from the body along (du, dv) in the chart."""
+    G, N = ends.G, ends.N
+    return np.asarray(du * (G[..., 0] - N[..., 0] * G[..., 1]) + dv * (G[..., 2] - N[..., 2] * G[..., 1]))
 
 
 def fixed_point(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import Ends, ray_ends
+from casadi_contact.contact.polar.ends import LEAST_RISE, Ends, ray_ends, rise
 from casadi_contact.contact.polar.middle import deepest, deepest_within, middle, within
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.quadrature import points_of, twist
@@ -16,8 +16,6 @@ from casadi_contact.contact.polar.rays import RayPlan, Rays, ray_plan
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.contact.pressure_outputs import MOMENTS
 from casadi_contact.conventions import Array
-
-_LEAST_RISE = -1e-9
 
 
 def patch_moments(
@@ -55,8 +53,6 @@ def _area_slope(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, plan
     """Derivative (n, 6) of the area by the twist, in chart axes."""
     du, dv = plan.directions.T
     ends = ray_ends(patch, R, t, u[:, None] + plan.edge * du, v[:, None] + plan.edge * dv)
-    G, N = ends.G, ends.N
-    rise = du * (G[..., 0] - N[..., 0] * G[..., 1]) + dv * (G[..., 2] - N[..., 2] * G[..., 1])
-    rise = np.minimum(rise / ends.slope, _LEAST_RISE)
+    steepness = np.minimum(rise(ends, du, dv) / ends.slope, -LEAST_RISE)
     width = 2.0 * np.pi / rays.count * plan.edge * ends.length * ~plan.cut
-    return -np.einsum("nm,nma->na", width / rise, _depth_slope(ends, t))
+    return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import ray_ends
+from casadi_contact.contact.polar.ends import LEAST_RISE, ray_ends, rise
 from casadi_contact.contact.polar.middle import RIM_STEPS, Spot, bounded, edge_distance, u_range
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.conventions import Array
@@ -52,10 +52,11 @@ def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> Ray
     extended = junction + edge_distance(left, slope - k * junction, k_next)
     plain = edge_distance(depth, slope, k)
     edge = np.minimum(np.where(junction < plain, extended, plain), reach)
-    for _ in range(EDGE_STEPS):
-        there = ray_ends(patch, R, t, u + edge * directions[:, 0], v + edge * directions[:, 1]).depth
-        bend = 2.0 * (depth + slope * edge - there) / np.maximum(edge, 1e-12) ** 2
-        edge = np.minimum(np.clip(edge_distance(depth, slope, bend), 0.5 * edge, 2.0 * edge), reach)
+    du, dv = directions.T
+    for _ in range(EDGE_STEPS):  # Newton's, of g = 0 along the ray
+        ends = ray_ends(patch, R, t, u + edge * du, v + edge * dv, at_start=True)
+        moved = edge - ends.g / np.maximum(rise(ends, du, dv), LEAST_RISE)
+        edge = np.minimum(np.clip(moved, 0.5 * edge, 2.0 * edge), reach)
     return RayPlan(directions, edge, np.minimum(junction, edge), edge >= reach)
 
 

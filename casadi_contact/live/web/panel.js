@@ -12,6 +12,7 @@ export class LoadsPanel {
     const columns = hasSurrogate ? ["", "contact model", "surrogate", "expected error"] : ["", "contact model"];
     document.getElementById("head").innerHTML = `<tr>${columns.map((text) => `<th>${text}</th>`).join("")}</tr>`;
     if (hasSurrogate) document.getElementById("barred").textContent = "surrogate";
+    document.getElementById("beside").hidden = !hasSurrogate;
     this.rows = content.loads.map(({ name, unit }) => {
       const row = document.getElementById("rows").insertRow();
       row.innerHTML = `<td>${name} <small>${unit}</small></td>` + "<td></td>".repeat(columns.length - 1);
@@ -46,7 +47,7 @@ export class LoadsPanel {
   }
 }
 
-/** Zero in the middle; the contact model a line, the surrogate a bar with its expected error. */
+/** Zero in the middle; the surrogate a bar with its expected error and the contact model a line, or, alone, the bar. */
 function drawBar(canvas, contact, surrogate, error, largest) {
   const { context, width, height } = cleared(canvas);
   const x = (value) => 0.5 * width * (1 + Math.min(Math.max(value / largest, -1), 1));
@@ -63,6 +64,7 @@ function drawBar(canvas, contact, surrogate, error, largest) {
     context.fillRect(low, 0.5 * height - 0.5, Math.max(high - low, 1), 1.5);
     for (const end of [low, high]) context.fillRect(end - 0.5, 1, 1, height - 2);
   }
+  if (surrogate === undefined) return;
   context.fillStyle = SECOND;
   context.fillRect(x(contact) - 0.75, 0, 1.5, height);
 }

@@ -1,6 +1,6 @@
 """The patch structure (README) as CasADi expressions of the pose, with both derivatives written out.
 
-    N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
+    N = N0·Σ max(s, 0)²,  dN = 2·N0·Σ max(s, 0)·ds,  d²N = 2·N0·Σ ([s > 0]·dsᵀds + max(s, 0)·d²s)    over spots
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
 
 Values and gradients are continuous at liftoff and every order is exactly zero outside contact.
@@ -24,7 +24,7 @@ from casadi_contact.transcription.network_graph import NetworkValue, network_val
 
 @dataclass(frozen=True)
 class PatchNetworks:
-    """The networks of one patch: root s_p and ratios ρ_pk by wrench component.
+    """The networks of one patch: root loads s_p of its spots and ratios ρ_pk by wrench component.
 
     ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio. ratios: a network for
     each component; or together: one network, with the components that it gives, in order.
@@ -49,8 +49,15 @@ class PatchNetworks:
         return dict(zip(components, values, strict=True))
 
 
-def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
+def _normal(roots: Sequence[NetworkValue], reference_load: float, order: int) -> NetworkValue:
     """N and its derivatives in the local pose."""
+    first, *others = (_normal_of_spot(s, reference_load, order) for s in roots)
+    for other in others:
+        first = NetworkValue(first.value + other.value, first.gradient + other.gradient, first.hessian + other.hessian)
+    return first
+
+
+def _normal_of_spot(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
     contact = ca.fmax(s.value, 0)
     slope = 2 * reference_load * contact
     value, gradient, hessian = reference_load * (contact * contact), ca.MX(), ca.MX()
@@ -101,9 +108,9 @@ def patch_expressions(
         used = [k for k in range(6) if selection[:, p, k].any()]
         components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
         x = local.x if tangent is None else local.x[list(space.free)]
-        s = network_value(patch.root, x, order, tangent)
+        s = network_values(patch.root, x, order, range(patch.root.outputs), tangent)
         ratios = patch.ratio_values(x, components, order, tangent)
-        roots.append(_in_pose(local, [s], order))
+        roots.append(_in_pose(local, s, order))
         if not used:
             continue
         normal = _normal(s, reference_load, order)

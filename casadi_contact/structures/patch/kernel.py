@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from string import Template
 
@@ -12,12 +13,12 @@ from casadi_contact.transcription.c_names import identifier
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
 
-# Loads of one patch from its local pose and root load; nothing but the root outside contact.
+# Loads of one patch from its local pose and the root loads of its spots; nothing but these outside contact.
 _PATCH = Template("""\
-INLINE void ${patch}_value(const Local *local, double s, double *loads) {
-  const double normal = $n0 * s * s;
+INLINE void ${patch}_value(const Local *local, const double *s, double *loads) {
+  const double normal = $n0 * pressed_squares($spots, s, 1);
   double ratio[RATIOS];
-  if (!(s > 0.0)) return;
+  if (!(normal > 0.0)) return;
   ratios_${patch}_value(local->x, ratio);
 $loads
 }
@@ -25,16 +26,16 @@ $loads
 INLINE void ${patch}_jacobian(const double *pose, const Frame *frame, double *loads, double *roots,
                               double (*loads_jacobian)[6], double (*roots_jacobian)[6]) {
   const Local local = local_of(pose, frame, $anchor, 1);
-  double s, ds[6], ratio[RATIOS], d_ratio[RATIOS][6], normal, slope;
-  root_${patch}_gradient(local.x, &s, ds);
-  gradient_in_pose(&local, ds);
+  double s[$spots], ds[$spots][6], ratio[RATIOS], d_ratio[RATIOS][6], normal, d_normal[6];
+  root_${patch}_gradient(local.x, s, ds[0]);
+  for (int k = 0; k < $spots; k++) gradient_in_pose(&local, ds[k]);
   if (ROOTS) {
-    roots[$row] = s;
+    memcpy(roots + $row, s, sizeof s);
     memcpy(roots_jacobian[$row], ds, sizeof ds);
   }
-  if (!(s > 0.0)) return;
-  normal = $n0 * s * s;
-  slope = 2.0 * $n0 * s;
+  normal = $n0 * pressed_squares($spots, s, 1);
+  if (!(normal > 0.0)) return;
+  normal_gradient($spots, $n0, s, ds, d_normal);
   ratios_${patch}_gradient(local.x, ratio, d_ratio[0]);
   for (int m = 0; m < $ratios; m++) gradient_in_pose(&local, d_ratio[m]);
 $loads
@@ -44,23 +45,28 @@ $rows
 }
 
 /* N times phi = sum_k c_k ratio_k + sign c of the sensitive component: one weighted sum for all loads. */
-INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const double *loads_weight, double root_weight,
-                             double *hessian) {
+INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const double *loads_weight,
+                             const double *roots_weight, double *hessian) {
   const Local local = local_of(pose, frame, $anchor, 1);
-  const double c[RATIOS] = {$ratio_weights}, one = 1.0;
-  double s, ds[6] = {0}, d2s[36] = {0}, ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
-  root_${patch}_hessian(local.x, &one, &s, ds, d2s);
-  if (s > 0.0) {
+  const double c[RATIOS] = {$ratio_weights};
+  double s[$spots], ds[$spots][6] = {{0}}, d2s[36] = {0}, on_root[$spots];
+  double ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
+$root_slopes
+  if (pressed_squares($spots, s, 1) > 0.0) {
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
     for (int m = 0; m < $ratios; m++) phi += c[m] * ratio[m];
   } else {
     phi = 0.0;
   }
-  patch_hessian_in_pose(frame, &local, $n0, s, ds, d2s, phi, d_phi, d2_phi, root_weight, hessian);
+  for (int k = 0; k < $spots; k++) {
+    on_root[k] = 2.0 * $n0 * (s[k] > 0.0 ? s[k] : 0.0) * phi + (ROOTS ? roots_weight[$row + k] : 0.0);
+  }
+$root_curvature
+  patch_hessian_in_pose(frame, &local, $n0, $spots, s, ds, on_root, d2s, phi, d_phi, d2_phi, hessian);
 }
 
 INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
-  double x[6 * LANES], s[LANES], all_ratios[RATIOS * LANES];
+  double x[6 * LANES], s[$spots * LANES], all_ratios[RATIOS * LANES];
   for (int l = 0; l < LANES; l++) {
     const Local local = local_of(pose + 6 * l, frame + l, $anchor, 0);
     for (int j = 0; j < 6; j++) x[j * LANES + l] = local.x[j];
@@ -69,7 +75,7 @@ INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*load
   ratios_${patch}_batch(x, all_ratios);
   if (ROOTS) memcpy(roots[$row], s, sizeof s);
   for (int l = 0; l < LANES; l++) {
-    const double normal = s[l] > 0.0 ? $n0 * s[l] * s[l] : 0.0;
+    const double normal = $n0 * pressed_squares($spots, s + l, LANES);
 $lane_loads
   }
 }
@@ -83,7 +89,7 @@ FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
   const Local local[$patches] = {
 $locals
   };
-  double s[$patches];
+  double s[$spots];
 $roots
   memset(loads, 0, LOADS * sizeof(double));
   if (ROOTS) memcpy(roots, s, sizeof s);
@@ -124,6 +130,18 @@ $batches
 """)
 
 
+# Slopes of the spots' root loads, and then their second derivatives, weighted: of a single one all at once, of several
+# when their values have given the weights.
+_ROOT_SLOPES = (
+    "const double one = 1.0;\n  root_{patch}_hessian(local.x, &one, s, ds[0], d2s);",
+    "root_{patch}_gradient(local.x, s, ds[0]);",
+)
+_ROOT_CURVATURE = (
+    "for (int i = 0; i < 36; i++) d2s[i] *= on_root[0];",
+    "double summed[6] = {{0}};\n  root_{patch}_hessian(local.x, on_root, s, summed, d2s);",
+)
+
+
 def _anchor(patch: PatchNetworks) -> str:
     return ", ".join(repr(float(a)) for a in patch.anchor_mm)
 
@@ -135,7 +153,8 @@ def _lines(lines: Sequence[str], indent: int) -> str:
 def _patch(
     patch: PatchNetworks, row: int, selection: Array, reference_load: float, space: PoseSpace
 ) -> tuple[list[Bundle], str]:
-    """Networks and functions of one patch; selection (L, 6) picks its wrench components into loads."""
+    """Networks and functions of one patch, whose spots' root loads begin at `row`; selection (L, 6) picks its wrench
+    components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
     ratios = [name for name in used if name != patch.sensitive]
     of_ratios = {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios} if patch.together is None else {}
@@ -167,9 +186,13 @@ def _patch(
         shares = (f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
         return " + ".join(shares) or "0.0"
 
+    several, symbol = patch.root.outputs > 1, identifier(patch.name)
     code = _PATCH.substitute(
-        patch=identifier(patch.name),
+        patch=symbol,
         row=row,
+        spots=patch.root.outputs,
+        root_slopes=f"  {_ROOT_SLOPES[several].format(patch=symbol)}",
+        root_curvature=f"  {_ROOT_CURVATURE[several].format(patch=symbol)}",
         n0=repr(float(reference_load)),
         anchor=_anchor(patch),
         ratios=len(ratios),
@@ -177,8 +200,8 @@ def _patch(
         rows=_lines(
             sums(
                 "loads_jacobian[{load}][j]",
-                f"({sign}slope * ds[j])",
-                "(slope * ratio[{m}] * ds[j] + normal * d_ratio[{m}][j])",
+                f"({sign}d_normal[j])",
+                "(ratio[{m}] * d_normal[j] + normal * d_ratio[{m}][j])",
             ),
             4,
         ),
@@ -211,28 +234,24 @@ def _held(space: PoseSpace) -> tuple[str, str]:
 def patch_kernel(
     patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace | None = None
 ) -> Kernel:
-    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of every patch's root load; networks take the
-    local poses' free columns."""
+    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root loads of every patch's spots;
+    networks take the local poses' free columns."""
     space = PoseSpace() if space is None else space
     held, by_free = _held(space)
-    made = [_patch(patch, p, selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
+    first = [0, *itertools.accumulate(patch.root.outputs for patch in patches)]
+    made = [_patch(patch, first[p], selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
     names = [patch.name for patch in patches]
     whole = _KERNEL.substitute(
         held=held,
         patches=len(names),
+        spots=first[-1],
         locals=_lines([f"local_of(pose, &frame, {_anchor(patch)}, 0)," for patch in patches], 6),
-        roots=_lines([f"root_{name}_value(local[{p}].x, s + {p});" for p, name in enumerate(names)], 2),
-        values=_lines([f"{name}_value(local + {p}, s[{p}], loads);" for p, name in enumerate(names)], 2),
+        roots=_lines([f"root_{name}_value(local[{p}].x, s + {first[p]});" for p, name in enumerate(names)], 2),
+        values=_lines([f"{name}_value(local + {p}, s + {first[p]}, loads);" for p, name in enumerate(names)], 2),
         jacobians=_lines(
             [f"{name}_jacobian(pose, &frame, loads, roots, loads_jacobian, roots_jacobian);" for name in names], 2
         ),
-        hessians=_lines(
-            [
-                f"{name}_hessian(pose, &frame, loads_weight, ROOTS ? roots_weight[{p}] : 0.0, hessian);"
-                for p, name in enumerate(names)
-            ],
-            2,
-        ),
+        hessians=_lines([f"{name}_hessian(pose, &frame, loads_weight, roots_weight, hessian);" for name in names], 2),
         batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in names], 2),
     )
     most = max(1, *(sum(net.outputs for net in bundles[1].networks.values()) for bundles, _ in made))

@@ -1,13 +1,4 @@
-"""Root loads of patches from those of their parts, in NumPy and as CasADi expressions.
-
-With the normal loads N_i = N0·max(s_i, 0)² of its parts a patch has N = Σ N_i, so that its root load is
-
-    S = √(Σ max(s_i, 0)²)    where a part is in contact,
-    S = -1/√(Σ s_i⁻²)        where none is: near the root load of the nearest part, smooth, and likewise once
-                             continuously differentiable where a part comes into contact
-
-The second derivatives jump at liftoff, as those of any load do there.
-"""
+"""Root loads of patches from those of the spots of their parts (`casadi_contact.spots`), in NumPy and in CasADi."""
 
 from __future__ import annotations
 
@@ -18,34 +9,27 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.spots import LEAST_ROOT, joint_root
 
-LEAST_ROOT = 1e-9  # a part that just touches counts as this far off, so that no quotient is 0/0
 
-
-def patch_roots(s: Array, ds: Array, first_parts: Sequence[int]) -> tuple[Array, Array]:
-    """S (n, P) and dS (n, P, 6) from s (n, parts) and ds (n, parts, 6); first_parts: where each patch's parts begin."""
-    if len(first_parts) == s.shape[1]:
+def patch_roots(s: Array, ds: Array, first: Sequence[int]) -> tuple[Array, Array]:
+    """S (n, P) and dS (n, P, 6) from s (n, spots) and ds (n, spots, 6); first: where each patch's spots begin."""
+    if len(first) == s.shape[1]:
         return s, ds
     patches = []
-    for a, b in itertools.pairwise([*first_parts, s.shape[1]]):
+    for a, b in itertools.pairwise([*first, s.shape[1]]):
         patches.append(_together(s[:, a:b], ds[:, a:b]) if b - a > 1 else (s[:, a], ds[:, a]))
     return np.stack([S for S, _ in patches], axis=1), np.stack([dS for _, dS in patches], axis=1)
 
 
 def _together(s: Array, ds: Array) -> tuple[Array, Array]:
-    pressed, free = np.maximum(s, 0.0), np.minimum(s, -LEAST_ROOT)
-    loaded: np.ndarray = np.any(pressed > 0.0, axis=1)
-    inside = np.linalg.norm(pressed, axis=1)
-    nearest = free.max(axis=1)
-    outside = nearest / np.linalg.norm(nearest[:, None] / free, axis=1)
-    root = np.where(loaded, inside, outside)
-    slopes = np.where(loaded[:, None], pressed / np.where(loaded, inside, 1.0)[:, None], (outside[:, None] / free) ** 3)
+    root, slopes = joint_root(np, s)
     return root, np.einsum("ni,nij->nj", slopes, ds)
 
 
-def patch_root_expressions(roots: ca.MX, first_parts: Sequence[int]) -> ca.MX:
-    """The same as CasADi expressions: S (P x n) from the parts' root loads (parts x n)."""
-    bounds = itertools.pairwise([*first_parts, roots.shape[0]])
+def patch_root_expressions(roots: ca.MX, first: Sequence[int]) -> ca.MX:
+    """The same as CasADi expressions: S (P x n) from the spots' root loads (spots x n)."""
+    bounds = itertools.pairwise([*first, roots.shape[0]])
     return ca.vertcat(*(roots[a, :] if b - a == 1 else _together_expression(roots[a:b, :]) for a, b in bounds))
 
 

@@ -7,12 +7,16 @@ Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p
 so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
 load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
 
+A patch that touches in several places bends where one of them comes or goes. Its root network may have several outputs,
+the root loads s_pk of as many spots: N_p = N0·Σ_k max(s_pk, 0)².
+
 A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
-the sum over its parts, its root load that of their normal loads together (`structures.patch.roots`).
+the sum over its parts. Its root load is that of all its spots together (`casadi_contact.spots`).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -65,6 +69,11 @@ class PatchSurrogate(Surrogate):
             ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
             names += [root_name(part.name), *ratios]
         return dict.fromkeys(names, len(scene.pose_space.free))
+
+    @staticmethod
+    def gives_spots(name: str) -> bool:
+        """True for the networks of root loads."""
+        return name.startswith("root_")
 
     @staticmethod
     def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
@@ -127,11 +136,14 @@ class PatchSurrogate(Surrogate):
 
     def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
         pairs = [self._root(poses, part, derivative=True) for part in self.scene.parts]
-        s, ds = np.stack([s for s, _ in pairs], axis=1), np.stack([ds for _, ds in pairs], axis=1)
-        return patch_roots(s, ds, self.scene.first_parts)
+        s, ds = np.concatenate([s for s, _ in pairs], axis=1), np.concatenate([ds for _, ds in pairs], axis=1)
+        return patch_roots(s, ds, self._first_roots())
 
     def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
-        return self._network(root_name(part.name), poses, part, derivative=derivative)
+        """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
+        s, ds = self._network(root_name(part.name), poses, part, derivative=derivative)
+        s = s.reshape(len(poses), -1)
+        return s, ds.reshape(len(ds), s.shape[1], 6) if derivative else np.empty((0, s.shape[1], 6))
 
     def _ratios(
         self, poses: Array, part: Part, components: Sequence[str], *, derivative: bool
@@ -161,15 +173,17 @@ class PatchSurrogate(Surrogate):
                 continue
             s, ds = self._root(poses, part, derivative=derivative)
             contact = np.maximum(s, 0.0)
-            normal = self.scene.reference_load * contact**2
-            d_normal = 2.0 * self.scene.reference_load * contact[:, None] * ds if derivative else ds
+            normal = self.scene.reference_load * (contact * contact).sum(axis=1)
+            d_normal = ds[:, 0]
+            if derivative:
+                d_normal = 2.0 * self.scene.reference_load * np.einsum("nk,nkj->nj", contact, ds)
             components = [k for c, k in enumerate(WRENCH_NAMES) if used[p, c] and k != part.normal.component]
             ratios = self._ratios(poses, part, components, derivative=derivative)
             for k, component in enumerate(WRENCH_NAMES):
                 if not used[p, k]:
                     continue
                 if component == part.normal.component:
-                    ratio, d_ratio = np.full(n, part.normal.sign), np.zeros_like(ds)
+                    ratio, d_ratio = np.full(n, part.normal.sign), np.zeros_like(d_normal)
                 else:
                     ratio, d_ratio = ratios[component]
                 wrenches[:, p, k] = normal * ratio
@@ -177,14 +191,19 @@ class PatchSurrogate(Surrogate):
                     jacobian[:, p, k] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
         return wrenches, jacobian
 
+    def _spot_counts(self) -> list[int]:
+        """Number of spots of each part."""
+        return [self.networks[name].outputs for name in self._root_networks()]
+
     def _root_count(self) -> int:
-        return len(self.scene.parts)
+        return sum(self._spot_counts())
 
     def _first_roots(self) -> Sequence[int]:
-        return self.scene.first_parts
+        before = [0, *itertools.accumulate(self._spot_counts())]
+        return [before[part] for part in self.scene.first_parts]
 
     def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        return patch_root_expressions(roots, self.scene.first_parts)
+        return patch_root_expressions(roots, self._first_roots())
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         parts, selection = self.known_parts(loads)

@@ -7,6 +7,7 @@ load, those in contact (N > 0) for a ratio, which has no meaning where there is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,8 +41,9 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
 
 
 def root_regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
-    """Those of `patch_regressions` that are of root loads."""
-    return [r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_")]
+    """Those of `patch_regressions` that are of root loads, as of one spot each."""
+    roots = (r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_"))
+    return [replace(root, spots=1) for root in roots]
 
 
 def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
@@ -100,7 +102,13 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
         root_tolerance, ratio_tolerances = _tolerances(scene, selection, p, lever)
         regressions.append(
             Regression(
-                f"root_{patch}", local, target, root_weight(target, scene, gap_weight), validation, root_tolerance
+                f"root_{patch}",
+                local,
+                target,
+                root_weight(target, scene, gap_weight),
+                validation,
+                root_tolerance,
+                part.spots,
             )
         )
         for k in used:

@@ -39,7 +39,7 @@ class TrunkSurrogate(PatchSurrogate):
 
     @classmethod
     def network_outputs(cls, scene: Scene) -> dict[str, int]:
-        """1 for roots, the number of ratios for trunks."""
+        """1 for roots without spots, the number of ratios for trunks."""
         ratios = {name: len(components) for name, components in trunk_outputs(scene).items()}
         return {name: ratios.get(name, 1) for name in cls.network_inputs(scene)}
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.conventions import Array
-from problems.studies.stability.methods import EF_ANALYTIC, KRIGING, METHODS, Bench
+from problems.studies.stability.methods import EF_ANALYTIC, METHODS, Bench
+from problems.studies.stability.peers import KRIGING
 from problems.studies.stability.table import Line
 from problems.studies.stability.walking_samples import walking_samples
 
@@ -56,7 +57,7 @@ def measure(
     model = bench.models[EF_ANALYTIC]
     data = TrainingSet.of(walking_samples(model, bench.poses, 2 * points, seed=3))
     held_out = data.poses[points:], data.loads[points:]
-    kernel = bench.models[KRIGING].kernel.k1  # c·Matérn without the nugget that was tuned with it
+    kernel = bench.models[KRIGING].remembered.k1  # c·Matérn without the nugget that was tuned with it
     cases = {"no clusters": replace(data, poses=data.poses[:points], loads=data.loads[:points])}
     for spacing in spacings:
         where = f"{spacing:g} deviations apart" if spacing else "repeated points"

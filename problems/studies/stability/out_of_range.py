@@ -10,7 +10,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
-from problems.studies.stability.methods import FOUNDATIONS, PATCH, SURROGATES, Bench
+from problems.studies.stability.methods import BY_DIFFERENCES, PATCH, SURROGATES, Bench
 from problems.studies.stability.table import Line
 
 TIMES = 3.0
@@ -71,12 +71,12 @@ def measure(bench: Bench, count: int = 100_000, per_parameter: int = 600) -> tup
     for case, poses in cases.items():
         cells: dict[str, float | str] = {}
         for method, model in bench.models.items():
-            if method in FOUNDATIONS[:2] and len(poses) > per_parameter:
+            if method in BY_DIFFERENCES and len(poses) > per_parameter:
                 continue
             *numbers, valid = count_failures(model, poses, gaps_of)
             cells[method] = " / ".join([*(f"{n}" for n in numbers), "-" if valid is None else f"{valid}"])
         skipped = {
-            m: "its values are those of the EF; counted on the fine grid" for m in FOUNDATIONS[:2] if m not in cells
+            m: "its values are those of the EF; counted on the fine grid" for m in BY_DIFFERENCES if m not in cells
         }
         lines.append(Line(3, case, QUANTITY, cells, {**bench.missing, **silent, **skipped}))
     return lines, None

@@ -18,10 +18,15 @@ _STYLES = dict(
         (
             (COLOURS["blue"], "s"),
             (COLOURS["orange"], "^"),
+            (COLOURS["green"], "*"),
             ("#999999", "v"),
             ("#555555", "D"),
             (COLOURS["black"], "o"),
+            (COLOURS["sky blue"], "X"),
             (COLOURS["vermillion"], "P"),
+            (COLOURS["purple"], "<"),
+            (COLOURS["yellow"], ">"),
+            ("#7a4419", "d"),
         ),
         strict=True,
     )
@@ -47,7 +52,7 @@ def draw(curves: Mapping[str, Any], path: Path) -> None:
 
 def _line(axis: Any, method: str, x: Any, y: Any) -> None:
     colour, marker = _STYLES[method]
-    size = 11.0 - 1.5 * METHODS.index(method)  # hollow and of different sizes: equal results stay visible
+    size = 11.0 - 0.8 * METHODS.index(method)  # hollow and of different sizes: equal results stay visible
     axis.plot(x, y, color=colour, marker=marker, ms=size, mfc="none", lw=1.2, label=method)
 
 

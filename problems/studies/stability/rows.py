@@ -37,7 +37,7 @@ class Plan:
     def bench(self) -> Bench:
         """The methods, loaded or built once in each process."""
         points, gflop = (400, 60.0) if self.quick else (2000, 300.0)
-        return bench(self.patch, self.two_stage, kriging_points=points, kernel_gflop=gflop)
+        return bench(self.patch, self.two_stage, peer_points=points, peer_gflop=gflop)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -12,9 +12,8 @@ from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
 from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
-from casadi_contact.structures import Surrogate
 from problems import pose_estimation
-from problems.studies.stability.methods import Bench
+from problems.studies.stability.methods import SYMBOLIC, Bench
 from problems.studies.stability.table import Line
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # gap of the nearer side at the start; below zero, overlap
@@ -46,12 +45,12 @@ def same_poses(poses: Array, reference: Array) -> np.ndarray:
     return np.asarray(np.abs((poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM)
 
 
-def by_ipopt(surrogate: Surrogate, cycle: LoadCycle, frames: Array, near: Array, starts: Array) -> tuple[Array, Array]:
+def by_ipopt(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: Array) -> tuple[Array, Array]:
     """`pose_estimation` of each start (lifts, n, 6), one IPOPT problem each: solved (lifts, n), iterations."""
     solved = np.zeros(starts.shape[:2], dtype=bool)
     iterations = np.zeros(starts.shape[:2])
-    for frame in track(np.unique(frames), f"starts, {surrogate.structure}", transient=True):
-        problem = pose_estimation.build(surrogate, one_frame(cycle, int(frame)))
+    for frame in track(np.unique(frames), "starts, each an IPOPT problem", transient=True):
+        problem = pose_estimation.build(model, one_frame(cycle, int(frame)))
         rows = np.flatnonzero(frames == frame)
         reference = pose_estimation.solve(problem, near[[rows[0], rows[0]]])
         for lift, row in ((lift, row) for lift in range(len(starts)) for row in rows):
@@ -91,7 +90,7 @@ def measure(
     shares: dict[str, Array] = {}
     iterations: dict[str, Array] = {}
     for method, model in bench.models.items():
-        solve = by_ipopt if isinstance(model, Surrogate) else by_newton
+        solve = by_ipopt if method in SYMBOLIC else by_newton
         solved, used = solve(model, cycle, frames, near, starts)
         shares[method] = solved.mean(axis=1)
         iterations[method] = np.array(

@@ -1,0 +1,60 @@
+"""The command ``python -m problems.assembly_poses``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.assembly import load_assembly
+from casadi_contact.files import writable_folder
+from casadi_contact.verification import judge, own_model
+from problems.assembly_poses.cycle import read_assembly_cycle
+from problems.assembly_poses.own_cycle import own_cycle
+from problems.assembly_poses.problem import build
+from problems.assembly_poses.report import report
+from problems.assembly_poses.solve import solve
+from problems.assembly_poses.starts import solve_from_random_starts
+from problems.common.command import RESULTS, end_with, new_app, run_command
+
+NAME = "assembly_poses"
+app = new_app()
+
+
+@app.command()
+def run(
+    assembly: Annotated[str, typer.Option(help="ready assembly, or assembly .toml")] = "knee_with_patella",
+    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the assembly's own if left out")] = None,
+    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
+    out: Annotated[Path, typer.Option(help="folder for assembly_poses.csv, .png and summary.json")] = RESULTS / NAME,
+) -> None:
+    """Find the poses of all bodies of an assembly over a cycle: one from the loads that were measured in its contact,
+    all others where contacts, ligaments, pulls and applied forces balance.
+
+    Exit status 2: some frames are not solved; 3: all are, but a contact model differs in some.
+    """
+    writable_folder(out)
+    joint = load_assembly(assembly)
+    given = own_cycle(joint) if cycle is None else read_assembly_cycle(cycle, joint)
+    problem = build(joint, given)
+    result = solve(problem)
+    verdicts = {
+        part.name: judge(
+            part.model, joint.contact_poses(part.name, result.poses), result.converged, own_model(part.model.scene)
+        )
+        for part in joint.contacts
+    }
+    tried = solve_from_random_starts(assembly, given, result, starts) if starts else None
+    report(problem, result, verdicts, out, tried)
+    codes = [verdict.exit_code for verdict in verdicts.values()]
+    end_with(list(verdicts.values())[codes.index(2 if 2 in codes else max(codes))], NAME, out)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, NAME)
+
+
+if __name__ == "__main__":
+    main()

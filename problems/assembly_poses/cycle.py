@@ -1,0 +1,86 @@
+"""What is known of an assembly over a cycle: measured pose parameters, loads of a contact, tensions, applied forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.assembly import Assembly
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.motion.columns import TextColumns
+from casadi_contact.quantities import quantity
+
+FORCES = ("Fx", "Fy", "Fz")
+CENTRES = ("cop_ap", "cop_ml", "cop_x", "cop_y", "cop_z")
+
+
+@dataclass(frozen=True)
+class AssemblyCycle:
+    """Curves (n,) over time_s [s], by name.
+
+    pose: measured pose parameters [mm, rad] by body; contact, loads: the contact whose loads [N, N·mm] and centres of
+    pressure [mm] were measured ("" and none where none were); tensions [N] by pull; applied: forces Fx, Fy, Fz [N] on
+    a body, at its origin, along the ground's axes.
+    """
+
+    name: str
+    time_s: Array
+    pose: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    contact: str = ""
+    loads: Mapping[str, Array] = field(default_factory=dict)
+    tensions: Mapping[str, Array] = field(default_factory=dict)
+    applied: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+
+def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
+    """Read a cycle from a CSV file with time_s and whatever was measured of the assembly.
+
+    femur_rz_rad: a pose parameter of a body; femur_Fy_N: a force applied to it; tibiofemoral_Fy_med_N,
+    tibiofemoral_cop_ap_mm: a load or centre of pressure of a contact; quadriceps_N: the tension of a pull. Others are
+    refused. Raises FileNotFoundError, and ValueError naming file, line and column.
+    """
+    table = TextColumns.read(path, "cycle file")
+    table.require("time_s")
+    known = _columns(assembly)
+    unknown = set(table.header) - {"time_s", *known}
+    if unknown:
+        raise ValueError(
+            f"{path}: unknown columns {', '.join(sorted(unknown))}; of assembly {assembly.name} a cycle may tell "
+            f"{', '.join(known)}"
+        )
+    curves = {column: np.asarray(table.numbers(column)) for column in table.header}
+    time_s = curves.pop("time_s")
+    if len(time_s) < 2 or np.any(np.diff(time_s) <= 0.0):
+        raise ValueError(f"{path}: time does not rise over at least 2 frames")
+    found: dict[str, dict[str, dict[str, Array]]] = {"pose": {}, "loads": {}, "applied": {}, "tensions": {}}
+    for column, curve in curves.items():
+        what, owner, name = known[column]
+        found[what].setdefault(owner, {})[name] = curve
+    if len(found["loads"]) > 1:
+        raise ValueError(f"{path} has loads of the contacts {', '.join(found['loads'])}, expected those of one")
+    contact, loads = next(iter(found["loads"].items()), ("", {}))
+    tensions = {owner: named[""] for owner, named in found["tensions"].items()}
+    return AssemblyCycle(table.path.stem, time_s, found["pose"], contact, loads, tensions, found["applied"])
+
+
+def _columns(assembly: Assembly) -> dict[str, tuple[str, str, str]]:
+    """Column -> what it tells, of which part, and its name there."""
+    columns: dict[str, tuple[str, str, str]] = {}
+    for body in assembly.bodies:
+        columns |= {f"{body}_{quantity(name).column}": ("pose", body, name) for name in POSE_NAMES}
+        columns |= {f"{body}_{name}_N": ("applied", body, name) for name in FORCES}
+    for contact in assembly.contacts:
+        names = (*contact.model.load_names, *CENTRES)
+        columns |= {f"{contact.name}_{quantity(name).column}": ("loads", contact.name, name) for name in names}
+    return columns | {f"{pull.name}_N": ("tensions", pull.name, "") for pull in assembly.pulls}

@@ -1,0 +1,51 @@
+"""How often random starts lead an assembly's bodies to the same loads in every frame."""
+
+from __future__ import annotations
+
+from concurrent.futures import as_completed
+
+import numpy as np
+from rich.progress import track
+
+from casadi_contact.assembly import load_assembly
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.workers import worker_pool
+from problems.assembly_poses.cycle import AssemblyCycle
+from problems.assembly_poses.problem import AssemblyPoses, build
+from problems.assembly_poses.solve import AssemblyResult, solve
+from problems.patella.follow import ASIDE_MM, ASIDE_RAD, SAME_N, loads_apart_n
+from problems.pose_estimation.starts import RandomStarts, moved
+
+
+def random_start(problem: AssemblyPoses, poses: Array, rng: np.random.Generator) -> Array:
+    """Poses (n, bodies, 6) moved at random, each frame alone: the measured body as in pose estimation (`moved`), all
+    others along their free pose parameters by up to `ASIDE_MM` and `ASIDE_RAD`."""
+    start, bodies = poses.copy(), problem.assembly.bodies
+    if problem.measured:
+        body = bodies.index(problem.measured_body)
+        start[:, body] = moved(problem.measured, poses[:, body], rng)
+    for moving, names in problem.free.items():
+        for name in names:
+            aside = ASIDE_RAD if name.startswith("r") else ASIDE_MM
+            start[:, bodies.index(moving), pose_index(name)] += rng.uniform(-aside, aside, len(poses))
+    return start
+
+
+def one_start(name: str, cycle: AssemblyCycle, poses: Array, loads: Array, seed: tuple[int, int]) -> tuple[float, int]:
+    """Solve from one random start about a solution; returns the share of frames with the same loads, and iterations."""
+    problem = build(load_assembly(name), cycle)
+    result = solve(problem, random_start(problem, poses, np.random.default_rng(seed)))
+    same = loads_apart_n(problem.assembly, result.loads, loads) < SAME_N
+    return float((result.converged & same).mean()), result.iterations
+
+
+def solve_from_random_starts(
+    name: str, cycle: AssemblyCycle, reference: AssemblyResult, count: int = 100, seed: int = 1
+) -> RandomStarts:
+    """Solve a cycle of an assembly (name or file) from `count` random starts about a solution, on all cores."""
+    with worker_pool() as pool:
+        jobs = [pool.submit(one_start, name, cycle, reference.poses, reference.loads, (seed, k)) for k in range(count)]
+        for job in track(as_completed(jobs), "random starts", total=count):
+            job.result()
+    outcomes = [job.result() for job in jobs]
+    return RandomStarts(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))

@@ -1,0 +1,70 @@
+"""The joint's page as a browser counts it: size, first paint, frames a second while the scrubber plays; run on demand:
+
+python -m pytest -s tests/benchmarks/bench_page.py
+
+The browser is headless and draws by software, in processes that share the processor with whatever else runs: what it
+paints and how often it draws is printed. Held are the CPU seconds of the page's own thread, which neither changes:
+until the first paint, and for each frame. CASADI_CONTACT_PICTURES names a folder for a screenshot of each page.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from casadi_contact.live import write_joint_page
+from tests.support.browser import opened, until
+from tests.support.shared_data import shared_file
+
+pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
+
+MESH = Path(__file__).parents[2] / "problems" / "implant" / "tka_mesh.toml"
+PLAYED_MS = 4000
+FIRST_PAINT_S, FRAMES_A_SECOND, MOST_BYTES = 1.0, 30.0, 2_000_000  # bars
+READY = "window.joint !== undefined && joint.later === null"
+FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
+PLAY = """(milliseconds) => new Promise((resolve) => {
+  const draw = joint.draw.bind(joint), begun = performance.now();
+  let drawn = 0;
+  joint.draw = () => { draw(); drawn += 1; };
+  joint.timeline.play();
+  setTimeout(() => {
+    joint.timeline.pause();
+    joint.draw = draw;
+    resolve([drawn, performance.now() - begun]);
+  }, milliseconds);
+})"""
+
+
+def own_seconds(session):
+    """CPU seconds of the page's thread since it was opened."""
+    return {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"]}["TaskDuration"]
+
+
+@pytest.mark.parametrize("scene", ["knee", "hip", "tka_mesh"])
+def bench_a_page_paints_and_plays(scene, tmp_path):
+    if scene == "tka_mesh":
+        shared_file("data/dm_tka/femoral_component.stl")
+    path = tmp_path / f"{scene}.html"
+    write_joint_page(str(MESH) if scene == "tka_mesh" else scene, path)
+    with opened(path) as (tab, complaints, _):
+        until(tab, READY)
+        paint = tab.evaluate(FIRST_PAINT)
+        session = tab.context.new_cdp_session(tab)
+        session.send("Performance.enable", {"timeDomain": "threadTicks"})
+        tab.reload()
+        until(tab, READY)
+        ready = own_seconds(session)
+        drawn, milliseconds = tab.evaluate(PLAY, PLAYED_MS)
+        frame = (own_seconds(session) - ready) / drawn
+        if folder := os.environ.get("CASADI_CONTACT_PICTURES"):
+            until(tab, READY)
+            tab.screenshot(path=Path(folder) / f"{scene}.png")
+        assert complaints == []
+    size, load = path.stat().st_size, os.getloadavg()[0]
+    print(f"\n{scene}: {size / 1e6:.2f} MB; load {load:.1f} on {os.cpu_count()} cores, drawn by software")
+    print(f"  first paint after {paint:.0f} ms, {1000 * drawn / milliseconds:.1f} frames a second")
+    print(f"  of the page's own thread {ready:.2f} CPU s until all is there, {1000 * frame:.1f} CPU ms a frame")
+    assert size <= MOST_BYTES
+    assert ready <= FIRST_PAINT_S
+    assert frame <= 1.0 / FRAMES_A_SECOND

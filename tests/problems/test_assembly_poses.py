@@ -1,0 +1,153 @@
+"""Poses of assemblies over a cycle: measured loads and equilibrium together, from any start; cycles from files."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.assembly import Assembly, Ligament, Pull
+from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.conventions import POSE_IN_MM
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation import ipopt_options
+from problems import assembly_poses, patella
+from problems.assembly_poses import AssemblyCycle
+from problems.assembly_poses.cycle import read_assembly_cycle
+from problems.assembly_poses.starts import random_start
+from problems.patella.follow import SAME_N, loads_apart_n
+from tests.support.compiler import needs_compiler
+
+TENSION_N = np.array([150.0, 500.0, 300.0])
+FRAMES = [5, 15, 70]  # of flexion from 5 to 64 degrees
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A surrogate for one contact, a foundation for the other."""
+
+    def contact(scene):
+        return cc.load_surrogate("knee") if scene.name == "knee" else PolarFoundation(scene, Rays(24, 3))
+
+    knee = cc.load_assembly("knee_with_patella", contact)
+    cycle = reference_cycle()
+    loads = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat, "cop_ap": cycle.cop_ap_mm, "cop_ml": cycle.cop_ml_mm}
+    pose = {"femur": {"ry": cycle.ry[FRAMES], "rz": cycle.rz[FRAMES]}}
+    loads = {name: curve[FRAMES] for name, curve in loads.items()}
+    tensions = {"quadriceps": TENSION_N}
+    return assembly_poses.build(
+        knee, AssemblyCycle("walk", cycle.time_s[FRAMES], pose, "tibiofemoral", loads, tensions)
+    )
+
+
+@pytest.fixture(scope="module")
+def result(problem):
+    return assembly_poses.solve(problem)
+
+
+@needs_compiler
+def test_the_femur_carries_what_was_measured_and_the_patella_is_in_equilibrium(problem, result):
+    assert result.converged.all(), result.reason
+    assert result.ipopt_status == "Solve_Succeeded"
+    knee, wanted = problem.assembly, problem.cycle.loads
+    for name in ("Fy_med", "Fy_lat"):
+        got = result.loads[:, knee.load_names.index(f"tibiofemoral_{name}")]
+        np.testing.assert_allclose(got, wanted[name], atol=1e-3)
+    np.testing.assert_array_equal(result.poses[:, 0, 5], problem.cycle.pose["femur"]["rz"])
+    for poses, tension in zip(result.poses, TENSION_N, strict=True):
+        left = np.asarray(knee.forces()(poses.T, tension))[:, 1]
+        np.testing.assert_allclose(left / POSE_IN_MM, 0.0, atol=1e-3)
+
+
+@needs_compiler
+def test_the_patella_lies_where_following_the_femur_leads_it(problem, result):
+    ride = patella.follow(problem.assembly, result.poses[:, 0], TENSION_N)
+    assert ride.converged.all()
+    assert loads_apart_n(problem.assembly, ride.loads, result.loads).max() < SAME_N
+
+
+@needs_compiler
+def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
+    for seed in range(2):
+        again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
+        assert again.converged.all(), again.reason
+        assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
+
+
+def poses_of(problem, x):
+    """Poses (6, bodies) of each frame."""
+    return np.asarray(problem.poses(x)).T.reshape(len(problem.cycle), -1, 6).swapaxes(1, 2)
+
+
+@needs_compiler
+def test_ipopt_alone_finds_the_patella_s_equilibrium_again(problem, result):
+    """Not settling before it: the problem's own derivatives lead back from 0.05 mm and 0.1 degrees off."""
+    off = result.poses.copy()
+    rng = np.random.default_rng(0)
+    off[:, 1] += rng.uniform(-1.0, 1.0, off[:, 1].shape) * np.repeat([0.05, 0.002], 3)
+    options = ipopt_options(nlp_scaling_method="none", obj_scaling_factor=1e-3)
+    solver = ca.nlpsol("poses", "ipopt", problem.nlp, options)
+    answer = solver(x0=problem.variables(off), lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
+    assert solver.stats()["success"]
+    assert float(answer["f"]) < 1e-9
+    assert 0 < solver.stats()["iter_count"] < 40
+    loads = np.array([np.asarray(problem.assembly.function()(p)) for p in poses_of(problem, answer["x"])])[..., 0]
+    assert loads_apart_n(problem.assembly, loads, result.loads).max() < SAME_N
+
+
+def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():
+    """No contact, nothing measured: tension = weight, so the strain is weight/stiffness + 0.03 in the straight part."""
+    band = Ligament("band", ("weight", "ceiling"), (np.zeros(3), np.zeros(3)), 1000.0, 100.0)
+    assembly = Assembly(
+        "pendulum", "ceiling", {"weight": np.array([0.0, -101.0, 0.0, 0.0, 0.0, 0.0])}, ligaments=[band]
+    )
+    locked = {name: np.zeros(2) for name in ("tx", "tz", "rx", "ry", "rz")}
+    pull = np.array([-60.0, -120.0])
+    cycle = AssemblyCycle("hang", np.array([0.0, 1.0]), {"weight": locked}, applied={"weight": {"Fy": pull}})
+    found = assembly_poses.solve(assembly_poses.build(assembly, cycle))
+    assert found.converged.all(), found.reason
+    np.testing.assert_allclose(found.poses[:, 0, 1], -100.0 * (1.03 - pull / 1000.0), atol=1e-6)
+    np.testing.assert_allclose(found.loads[:, 0], -pull, atol=1e-6)
+
+
+def rope():
+    points = (np.zeros(3), np.ones(3))
+    return Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[Pull("rope", ("body", "earth"), points)])
+
+
+def test_a_cycle_is_read_by_the_names_of_the_parts(tmp_path):
+    path = tmp_path / "swing.csv"
+    path.write_text("time_s,body_rz_rad,body_Fy_N,rope_N\n0,0.1,-5,7\n1,0.2,-6,8\n")
+    cycle = read_assembly_cycle(path, rope())
+    np.testing.assert_array_equal(cycle.pose["body"]["rz"], [0.1, 0.2])
+    np.testing.assert_array_equal(cycle.applied["body"]["Fy"], [-5.0, -6.0])
+    np.testing.assert_array_equal(cycle.tensions["rope"], [7.0, 8.0])
+    assert (cycle.name, cycle.contact) == ("swing", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "time_s,rope_N,femur_rz_rad\n0,1,1\n1,1,1\n",
+            "unknown columns femur_rz_rad; of assembly one a cycle may tell",
+        ),
+        ("time_s,rope_N\n0,1\n0,1\n", "time does not rise"),
+        ("rope_N\n1\n1\n", "time_s"),
+    ],
+)
+def test_a_cycle_that_tells_of_something_else_is_refused(text, said, tmp_path):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_assembly_cycle(path, rope())
+
+
+def test_a_pull_without_tension_and_unknown_parts_are_refused():
+    time_s = np.array([0.0, 1.0])
+    with pytest.raises(ValueError, match="has the tensions of nothing, assembly one has the pulls rope"):
+        assembly_poses.build(rope(), AssemblyCycle("swing", time_s))
+    tension = {"rope": time_s}
+    with pytest.raises(ValueError, match="tells of moon"):
+        assembly_poses.build(rope(), AssemblyCycle("swing", time_s, {"moon": {"rz": time_s}}, tensions=tension))
+    with pytest.raises(ValueError, match="has no contact joint"):
+        assembly_poses.build(rope(), AssemblyCycle("swing", time_s, {}, "joint", {"Fy": time_s}, tension))
