@@ -86,6 +86,10 @@ def test_the_shipped_knee_starts_from_a_learned_pose_and_refuses_one_in_metres(t
     told = subprocess.run([tmp_path / "example"], input=metres, capture_output=True, text=True)
     assert told.returncode == 1
     assert told.stderr.startswith("pose out of the model's range (validity of at least 1/2)")
+    for arguments, given, said in ((metres.split(), "", "got the argument 0.0005"), ([], "1 2 3", "pose of 3 numbers")):
+        wrong = subprocess.run([tmp_path / "example", *arguments], input=given, capture_output=True, text=True)
+        assert wrong.returncode == 2
+        assert said in wrong.stderr
 
 
 def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_does(tmp_path):
