@@ -19,6 +19,7 @@ PAGES = sorted(path.relative_to(ROOT) for path in (ROOT / "README.md", *(ROOT / 
 NEEDS = {
     Path("docs/how-to/meshes.md"): ("trimesh", "igl"),
     Path("docs/how-to/fmu.md"): ("fmpy",),
+    Path("docs/how-to/gpu.md"): ("torch",),
     Path("docs/how-to/pytorch-jax.md"): ("torch", "jax"),
 }
 _BLOCK = re.compile(r"(?:<!-- not run: (?P<reason>[^\n]+) -->\n)?```python\n(?P<code>.*?)```", re.S)

@@ -46,7 +46,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Ligament(Line):
-    """A nonlinear elastic bundle: tension [N] over the strain ε = length/slack_length - 1 (Blankevoort et al. 1991),
+    """A nonlinear elastic bundle: tension [N] over the strain ε = length/slack_length - 1 (Blankevoort and Huiskes,
+    J Biomech Eng 113 (1991) 263-269, as OpenSim's Blankevoort1991Ligament without its damping),
 
     0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = 0.03, k = stiffness_n [N]
     """

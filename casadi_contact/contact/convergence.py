@@ -14,6 +14,7 @@ from casadi_contact.scenes import Scene
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
 WORST = 3.0  # times the tolerance that a single pose may be wrong by
+_MOSTLY = 0.5
 
 Model = TypeVar("Model", bound=CompiledFoundation)
 
@@ -37,7 +38,7 @@ class Errors:
     def misses(self) -> float:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
         error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
-        only where there are no others."""
+        only where most of them are: a narrow joint bears there."""
         rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
         return float(max(rms.max(), self._of_allowed[self._judged].max()))
 
@@ -64,7 +65,7 @@ class Errors:
 
     @property
     def _judged(self) -> np.ndarray:
-        return ~self.at_rim | self.at_rim.all()
+        return ~self.at_rim | (np.mean(self.at_rim) > _MOSTLY)
 
     @property
     def _tolerances(self) -> Array:

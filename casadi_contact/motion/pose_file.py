@@ -14,6 +14,7 @@ from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_opensim
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
 _LARGEST_ANGLE_RAD = 2.0 * np.pi  # beyond a whole turn an angle is in other units
+_LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm was taken for one in m
 
 
 def read_poses(path: str | Path) -> Array:
@@ -21,7 +22,7 @@ def read_poses(path: str | Path) -> Array:
     columns of these names in m and rad (degrees where inDegrees=yes); other columns are ignored.
 
     Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_opensim_table` refuse,
-    missing columns, and angles beyond a whole turn.
+    missing columns, angles beyond a whole turn, and lengths beyond 1 m.
     """
     path = Path(path)
     if path.suffix.lower() not in OPENSIM_ENDINGS:
@@ -48,7 +49,7 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
 def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,).
 
-    Raises ValueError naming the curves that lack, for NaN, and for angles beyond a whole turn.
+    Raises ValueError naming the curves that lack, for NaN, for angles beyond a whole turn, and lengths beyond 1 m.
     """
     missing = [name for name in POSE_NAMES if name not in curves]
     if missing:
@@ -60,6 +61,9 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     for name, size in zip(POSE_NAMES[3:], largest[3:], strict=True):
         if size > _LARGEST_ANGLE_RAD:
             raise ValueError(f"{name} reaches {size:g}, expected radians: is it in degrees?")
+    for name, size in zip(POSE_NAMES[:3], largest[:3], strict=True):
+        if size > _LARGEST_LENGTH_MM:
+            raise ValueError(f"{name} reaches {size:g} mm, expected a joint's: is the file in mm, and not in m?")
     return poses
 
 

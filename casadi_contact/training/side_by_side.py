@@ -85,13 +85,13 @@ def _fit_on_device(
     progress: Progress | None,
     starts: Mapping[str, Network],
 ) -> dict[str, Fit]:
-    """In this process: networks of one output in batches, those of several one after the other."""
+    """In this process: networks of one output in batches, others one after the other."""
     from casadi_contact.training.batch_fit import fit_batches  # imports torch
 
-    single = [r for r in regressions if r.outputs == 1]
-    fits = fit_batches(single, settings, device, checkpoints, progress, starts)
+    batched = [r for r in regressions if r.outputs == 1]
+    fits = fit_batches(batched, settings, device, checkpoints, progress, starts)
     for r in regressions:
-        if r.outputs > 1:
+        if r.name not in fits:
             fits[r.name] = fit(r, settings[r.name], checkpoints[r.name], progress, starts.get(r.name))
     return fits
 

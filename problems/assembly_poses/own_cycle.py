@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 import casadi_contact as cc
 from casadi_contact.assembly import Assembly
 from casadi_contact.motion.walking import reference_cycle
@@ -32,4 +34,11 @@ def _walk() -> AssemblyCycle:
     return AssemblyCycle("walking", cycle.time_s, pose, "tibiofemoral", loads, {"quadriceps": tension})
 
 
-_CYCLES: dict[str, Callable[[], AssemblyCycle]] = {"knee_with_patella": _walk}
+def _bending() -> AssemblyCycle:
+    """The knee bends from 0 to 75 degrees in two seconds, pressed by 300 N along the tibia: ligaments hold the rest."""
+    share = np.linspace(0.0, 1.0, 51)
+    bent = {"femur": {"rz": -np.radians(75.0) * share}}
+    return AssemblyCycle("bending", 2.0 * share, bent, applied={"femur": {"Fy": np.full(51, -300.0)}})
+
+
+_CYCLES: dict[str, Callable[[], AssemblyCycle]] = {"knee_with_patella": _walk, "natural_knee": _bending}

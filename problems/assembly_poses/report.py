@@ -15,7 +15,7 @@ from casadi_contact.verification import Verdict
 from problems.assembly_poses.problem import AssemblyPoses
 from problems.assembly_poses.solve import AssemblyResult
 from problems.common.outcome import print_outcome
-from problems.common.records import DIGITS, pose_columns, write_summary
+from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
 from problems.pose_estimation.starts import RandomStarts
 
 
@@ -56,18 +56,12 @@ def report(
     console.print(f"results in {out}", highlight=False)
 
 
-def load_column(name: str) -> str:
-    """Name of a column: patellofemoral_Fy_N, patellofemoral_Tx_Nmm, patellar_tendon_N."""
-    return f"{name}_{'Nmm' if '_T' in name else 'N'}"
-
-
 def _write_table(path: Path, problem: AssemblyPoses, result: AssemblyResult) -> None:
     columns = {"time_s": problem.cycle.time_s, "cycle_percent": problem.cycle.percent}
     for k, body in enumerate(problem.assembly.bodies):
         columns |= {f"{body}_{name}": curve for name, curve in pose_columns(result.poses[:, k]).items()}
     columns |= {f"{pull}_N": curve for pull, curve in problem.cycle.tensions.items()}
-    names = map(load_column, problem.assembly.load_names)
-    columns |= dict(zip(names, result.loads.T, strict=True))
+    columns |= assembly_columns(problem.assembly.load_names, result.loads)
     columns |= {"residual_N": result.residual_n, "converged": result.converged.astype(int)}
     write_columns(path, columns, digits=DIGITS)
 

@@ -8,15 +8,13 @@ import numpy as np
 from rich.progress import track
 
 from casadi_contact.assembly import load_assembly
-from casadi_contact.conventions import LEVER_MM, Array, pose_index
+from casadi_contact.conventions import Array, pose_index
 from casadi_contact.workers import worker_pool
 from problems.assembly_poses.cycle import AssemblyCycle
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.assembly_poses.solve import AssemblyResult, solve
-from problems.patella.follow import ASIDE_MM, ASIDE_RAD
+from problems.patella.follow import ASIDE_MM, ASIDE_RAD, SAME_N, loads_apart_n
 from problems.pose_estimation.starts import RandomStarts, moved
-
-SAME_N = 0.01  # of every load; torques over 25 mm
 
 
 def random_start(problem: AssemblyPoses, poses: Array, rng: np.random.Generator) -> Array:
@@ -33,18 +31,11 @@ def random_start(problem: AssemblyPoses, poses: Array, rng: np.random.Generator)
     return start
 
 
-def loads_apart_n(problem: AssemblyPoses, loads: Array, others: Array) -> Array:
-    """Largest difference of loads (n, L) [N], torques over 25 mm, (n,). Where nothing presses a body its place is not
-    determined, but loads are."""
-    scales = [LEVER_MM if "_T" in name else 1.0 for name in problem.assembly.load_names]
-    return np.asarray(np.abs((loads - others) / scales).max(axis=1))
-
-
 def one_start(name: str, cycle: AssemblyCycle, poses: Array, loads: Array, seed: tuple[int, int]) -> tuple[float, int]:
     """Solve from one random start about a solution; returns the share of frames with the same loads, and iterations."""
     problem = build(load_assembly(name), cycle)
     result = solve(problem, random_start(problem, poses, np.random.default_rng(seed)))
-    same = loads_apart_n(problem, result.loads, loads) < SAME_N
+    same = loads_apart_n(problem.assembly, result.loads, loads) < SAME_N
     return float((result.converged & same).mean()), result.iterations
 
 

@@ -29,6 +29,11 @@ def load_columns(names: Sequence[str], loads: Array, what: str = "") -> dict[str
     }
 
 
+def assembly_columns(names: Sequence[str], loads: Array) -> dict[str, Array]:
+    """patellofemoral_Fy_N, patellofemoral_Tx_Nmm, patellar_tendon_N, each (n,), of an assembly's loads (n, L)."""
+    return {f"{name}_{'Nmm' if '_T' in name else 'N'}": column for name, column in zip(names, loads.T, strict=True)}
+
+
 def rms_and_largest(errors: Array) -> dict[str, float]:
     """Root mean square and largest size of errors (n,)."""
     return {"rms": float(np.sqrt(np.mean(errors**2))), "max": float(np.abs(errors).max())}

@@ -72,7 +72,18 @@ class KneeSimulator:
 
 
 def build(model: ContactModel, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
-    """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out."""
+    """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out.
+
+    Raises ValueError for a scene whose patches are not all pressed from above, as those of a knee are.
+    """
+    pressed = {
+        f"{'+' if n.sign > 0.0 else '-'}{n.component}" if n.component else "|F|" for n in model.scene.normal_loads
+    }
+    if pressed != {"-Fy"}:
+        raise ValueError(
+            f"a knee simulator presses the moving body down, along -Fy; scene {model.scene.name} is pressed along "
+            f"{', '.join(sorted(pressed))}: pose estimation and settling take it"
+        )
     waveforms = WALKING.with_loads_scaled(LOAD_SCALE) if waveforms is None else waveforms
     rig = Rig() if rig is None else rig
     contact = wrench_function(model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.diagnosis import diagnose
+from problems.muscle_contact.extensor import load_extensor
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -28,6 +30,7 @@ from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
 from problems.muscle_contact.walk import read_length_range
+from problems.muscle_contact.with_patella import build_with_patella, fitted_to_arms, patella_verdict
 
 NAME = "muscle_contact"
 app = new_app()
@@ -61,6 +64,13 @@ def run(
     shank: Annotated[float, typer.Option(help="length of the shank, knee to ankle [m]")] = SHANK_M,
     activation_dynamics: Annotated[bool, typer.Option(help="activations rise in 15 ms and fall in 60 ms")] = False,
     compliant_tendons: Annotated[bool, typer.Option(help="tendons stretch by 4.9 % under the greatest force")] = False,
+    patella: Annotated[
+        str | None,
+        typer.Option(help="quadriceps pull through the patella of this assembly: knee_with_patella, or a .toml"),
+    ] = None,
+    fit_patella: Annotated[
+        bool, typer.Option(help="move groove and tuberosity forward until the arm of flexion is the walk's")
+    ] = True,
     all_six: Annotated[
         bool, typer.Option(help="balance all six coordinates, with reserves; tx and tz are free")
     ] = False,
@@ -74,8 +84,14 @@ def run(
     comparison = None if measured is None else read_cycle(measured)
     others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
     source = ContactSource.of(surrogate, scene)
-    problem = build(
-        source.load(),
+    contact_model = source.load()
+    pose_problem = build
+    if patella is not None:
+        extensor = load_extensor(patella, contact_model)
+        extensor = fitted_to_arms(extensor, contact_model, walk) if fit_patella else extensor
+        pose_problem = partial(build_with_patella, extensor=extensor)
+    problem = pose_problem(
+        contact_model,
         walk,
         model=model,
         fit_lengths=fit_lengths,
@@ -92,11 +108,12 @@ def run(
         compliant_tendons=compliant_tendons,
     )
     result = solve(problem)
-    verdict = judge(
-        problem.contact_model, result.poses, result.converged, own_model(problem.contact_model.scene), CONTACT_LOADS
-    )
-    report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind)
-    end_with(verdict, NAME, out)
+    verdict = judge(contact_model, result.poses, result.converged, own_model(contact_model.scene), CONTACT_LOADS)
+    patellar = patella_verdict(problem, result)
+    report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind, patellar)
+    for each in (verdict, patellar):
+        if each is not None:
+            end_with(each, NAME, out)
 
 
 def main() -> None:

@@ -7,9 +7,9 @@ Biomech Biomed Engin 12 (2009) 563-574)
 
     ȧ + a/τ_down >= 0,   ȧ + a/τ_up <= 1/τ_up        [1/s]
 
-Tendon: a force f·F0 stretches it to slack·(1 + ln((f + c)/c)/k), k = ln(1 + 1/c)/0.049, c = 0.2 (De Groote et al.,
-Ann Biomed Eng 44 (2016) 2922-2936). What is left of the musculotendon is the fibre's length l and, by its change,
-velocity v, and both pull alike:
+Tendon: a force f·F0 stretches it to slack·(1 + ln((f + c)/c)/k), k = ln(1 + 1/c)/0.049, c = 0.2: the curve of De Groote
+et al., Ann Biomed Eng 44 (2016) 2922-2936, moved by up to 0.013 so that a tendon of slack length pulls nothing. What is
+left of the musculotendon is the fibre's length l and, by its change, velocity v, and both pull alike:
 
     f = (a·f_l(l)·f_v(v) + f_p(l))·cos α        for every muscle and frame
 """

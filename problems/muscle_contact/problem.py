@@ -31,6 +31,7 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, shear_free_poses
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
 from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows, tension_bounds
+from problems.muscle_contact.extensor import Extensor, quadriceps
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
 from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
@@ -47,6 +48,7 @@ RESERVE_SIZES = {
     "knee_rotation": 10.0,
     "knee_flexion": 1.0,
 }
+STAYING = 1e-4  # of the patella where it began, at the cost of a load of 30 N: nothing else holds it where it floats
 MARGIN_MM = 20.0  # two standard deviations of where the load passes the knee from step to step (see docs)
 LEAST_SQUARES: dict[str, Any] = {"exponent": 2.0, "margin_mm": 0.0, "share_heads": False, "ankle": False}
 _MAY_MOVE = ("tx", "ty", "tz", "rx")
@@ -57,9 +59,11 @@ class MuscleContact:
     """A problem that can be looked at unsolved: CasADi's nlp, bounds and start, and what it came from.
 
     Variables of a frame, in this order and scaled: activations, free pose parameters, reserves of balanced coordinates,
-    where the ankle counts soleus' activation, which is not held below 1 (what is beyond stands in like a reserve), and
-    where tendons are compliant their tensions over F0. solution: those variables -> activations (m, n), poses (6, n),
-    forces along the tendons (m, n) [N], reserves [N, N·m] and soleus' activation.
+    where the ankle counts soleus' activation, which is not held below 1 (what is beyond stands in like a reserve),
+    where tendons are compliant their tensions over F0, and the patella's pose where the extensor mechanism counts.
+    solution: those variables -> activations (m, n), poses (6, n), forces along the tendons (m, n) [N], reserves
+    [N, N·m], soleus' activation and poses of the patella, for which the nlp's parameter is where they begin.
+    first: the problem whose solution the one with a patella begins from.
     """
 
     contact_model: SymbolicContact
@@ -75,6 +79,8 @@ class MuscleContact:
     upper_g: Array
     start: Array
     solution: ca.Function
+    extensor: Extensor | None = None
+    first: MuscleContact | None = None
 
 
 class _Rows:
@@ -119,6 +125,7 @@ def build(
     shank_m: float = SHANK_M,
     activation_dynamics: bool = False,
     compliant_tendons: bool = False,
+    extensor: Extensor | None = None,
 ) -> MuscleContact:
     """Pose the problem for all frames of a walk.
 
@@ -127,7 +134,8 @@ def build(
     cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
     exponent p >= 2 of the cost; by_volume weighs each muscle by F0·L0 over the mean. margin_mm, share_heads, ankle and
     shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out. activation_dynamics, compliant_tendons: see
-    `dynamics`; tendons are compliant with model "hill" alone.
+    `dynamics`; tendons are compliant with model "hill" alone. extensor: the quadriceps pull through its patella,
+    instead of along the walk's arms; see `build_with_patella`.
 
     Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
     """
@@ -145,9 +153,10 @@ def build(
     frames, count, size = len(walk), len(muscles.names), len(balanced)
     least_roots = closed_sides(contact_model, walk.loads["knee_ty"], margin_mm)
 
-    ends = np.cumsum([0, count, len(free), size, int(ankle), count * int(compliant_tendons)])
+    patellar = 0 if extensor is None else len(POSE_NAMES)
+    ends = np.cumsum([0, count, len(free), size, int(ankle), count * int(compliant_tendons), patellar])
     variables = ca.MX.sym("variables", int(ends[-1]), frames)
-    a, q, reserves, soleus, tensions = ca.vertsplit(variables, ends.tolist())
+    a, q, reserves, soleus, tensions, patella = ca.vertsplit(variables, ends.tolist())
     strength = ca.repmat(ca.DM(muscles.max_isometric_force_n), 1, frames)
     rigid = ca.DM(capacity.active_n.T) * a + ca.DM(capacity.passive_n.T)
     forces = strength * tensions if compliant_tendons else rigid
@@ -157,9 +166,15 @@ def build(
     sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
     stand_ins = ca.mtimes(sizes, reserves)
 
-    rows = _Rows()
+    rows, by_patella, direct = _Rows(), ca.MX.zeros(len(COORDINATES), frames), np.ones(count)
+    if extensor is not None:
+        through = quadriceps(muscles.names)
+        direct[through] = 0.0
+        by_patella, left, patella = extensor.balance(knee.pose, patella, ca.sum1(forces[through, :]))
+        rows.add(0.1 * left, 0.0, 0.0)
     for row, name in enumerate(balanced):
-        load = ca.sum1(ca.DM(walk.arms[name].T) * forces) + contact[row, :] + stand_ins[row, :]
+        pull = ca.sum1(ca.DM((direct * walk.arms[name]).T) * forces) + by_patella[list(COORDINATES).index(name), :]
+        load = pull + contact[row, :] + stand_ins[row, :]
         left = load - ca.DM(walk.loads[name]).T
         rows.add(0.1 * in_newtons(name) * left, 0.0, 0.0)  # about as large as what a scaled variable changes
     rows.add(knee.roots, least_roots, np.inf)
@@ -178,7 +193,9 @@ def build(
     volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
     weights = volumes / volumes.mean() if by_volume else np.ones(count)
     objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
-    x = ca.vec(variables)
+    x, resting = ca.vec(variables), ca.MX.sym("resting", patellar, frames)
+    if extensor is not None:
+        objective += STAYING * ca.sumsqr(variables[int(ends[5]) :, :] - resting)
 
     start, lower, upper = np.zeros((3, frames, int(ends[-1])))
     driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
@@ -188,9 +205,11 @@ def build(
     lower[:, ends[2] : ends[3]], upper[:, ends[2] : ends[4]] = -np.inf, np.inf
     if compliant_tendons:
         least, most = tension_bounds()
-        lower[:, ends[4] :], upper[:, ends[4] :] = least, most
+        lower[:, ends[4] : ends[5]], upper[:, ends[4] : ends[5]] = least, most
         begun = (0.05 * capacity.active_n + capacity.passive_n) / muscles.max_isometric_force_n
-        start[:, ends[4] :] = np.clip(begun, 10.0 * least, most)
+        start[:, ends[4] : ends[5]] = np.clip(begun, 10.0 * least, most)
+    if extensor is not None:
+        lower[:, ends[5] :], upper[:, ends[5] :] = -np.inf, np.inf
     return MuscleContact(
         contact_model,
         walk,
@@ -198,13 +217,14 @@ def build(
         knee.free,
         muscles,
         capacity,
-        {"x": x, "f": objective, "g": g},
+        {"x": x, "p": ca.vec(resting), "f": objective, "g": g},
         lower=lower.ravel(),
         upper=upper.ravel(),
         lower_g=lower_g,
         upper_g=upper_g,
         start=start.ravel(),
-        solution=ca.Function("solution", [x], [a, knee.pose, forces, stand_ins, soleus]),
+        solution=ca.Function("solution", [x], [a, knee.pose, forces, stand_ins, soleus, patella]),
+        extensor=extensor,
     )
 
 

@@ -21,6 +21,7 @@ from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.cocontraction import SOLEUS_N
+from problems.muscle_contact.extensor import PatellaResult
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
@@ -90,14 +91,19 @@ def report(
     out: Path,
     measured: LoadCycle | None = None,
     kind: str = "surrogate",
+    patellar: Verdict | None = None,
 ) -> None:
     """Print the table; write muscle_contact.csv, .png, poses.sto, loads.sto and summary.json in the folder out;
-    kind: what to call the contact model there."""
+    kind: what to call the contact model there; patellar: the verdict on the patella, where there is one."""
     writable_folder(out)
     walk = problem.walk
     compared = Compared.of(problem, result, measured)
     errors = compared.errors()
     _print(problem, result, verdict, errors, kind)
+    if result.patella is not None and patellar is not None:
+        console_line = PlainConsole()
+        console_line.print(f"patella: {patellar}", highlight=False, soft_wrap=True)
+        console_line.print(_patella_line(result.patella), highlight=False, soft_wrap=True)
     _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
     write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
     write_table(
@@ -128,6 +134,7 @@ def report(
         "largest_activation": dict(zip(walk.muscles.names, result.activations.max(axis=0).tolist(), strict=True)),
         "ef_grids": grids,
         "scene": problem.contact_model.scene.name,
+        "patella": None if patellar is None else str(patellar),
     }
     write_summary(out / "summary.json", summary)
     draw(problem, result, compared, out / "muscle_contact.png")
@@ -156,6 +163,16 @@ def _print(
     print_outcome(console, result)
 
 
+def _patella_line(patella: PatellaResult) -> str:
+    """The largest tension of each ligament and the largest load of each facet."""
+    largest = [f"{name} {np.abs(curve).max():.0f} N" for name, curve in patella.loads.items() if "_T" not in name]
+    return f"largest: {', '.join(largest)}"
+
+
+def _with_unit(name: str) -> str:
+    return f"{name}_{'Nmm' if '_T' in name else 'N'}"
+
+
 def _write_table(
     path: Path, problem: MuscleContact, result: MuscleContactResult, compared: Compared, verdict: Verdict
 ) -> None:
@@ -168,6 +185,10 @@ def _write_table(
     for muscle, name in enumerate(walk.muscles.names):
         columns[f"{name}_activation"] = result.activations[:, muscle]
         columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
+    if result.patella is not None:
+        columns |= {f"patella_{name}": curve for name, curve in pose_columns(result.patella.poses).items()}
+        columns |= {_with_unit(name): curve for name, curve in result.patella.loads.items()}
+        columns |= {"patella_left_N": result.patella.left_n}
     if result.soleus is not None:
         columns |= {"soleus_activation": result.soleus, "soleus_N": SOLEUS_N * result.soleus}
     for name in problem.balanced:

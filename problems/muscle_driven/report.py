@@ -65,7 +65,7 @@ def report(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], out: Pat
         "flexion [°]",
         "energy [%]",
     ):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", no_wrap=column == "contact")
     for name, run in runs.items():
         cells = [f"{value:.2g}" for value in found[name].values()]
         table.add_row(name, f"{run.seconds:.3g}", f"{slowest / run.seconds:.1f}", str(run.simulation.steps), *cells)

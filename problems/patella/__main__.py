@@ -14,7 +14,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command
-from problems.common.records import DIGITS, pose_columns, write_summary
+from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -64,8 +64,7 @@ def run(
         share = f"{100 * np.mean(reached):.2f} % of frames"
         console.print(f"{whole} of {starts} random starts find the same loads in all frames, {share}", highlight=False)
     columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
-    names = [f"{name}_{'Nmm' if '_T' in name else 'N'}" for name in ride.assembly.load_names]
-    columns |= dict(zip(names, ride.loads.T, strict=True)) | {"residual_N": ride.residual_n}
+    columns |= assembly_columns(ride.assembly.load_names, ride.loads) | {"residual_N": ride.residual_n}
     write_columns(out / "patella.csv", columns, digits=DIGITS)
     summary = {"walk": walk.name, "verdict": str(verdict), "random_starts": reached}
     write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})

@@ -36,10 +36,8 @@ class Ride:
         return self.assembly.contact_poses(name, self.poses)
 
     def loads_apart_n(self, other: Ride) -> Array:
-        """Largest difference of loads (n,) [N], torques over 25 mm. Where nothing presses the patella, its place is not
-        determined, but its loads are."""
-        scales = [LEVER_MM if "_T" in name else 1.0 for name in self.assembly.load_names]
-        return np.asarray(np.abs((self.loads - other.loads) / scales).max(axis=1))
+        """Largest difference of loads (n,) [N], see `loads_apart_n`."""
+        return loads_apart_n(self.assembly, self.loads, other.loads)
 
     def verdict(self, name: str) -> Verdict:
         """What the elastic foundation says of a contact at these poses."""
@@ -74,6 +72,13 @@ def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | No
         poses[frame] = held.poses if held.converged else poses[frame]
     loads = np.array([np.asarray(function(pair.T)).ravel() for pair in poses])
     return Ride(assembly, poses, loads, residual, residual <= TOLERANCE_N)
+
+
+def loads_apart_n(assembly: Assembly, loads: Array, others: Array) -> Array:
+    """Largest difference of an assembly's loads (n, L) [N], torques over 25 mm, (n,). Where nothing presses a body its
+    place is not determined, but its loads are."""
+    scales = [LEVER_MM if "_T" in name else 1.0 for name in assembly.load_names]
+    return np.asarray(np.abs((loads - others) / scales).max(axis=1))
 
 
 def start_poses(ride: Ride, rng: np.random.Generator) -> Array:

@@ -108,5 +108,6 @@ def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, o
         elif not outcome.solved:
             reason[row] = f"IPOPT stopped: {outcome.status}; {left}"
         else:
-            reason[row] = f"not found in the learned range: at the nearest {left}"
+            where = " in the learned range" if np.isfinite(problem.lower).any() else ""
+            reason[row] = f"not found{where}: at the nearest {left}"
     return reason

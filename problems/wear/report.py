@@ -80,9 +80,9 @@ def report(
 
 def draw(wear: Sequence[PatchWear], path: Path) -> None:
     """Depths after a million cycles and the way slid under pressure, seen from above, as a PNG."""
-    page = new_page(10.0, 4.6)
-    panels = page.subplots(1, 2, sharex=True, sharey=True)
     x, z = (np.concatenate([patch.centres_mm[:, i] for patch in wear]) for i in (0, 2))
+    page = new_page(10.0, 1.2 + 3.7 * np.ptp(x) / np.ptp(z))  # panels at one scale fill it
+    panels = page.subplots(1, 2, sharex=True, sharey=True)
     depth = 1e3 * CYCLES * np.concatenate([patch.depth_mm for patch in wear])
     sliding = np.concatenate([patch.sliding_mm for patch in wear])
     for axis, values, label in zip(
@@ -90,7 +90,7 @@ def draw(wear: Sequence[PatchWear], path: Path) -> None:
     ):
         image = axis.scatter(z, x, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
         axis.plot(z[values <= 0.0][::7], x[values <= 0.0][::7], ",", color="0.85", zorder=0)
-        page.colorbar(image, ax=axis, label=label, shrink=0.7)
+        page.colorbar(image, ax=axis, label=label, shrink=0.95)
         axis.set(xlabel=f"z [mm], {ANATOMY['z'][0]} to the right", aspect="equal")
     panels[0].set_ylabel(f"x [mm], {ANATOMY['x'][0]} up")
     volumes = ", ".join(f"{patch.patch} {CYCLES * patch.volume_mm3:.3g}" for patch in wear)

@@ -25,16 +25,17 @@ from casadi_contact.sampling.chunk import plan_chunks
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 
 SCENE = "knee"
-CHUNK, CHUNKS = 50, 16  # of a tenth of a preset's chunk, so that a run takes half a minute
+CHUNK = 100  # samples of a task here; a preset's has 500
+PLAN, FIRST_PLAN = {"D1": 40}, {"D1": 4}  # each of them about a hundred samples of D1
 ROUNDS = 2
 
 
 @pytest.fixture(scope="module")
 def plan():
     scene = cc.load_scene(SCENE)
-    settings = SamplingSettings.from_scene(scene, counts={"D1": CHUNK * CHUNKS}, frames=21, chunk_size=CHUNK)
+    settings = SamplingSettings.from_scene(scene, counts=PLAN, frames=21, chunk_size=CHUNK)
     cycles = reference_motion_cycles(scene, ())
-    motion, _ = reference_motion(cc.ElasticFoundation(scene, settings.settle_grid), cycles, settings)
+    motion, _ = reference_motion(cc.ElasticFoundation(scene, scene.grids["coarse"]), cycles, settings)
     return scene, motion, settings
 
 
@@ -50,7 +51,7 @@ def drawn_by(workers, plan, path):
     ) as cluster:
         address = cluster.scheduler_address
         with cluster_workers(address) as executor, distributed.Client(address, set_as_default=False) as client:
-            first = replace(settings, counts={"D1": CHUNK * 2 * workers}, seed=1)  # makes the workers' models
+            first = replace(settings, counts=FIRST_PLAN, seed=1)  # makes the workers' models
             draw_samples(scene, motion, path.with_suffix(".first.h5"), settings=first, executor=executor)
             begun = time.perf_counter(), cpu_of_workers(client), time.process_time()
             samples = draw_samples(scene, motion, path, settings=settings, executor=executor)
@@ -59,18 +60,18 @@ def drawn_by(workers, plan, path):
 
 
 def bench_two_workers_against_one(plan, tmp_path):
-    wall, of_workers, beside = {1: [], 2: []}, {1: [], 2: []}, []
+    wall, of_workers, beside, chunks = {1: [], 2: []}, {1: [], 2: []}, [], len(plan_chunks(*plan))
     for turn in range(ROUNDS):
         for workers in (1, 2):
             samples, seconds = drawn_by(workers, plan, tmp_path / f"{turn}-{workers}.h5")
             wall[workers].append(seconds[0])
             of_workers[workers].append(seconds[1])
-            beside.append(seconds[2] / CHUNKS)
-            assert len(samples) > 0.8 * CHUNK * CHUNKS
+            beside.append(seconds[2] / chunks)
+            assert len(samples) > 0.8 * CHUNK * (chunks - 1)
     load = os.getloadavg()[0]
     gain, cost = min(wall[1]) / min(wall[2]), min(of_workers[2]) / min(of_workers[1])
-    task = 10 * min(of_workers[1]) / CHUNKS
-    print(f"\n{CHUNKS} chunks of {CHUNK} samples of {SCENE}, {os.cpu_count()} cores, load {load:.1f}")
+    task = 500 / CHUNK * min(of_workers[1]) / chunks
+    print(f"\n{chunks} chunks of {CHUNK} samples of {SCENE}, {os.cpu_count()} cores, load {load:.1f}")
     for workers in wall:
         print(f"{workers} workers: {min(wall[workers]):.1f} s, {min(of_workers[workers]):.1f} CPU s in the workers")
     print(f"two workers are {gain:.2f} times as fast as one and need {cost:.2f} times its CPU seconds")

@@ -13,7 +13,8 @@ from casadi_contact.optimisation import ipopt_options
 from problems import assembly_poses, patella
 from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.cycle import read_assembly_cycle
-from problems.assembly_poses.starts import SAME_N, loads_apart_n, random_start
+from problems.assembly_poses.starts import random_start
+from problems.patella.follow import SAME_N, loads_apart_n
 from tests.support.compiler import needs_compiler
 
 TENSION_N = np.array([150.0, 500.0, 300.0])
@@ -61,7 +62,7 @@ def test_the_femur_carries_what_was_measured_and_the_patella_is_in_equilibrium(p
 def test_the_patella_lies_where_following_the_femur_leads_it(problem, result):
     ride = patella.follow(problem.assembly, result.poses[:, 0], TENSION_N)
     assert ride.converged.all()
-    assert loads_apart_n(problem, ride.loads, result.loads).max() < SAME_N
+    assert loads_apart_n(problem.assembly, ride.loads, result.loads).max() < SAME_N
 
 
 @needs_compiler
@@ -69,7 +70,7 @@ def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
     for seed in range(2):
         again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
         assert again.converged.all(), again.reason
-        assert loads_apart_n(problem, again.loads, result.loads).max() < SAME_N
+        assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
 
 
 def poses_of(problem, x):
@@ -90,7 +91,7 @@ def test_ipopt_alone_finds_the_patella_s_equilibrium_again(problem, result):
     assert float(answer["f"]) < 1e-9
     assert 0 < solver.stats()["iter_count"] < 40
     loads = np.array([np.asarray(problem.assembly.function()(p)) for p in poses_of(problem, answer["x"])])[..., 0]
-    assert loads_apart_n(problem, loads, result.loads).max() < SAME_N
+    assert loads_apart_n(problem.assembly, loads, result.loads).max() < SAME_N
 
 
 def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():

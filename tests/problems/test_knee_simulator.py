@@ -178,6 +178,7 @@ def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypa
         (("--surrogate", "hip"), "unknown surrogate 'hip'"),
         (("--integrator", "euler"), "integrator is 'euler'"),
         (("--load-scale", "0"), "load scale is 0.0"),
+        (("--scene", "hip"), "scene hip is pressed along |F|"),
     ],
 )
 def test_a_mistake_is_one_line(arguments, said, tmp_path, monkeypatch):

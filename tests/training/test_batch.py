@@ -168,6 +168,19 @@ def test_several_devices_and_unknown_ones_are_refused():
             fit_all(DATA[:1], lambda r: replace(SETTINGS, device="cuda"))
 
 
+def test_networks_of_several_outputs_or_spots_are_fitted_beside_the_batches(device):
+    spots = replace(DATA[0], name="spots", spots=2)
+    several = Regression(
+        "several", DATA[1].inputs, *(np.stack([a, 2.0 * a], 1) for a in (DATA[1].targets, DATA[1].weights)),
+        DATA[1].validation, 0.0,
+    )  # fmt: skip
+    fits = fit_all([spots, DATA[2], several], lambda r: replace(SETTINGS, max_iterations=8, device=device))
+    assert list(fits) == ["spots", DATA[2].name, "several"]
+    assert [fits[name].network.outputs for name in fits] == [2, 1, 2]
+    for fitted in fits.values():
+        assert fitted.rms < 0.5 * fitted.history["training_rms"][0]
+
+
 def test_data_that_is_not_finite_at_the_start_is_refused_by_a_batch():
     huge = replace(DATA[0], weights=np.full(len(DATA[0].weights), 1e300))
     with pytest.raises(ValueError, match="not finite"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +56,12 @@ class ColumnMap:
         own = "deg" if kind == ANGLE and table.in_degrees else _own_unit(kind)
         return self.sign * UNITS[kind][self.unit or own] * table.column(self.column)
 
+    def values(self, curve: Array) -> Array:
+        """What a column (n,) in ``unit``, OpenSim's own if None, says of a curve in mm, rad, N or N·mm: `curve`'s
+        reverse."""
+        kind = quantity(self.name).kind
+        return np.asarray(self.sign * curve / UNITS[kind][self.unit or _own_unit(kind)])
+
 
 def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
     """Curves (n,) by name in mm, rad, N, N·mm, and ``time`` [s]; raises ValueError for a name mapped twice."""
@@ -65,6 +71,26 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
             raise ValueError(f"{item.name} is mapped twice, expected one column for each curve")
         curves[item.name] = item.curve(table)
     return curves
+
+
+def renamed_table(curves: Mapping[str, Array], maps: Iterable[ColumnMap], name: str) -> Table:
+    """Curves (n,) by name in mm, rad, N, N·mm, with their ``time`` [s], as a table of another program's columns: the
+    reverse of `mapped_curves`. Its rotations are all in rad or, as the header then says, all in degrees.
+
+    Raises ValueError for a curve that is not there, a column that two maps write, and rotations in both units.
+    """
+    maps = list(maps)
+    missing = [item.name for item in maps if item.name not in curves]
+    if missing or TIME not in curves:
+        raise ValueError(f"there are no curves {', '.join(missing) or TIME}, expected some of {', '.join(curves)}")
+    twice = [item.column for k, item in enumerate(maps) if item.column in {before.column for before in maps[:k]}]
+    if twice:
+        raise ValueError(f"column {twice[0]} is written twice, expected one curve for each column")
+    angles = {item.unit or "rad" for item in maps if quantity(item.name).kind == ANGLE}
+    if len(angles) > 1:
+        raise ValueError("rotations are mapped to rad and to deg, expected one of them: a file has one inDegrees")
+    columns = {item.column: item.values(curves[item.name]) for item in maps}
+    return Table(name, {TIME: curves[TIME], **columns}, in_degrees="deg" in angles)
 
 
 def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
