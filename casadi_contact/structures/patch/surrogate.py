@@ -192,8 +192,8 @@ class PatchSurrogate(Surrogate):
         return wrenches, jacobian
 
     def _spot_counts(self) -> list[int]:
-        """Number of spots of each part."""
-        return [self.networks[name].outputs for name in self._root_networks()]
+        """Number of spots of each part, 1 where its root network is missing."""
+        return [self.networks[name].outputs if name in self.networks else 1 for name in self._root_networks()]
 
     def _root_count(self) -> int:
         return sum(self._spot_counts())
