@@ -31,6 +31,7 @@ def run(
     scene: Annotated[str, typer.Option(help="ready scene or scene .toml whose foundation is calibrated")] = "knee",
     parameters: Annotated[str, typer.Option(help="of the foundation, separated by commas")] = ",".join(DEFAULT),
     frames: Annotated[int, typer.Option(min=4, help="of the made-up measurement")] = 30,
+    motion: Annotated[str, typer.Option(help="of the made-up measurement: walking, or pressing")] = "walking",
     noise: Annotated[float, typer.Option(min=0.0, help="of the made-up measurement, times the deviations")] = 1.0,
     seed: Annotated[int, typer.Option(help="of the made-up noise")] = 1,
     force_n: Annotated[float, typer.Option(help="standard deviation of measured forces [N]")] = 5.0,
@@ -53,7 +54,7 @@ def run(
         data = read_measurement(measured, model, **deviations)
     else:
         truth = {name: TRUTH[name] for name in names}
-        data = synthetic_measurement(model, truth, frames=frames, noise=noise, seed=seed, **deviations)
+        data = synthetic_measurement(model, truth, frames=frames, motion=motion, noise=noise, seed=seed, **deviations)
     problem = build(model, data, names)
     write_columns(out / "measured.csv", data.columns())
     result = solve(problem)

@@ -25,6 +25,8 @@ TRUTH = {  # of the made-up measurement
 }
 _SWING_MM = {"tx": (2.0, 2.5), "tz": (0.0, 1.0)}  # middle and swing of the made-up motion, as by a joint simulator
 _LEAST_FORCE_N = 150.0
+MOTIONS = ("walking", "pressing")
+_TOUCHING_N, _PRESSING_N = 30.0, 1000.0  # of each side, on the scene's own material; on the true one a third more
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,19 @@ def synthetic_measurement(
     truth: Mapping[str, float],
     *,
     frames: int = 30,
+    motion: str = "walking",
     noise: float = 1.0,
     seed: int = 1,
     **deviations: float,
 ) -> Measurement:
-    """What would be measured of a joint with the true parameters in walking (medial and lateral forces, flexion and
-    rotation of the built-in cycle) while the femur swings by some mm, with normal errors: noise times the deviations.
+    """What would be measured of a joint with the true parameters while the femur swings by some mm, at flexion and
+    rotation of the built-in walk, with normal errors: noise times the deviations.
+
+    motion: "walking" with its medial and lateral forces, or "pressing": every other frame barely touches, the others
+    press hard, by which stiffness and height of the insert are told apart. Raises ValueError for another one.
     """
+    if motion not in MOTIONS:
+        raise ValueError(f"motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
     cycle = reference_cycle(frames)
     share = 2.0 * np.pi * np.arange(frames) / frames
     relative = np.tile(model.scene.start_pose, (frames, 1))
@@ -101,6 +109,8 @@ def synthetic_measurement(
         relative[:, POSE_NAMES.index(name)] = middle + swing * np.sin(turns * share)
     forces = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat}
     targets = {name: np.minimum(curve, -_LEAST_FORCE_N) for name, curve in forces.items()}
+    if motion == "pressing":
+        targets = dict.fromkeys(forces, np.where(np.arange(frames) % 2, -_TOUCHING_N, -_PRESSING_N))
     relative = settle_in_range(model, relative, relative, POSE_NAMES, targets)
     place = np.array([truth.get(name, 0.0) for name in PLACEMENT])
     poses = in_scene_frame(relative, place)

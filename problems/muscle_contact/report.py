@@ -19,7 +19,7 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict
-from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.common.records import DIGITS, assembly_columns, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.cocontraction import SOLEUS_N
 from problems.muscle_contact.extensor import PatellaResult
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
@@ -101,9 +101,8 @@ def report(
     errors = compared.errors()
     _print(problem, result, verdict, errors, kind)
     if result.patella is not None and patellar is not None:
-        console_line = PlainConsole()
-        console_line.print(f"patella: {patellar}", highlight=False, soft_wrap=True)
-        console_line.print(_patella_line(result.patella), highlight=False, soft_wrap=True)
+        for line in (f"patella: {patellar}", _patella_line(result.patella)):
+            PlainConsole().print(line, highlight=False, soft_wrap=True)
     _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
     write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
     write_table(
@@ -169,10 +168,6 @@ def _patella_line(patella: PatellaResult) -> str:
     return f"largest: {', '.join(largest)}"
 
 
-def _with_unit(name: str) -> str:
-    return f"{name}_{'Nmm' if '_T' in name else 'N'}"
-
-
 def _write_table(
     path: Path, problem: MuscleContact, result: MuscleContactResult, compared: Compared, verdict: Verdict
 ) -> None:
@@ -187,7 +182,7 @@ def _write_table(
         columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
     if result.patella is not None:
         columns |= {f"patella_{name}": curve for name, curve in pose_columns(result.patella.poses).items()}
-        columns |= {_with_unit(name): curve for name, curve in result.patella.loads.items()}
+        columns |= assembly_columns(list(result.patella.loads), np.column_stack(list(result.patella.loads.values())))
         columns |= {"patella_left_N": result.patella.left_n}
     if result.soleus is not None:
         columns |= {"soleus_activation": result.soleus, "soleus_N": SOLEUS_N * result.soleus}

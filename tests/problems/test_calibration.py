@@ -13,7 +13,7 @@ from problems import calibration
 from problems.calibration import __main__
 from problems.calibration.measurement import TRUTH, in_fixed_body, in_scene_frame
 from problems.calibration.solve import start_values
-from problems.calibration.uncertainty import reduced_hessian
+from problems.calibration.uncertainty import reduced_hessian, uncertainty
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -49,6 +49,24 @@ def test_estimates_scatter_about_the_truth_as_their_standard_deviations_say(knee
         misfits.append(result.misfit)
     assert 0.75 < np.sqrt(np.mean(np.square(scores))) < 1.25
     assert np.mean(misfits) == pytest.approx(1.0, abs=0.15)
+
+
+def test_pressing_tells_stiffness_from_height_better_than_walking(knee):
+    """By the Cramér-Rao bound at the truth; every fourfold of frames halves it."""
+
+    def relative(motion, frames):
+        truth = {name: TRUTH[name] for name in calibration.DEFAULT}
+        measured = calibration.synthetic_measurement(knee, truth, frames=frames, motion=motion, noise=0.0)
+        problem = calibration.build(knee, measured)
+        z = problem.variables(np.array(list(truth.values())))
+        found = uncertainty(problem, z, np.zeros((frames, 6)))
+        assert found.parameters[0] == "youngs_modulus"
+        return found.deviation[0] / TRUTH["youngs_modulus"]
+
+    walking, pressing = relative("walking", 60), relative("pressing", 60)
+    assert pressing < 0.65 * walking
+    assert relative("pressing", 240) == pytest.approx(0.5 * pressing, rel=0.05)
+    assert pressing * np.sqrt(60 / 1400) < 0.01, "1,400 frames know Young's modulus to 1 %"
 
 
 def test_the_reduced_hessian_is_the_schur_complement_of_that_of_all_variables(knee):
@@ -99,6 +117,8 @@ def test_what_cannot_be_estimated_is_refused(knee):
         calibration.Measurement(problem.measured.poses, problem.measured.loads, knee.load_names, force_n=0.0)
     with pytest.raises(ValueError, match="start holds thickness, expected youngs_modulus"):
         calibration.solve(problem, {"thickness": 7.0})
+    with pytest.raises(ValueError, match="motion is 'running', expected one of walking, pressing"):
+        calibration.synthetic_measurement(knee, {}, motion="running")
 
 
 def command(monkeypatch, *arguments):

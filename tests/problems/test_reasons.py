@@ -16,6 +16,7 @@ from problems.common.outcome import print_reasons
 from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.proof import least_overload
 from problems.static_equilibrium import __main__ as equilibrium_command
 
 NO_MODEL = "no contact model at hand"
@@ -55,25 +56,30 @@ def scaled_walk(scale):
 def diagnosed(knee, scale, **options):
     problem = muscle_contact.build(knee, scaled_walk(scale))
     result = muscle_contact.solve(problem, **options)
-    return result, diagnose(problem, result, judge(knee, result.poses, result.converged, NO_MODEL))
+    return problem, result, diagnose(problem, result, judge(knee, result.poses, result.converged, NO_MODEL))
 
 
 def test_a_muscle_problem_that_muscles_cannot_balance_is_infeasible_and_says_what_is_left(knee):
-    result, told = diagnosed(knee, 15.0)
+    problem, result, told = diagnosed(knee, 15.0)
     assert result.overloaded.any()
     for k in range(len(told.reason)):
-        assert ("infeasible: muscles and contact leave" in told.reason[k]) == result.overloaded[k]
+        assert ("muscles and contact leave" in told.reason[k]) == result.overloaded[k]
+        if result.overloaded[k]:
+            least = least_overload(problem, problem.contact_model, result.poses[k], k)
+            assert told.reason[k].startswith("infeasible: " if least > 1.0 else "overloaded: ")
     assert any(" of knee_" in reason for reason in told.reason)
+    kinds = {reason.partition(":")[0] for reason in told.reason[result.overloaded]}
+    assert kinds == {"infeasible", "overloaded"}, "some frames are beyond the muscles, some beyond the rules"
 
 
 def test_a_muscle_problem_that_ipopt_leaves_is_not_found(knee):
-    result, told = diagnosed(knee, 1.0, max_iterations=2)
+    _, result, told = diagnosed(knee, 1.0, max_iterations=2)
     assert not result.converged.any()
     assert all(reason.startswith("not found: IPOPT stopped: Maximum_Iterations_Exceeded") for reason in told.reason)
 
 
 def test_a_sound_muscle_problem_has_no_reasons(knee):
-    assert not diagnosed(knee, 1.0)[1].reason.any()
+    assert not diagnosed(knee, 1.0)[2].reason.any()
 
 
 def ended(command, arguments, monkeypatch):
