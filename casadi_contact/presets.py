@@ -138,8 +138,8 @@ PRESETS: dict[str, Preset] = {
                 "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
             },
             "trunk": {
-                "root": Effort(((24, 24, 24),), 4_000.0, max_rows=60_000, tolerance_share=0.1),
-                "ratios": Effort(((16, 16),), 1_500.0, max_rows=60_000, tolerance_share=0.1),
+                "root": Effort(((24, 24, 24),), 12_000.0, max_rows=60_000, tolerance_share=0.1),
+                "ratios": Effort(((20, 20),), 4_000.0, max_rows=60_000, tolerance_share=0.1),
             },
             "two_stage": _as_in_the_paper(15_000.0),
         },

@@ -164,6 +164,12 @@ def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
     return {surrogate.structure: surrogate for surrogate in ready if surrogate.scene.digest == scene.digest}
 
 
+def shipped_surrogate(scene: Scene) -> Surrogate | None:
+    """The surrogate of this very scene that comes with the library under its name; None if there is none."""
+    found = load_surrogate(scene.name) if scene.name in ready_surrogates() else None
+    return found if found is not None and found.scene.digest == scene.digest else None
+
+
 def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
     """The project's surrogates, or the shipped ones of its scene where nothing has been built (`Project.begun`).
 

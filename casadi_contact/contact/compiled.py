@@ -40,6 +40,7 @@ class CompiledFoundation(ContactFunctions):
     """
 
     compiled_by_default = True
+    lanes = 4  # the most numbers that its C has in a vector
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
         self.scene = scene
@@ -176,7 +177,7 @@ class CompiledFoundation(ContactFunctions):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names, patches = self.check_loads(loads), len(self.patch_names)
-        kernel = FoundationKernel(self.scene, names, self._patch_source())
+        kernel = FoundationKernel(self.scene, names, self._patch_source(), self.lanes)
         source = kernel.source(loads=len(names), roots=patches)
         return ExportedModel(
             "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
@@ -227,7 +228,7 @@ class CompiledFoundation(ContactFunctions):
             return None
         sizes = {"loads": len(loads), "roots": len(self.patch_names)}
         outputs = {key: sizes[key] for key in wanted}
-        kernel = FoundationKernel(self.scene, loads, self._patch_source())
+        kernel = FoundationKernel(self.scene, loads, self._patch_source(), self.lanes)
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
         texts = [
             source,

@@ -17,11 +17,13 @@ C_FOLDER = "casadi_contact.contact.c"
 
 @dataclass(frozen=True)
 class FoundationKernel:
-    """Kernel of a scene's loads: `patch_source` defines ``patch_loads`` for its patches (see ``c/foundation.h``)."""
+    """Kernel of a scene's loads: `patch_source` defines ``patch_loads`` for its patches (see ``c/foundation.h``), with
+    up to `lanes` numbers in a vector."""
 
     scene: Scene
     loads: Sequence[str]
     patch_source: str
+    lanes: int = 4
 
     def source(self, *, loads: int, roots: int) -> str:
         """C99 up to guarded_value, _jacobian, _hessian and _batch, all of them static."""
@@ -30,6 +32,7 @@ class FoundationKernel:
         sizes = {
             **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names)},
             **_law_sizes(material),
+            "MOST_LANES": self.lanes,
             **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
         }
         picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
@@ -42,7 +45,6 @@ class FoundationKernel:
                 f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
                 f"static const int normal_component[PATCHES] = {{{components}}};",
                 f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
-                "#define BLOCK 4",
                 c_text("lanes.h", C_FOLDER),
                 c_text("foundation.h", C_FOLDER),
                 self.patch_source,
@@ -53,8 +55,8 @@ class FoundationKernel:
 
 
 def law_source(material: Material) -> str:
-    """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of BLOCK depths."""
-    texts = [c_text("core.h"), "#define BLOCK 4", c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
+    """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of four depths."""
+    texts = [c_text("core.h"), "#define MOST_LANES 4", c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
     return "\n".join([*_defined(_law_sizes(material)), *texts])
 
 

@@ -96,6 +96,13 @@ def field_parts(parameters: Array) -> tuple[Array, float, Array, Array]:
     return parameters[:3], float(parameters[3]), coefficients, bounds
 
 
+def in_single_precision(parameters: Array) -> Array:
+    """A field's parameters with coefficients and bounds rounded to what single precision holds."""
+    rounded = parameters.copy()
+    rounded[_HEAD:] = parameters[_HEAD:].astype(np.float32)
+    return rounded
+
+
 def _curvature_bound(coefficients: Array, near: np.ndarray, spacing_mm: float) -> Array:
     """M (nx, ny, nz) [1/mm]: the largest -λ_min(∇²g), or 0, of the `near` nodes within reach of each node."""
     count = int(near.sum())

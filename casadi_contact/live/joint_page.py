@@ -26,7 +26,7 @@ from casadi_contact.live.kernels import page_kernel
 from casadi_contact.live.moving_body import moving_body
 from casadi_contact.live.triangles import Triangles
 from casadi_contact.live.view import map_view, pose_words
-from casadi_contact.project import shipped_surrogates
+from casadi_contact.project import shipped_surrogate
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes import load_scene
 from casadi_contact.show.figure import patch_title
@@ -93,8 +93,8 @@ def _text(*path: str) -> str:
 def _surrogate(contact: CompiledFoundation, name: str | None) -> tuple[Surrogate | None, str]:
     """The surrogate and the Python that loads it; none and no text where the scene has none."""
     if name is None:
-        shipped = shipped_surrogates(contact.scene)
-        return (shipped["patch"], f"cc.load_surrogate({contact.scene.name!r})") if "patch" in shipped else (None, "")
+        shipped = shipped_surrogate(contact.scene)
+        return (shipped, f"cc.load_surrogate({contact.scene.name!r})") if shipped else (None, "")
     surrogate = load_surrogate(name)
     if surrogate.scene.digest != contact.scene.digest:
         raise ValueError(

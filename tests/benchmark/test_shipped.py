@@ -84,16 +84,16 @@ def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion,
 def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
     monkeypatch.setattr(pipeline, "motion_at_hand", lambda project: motion)
     paths = pipeline.export(project)
-    function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
+    function = ca.Function.load(str(project.folder / "export" / "trunk" / "knee.casadi"))
     pose = motion.poses[0, 25]
     np.testing.assert_allclose(function(pose).full().ravel(), cc.load_surrogate("knee")([pose])[0], rtol=1e-9)
     assert function(pose).full()[0] < -50.0
-    assert {path.parent.name for path in paths} == {"patch", "two_stage"}
+    assert {path.parent.name for path in paths} == {"patch", "trunk", "two_stage"}
 
 
 def test_a_folder_with_samples_speaks_for_itself(tmp_path):
     project = Project.open("knee", "quick", tmp_path)
-    assert set(surrogates_at_hand(project)) == {"patch", "two_stage"}
+    assert set(surrogates_at_hand(project)) == {"patch", "trunk", "two_stage"}
     project.samples_path.write_bytes(b"begun")
     with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
         surrogates_at_hand(project)
@@ -111,5 +111,5 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     monkeypatch.setattr(speed_room, "kernel_speed", kernel_speed)
     monkeypatch.setattr(speed_room, "motion_at_hand", lambda project: motion)
     content = read_kernel_speed(speed_room.speed(project))
-    assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
+    assert timed == dict.fromkeys(("patch", "trunk", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)

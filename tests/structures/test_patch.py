@@ -42,6 +42,14 @@ def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
     np.testing.assert_allclose(normal, KNEE.reference_load * np.maximum(roots, 0.0) ** 2, rtol=1e-14)
 
 
+def test_no_poses_have_no_loads(surrogate):
+    none = np.empty((0, 6))
+    loads, slopes = surrogate.jacobian(none)
+    assert surrogate(none).shape == loads.shape == (0, 7)
+    assert slopes.shape == (0, 7, 6)
+    assert surrogate.wrenches(none).shape == (0, 2, 6)
+
+
 def test_loads_are_sums_of_patch_wrenches(surrogate):
     poses = random_poses(20)
     loads, wrenches = surrogate(poses), surrogate.wrenches(poses)

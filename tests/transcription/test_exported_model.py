@@ -12,7 +12,7 @@ from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called
 from tests.support.random_trust import random_trust
 
 OK, OUTSIDE, NOT_FINITE = range(3)
@@ -48,7 +48,9 @@ class Exported:
         return status, loads, jacobian, roots, slopes, validity[0], errors
 
 
-@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "trunk"), ("knee", "two_stage")])
+@pytest.mark.parametrize(
+    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("knee", "two_stage")]
+)
 def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and_says_what_was_learned(
     scene, structure, tmp_path
 ):
@@ -86,6 +88,10 @@ def test_the_shipped_knee_starts_from_a_learned_pose_and_refuses_one_in_metres(t
     told = subprocess.run([tmp_path / "example"], input=metres, capture_output=True, text=True)
     assert told.returncode == 1
     assert told.stderr.startswith("pose out of the model's range (validity of at least 1/2)")
+    for arguments, given, said in ((metres.split(), "", "got the argument 0.0005"), ([], "1 2 3", "pose of 3 numbers")):
+        wrong = subprocess.run([tmp_path / "example", *arguments], input=given, capture_output=True, text=True)
+        assert wrong.returncode == 2
+        assert said in wrong.stderr
 
 
 def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_does(tmp_path):

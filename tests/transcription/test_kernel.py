@@ -126,7 +126,7 @@ def test_batches_map_over_threads():
     agree(mapped(poses.T).full().T, surrogate(poses))
 
 
-@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+@pytest.mark.parametrize("name", ["knee", "knee_patch", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     surrogate = load_surrogate(name)
     low, high = np.array(list(surrogate.record["pose_range"].values())).T

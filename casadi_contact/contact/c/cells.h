@@ -1,5 +1,3 @@
-#define KEEPS_FIRST 1 /* in the thread's memory */
-
 /* An elastic foundation in cubic cells: the formulas of contact/cells/quadrature.py. */
 /* Step from 0 to 1 over FADE, its slope and its bend */
 INLINE double fade_of(double force, double *slope, double *bend) {
@@ -14,10 +12,12 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
   double least[MOST_BLOCKS + BLOCK], best = INFINITY;
   int nearest = 0, first_block = 0;
   Lanes found, points[3];
+  s->searched = 0;
   for (int b = 0; b < p->block_count; b += BLOCK) {
-    const Boxes *boxes = p->block_boxes + b / BLOCK;
-    distances(boxes->middle, pose, frame, &found);
-    found -= STEEPEST * boxes->size;
+    const Boxes *boxes = p->block_boxes + b / BOXES;
+    for (int i = 0; i < 3; i++) points[i] = singles_at(boxes->middle[i] + b % BOXES);
+    distances(points, pose, frame, &found);
+    found -= STEEPEST * singles_at(boxes->size + b % BOXES);
     memcpy(least + b, &found, sizeof found);
     for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
       if (least[b + l] < least[first_block]) first_block = b + l;
@@ -27,12 +27,13 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
     const int b = k < 0 ? first_block : k;
     if ((k >= 0 && b == first_block) || least[b] >= best) continue;
     begin_turn(s);
-    for (int c = BLOCK * p->blocks[b].first; c < BLOCK * p->blocks[b].last; c++) {
-      if (p->cell_boxes[c / BLOCK].size[c % BLOCK] >= 0.0) want_corners(s, p->cells + c);
+    s->nodes = 0;
+    for (int c = BOXES * p->blocks[b].first; c < BOXES * p->blocks[b].last; c++) {
+      if (p->cell_boxes[c / BOXES].size[c % BOXES] >= 0.0) want_corners(s, p->cells + c);
     }
-    for (int i = s->nodes; i % BLOCK; i++) s->ids[i] = s->ids[s->nodes - 1];
+    fill_up(s->ids, s->nodes);
     for (int i = 0; i < s->nodes; i += BLOCK) {
-      gather(p->nodes, s->ids + i, offsetof(Node, c), points);
+      places_of(p->nodes, s->ids + i, points);
       distances(points, pose, frame, &found);
       for (int l = 0; l < BLOCK; l++) {
         if (found[l] < best && p->known[s->ids[i + l]]) best = found[l], nearest = s->ids[i + l];
@@ -44,19 +45,20 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
 
 FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s, PatchLoads *out) {
   const int nearest = nearest_of(p, pose, frame, s);
-  const int ids[BLOCK] = {nearest, nearest, nearest, nearest};
+  int ids[BLOCK];
   double by_twist[6];
   Lanes c[3], q[3], twist[6];
   Distance at;
-  gather(p->nodes, ids, offsetof(Node, c), c);
+  for (int l = 0; l < BLOCK; l++) ids[l] = nearest;
+  places_of(p->nodes, ids, c);
   to_place(c, pose, frame, q);
-  distance_at(q, order == SECOND || order == SECOND_AFTER_FIRST ? 2 : 1, &at);
+  distance_at(q, order == SECOND ? 2 : 1, &at);
   out->gap = at.g[0];
   twist_of(at.slope, q, twist);
   for (int a = 0; a < 6; a++) by_twist[a] = -twist[a][0];
   to_fixed(frame, by_twist, out->gap_slope);
-  if (order == SECOND || order == SECOND_AFTER_FIRST) {
-    const Lanes nothing[3] = {{0.0}}, one = {1.0};
+  if (order == SECOND) {
+    const Lanes nothing[3] = {{0.0}}, one = {1.0}; /* of the lanes, which are all alike */
     Curvature sum;
     memset(&sum, 0, sizeof sum);
     for (int k = 0; k < 6; k++) at.bend[k] *= one;
@@ -68,19 +70,25 @@ FUNCTION void gap_loads(const Patch *p, const double *pose, const Frame *frame, 
 
 /* Loads not yet faded, with order 2 their derivatives */
 INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
-  choose_cells(p, pose, frame, s);
+  if (!s->searched || order < s->filled || memcmp(s->pose, pose, sizeof s->pose)) {
+    search(p, pose, frame, s);
+    memcpy(s->pose, pose, sizeof s->pose);
+    s->searched = 1, s->filled = 0;
+  }
+  if (s->filled == order) return;
   fill_nodes(p, pose, frame, order, s);
   sum_cells(p, s, order, &s->sums);
+  s->filled = order;
 }
 
 INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
                            PatchLoads *out) {
   const Patch *p = patches + patch;
-  Scratch *s = own_scratch();
+  Scratch *s = own_scratch(patch);
   Sums *sums = &s->sums;
   double slope, bend, fade, by[7][6];
   memset(out, 0, sizeof *out);
-  if (order != GAPS && order != SECOND_AFTER_FIRST) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s);
+  if (order != GAPS) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s);
   if (order == GAPS || !(sums->loads[6] < 0.0)) {
     gap_loads(p, pose, frame, order, s, out);
     return;
@@ -93,7 +101,7 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
   for (int k = 0; k < 6; k++) {
     for (int a = 0; a < 6; a++) out->stiffness[k][a] = fade * by[k][a] - slope * sums->loads[k] * by[6][a];
   }
-  if (order == SECOND || order == SECOND_AFTER_FIRST) {
+  if (order == SECOND) {
     double whole_weights[7], pull = 0.0, by_pull[6] = {0.0};
     for (int k = 0; k < 6; k++) {
       whole_weights[k] = fade * weights[k];

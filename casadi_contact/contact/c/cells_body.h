@@ -1,11 +1,15 @@
-/* Four parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size:
- * how far they reach from their middles, below 0 where there is none. */
+/* Parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
+ * far they reach from their middles, below 0 where there is none. */
 typedef struct {
-  Lanes middle[3], half[2][3], beyond, size;
+  float middle[3][BOXES], half[2][3][BOXES], beyond[BOXES], size[BOXES];
 } Boxes;
 
 INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
   for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
+}
+
+INLINE void to_axes(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
+  for (int i = 0; i < 3; i++) turned[i] = frame->r[i][0] * w[0] + frame->r[i][1] * w[1] + frame->r[i][2] * w[2];
 }
 
 /* Points of the fixed frame in that of the body */
@@ -14,7 +18,7 @@ INLINE void to_place(const Lanes point[3], const double *pose, const Frame *fram
   to_body(frame, from, q);
 }
 
-/* Signed distance g of the moving body at four points of its frame, with derivatives up to an order: gradient, second
+/* Signed distance g of the moving body at BLOCK points of its frame, with derivatives up to an order: gradient, second
  * (xx xy xz yy yz zz) and third ones (xxx xxy xxz xyy xyz xzz yyy yyz yzz zzz). The formulas of
  * geometry/distance_field.py and geometry/field_derivatives.py. */
 typedef struct {
@@ -22,9 +26,10 @@ typedef struct {
 } Distance;
 
 #if BODY_FIELD
+/* Of the field at a node; the first two rows: of nodes far outside of the body, and deep in it */
 typedef struct {
   float g, slope[3], bow, unused[3];
-} Tangent; /* of the field at a node; the first two rows: of nodes far outside of the body, and deep in it */
+} Tangent;
 
 /* Weights of the four nodes around shares t of a cubic B-spline's cell, and their derivatives in units of the cell. */
 INLINE void spline_weights(Lanes t, int order, Lanes w[4][4]) {
@@ -59,13 +64,13 @@ FUNCTION void leave_grid(const Lanes beyond[3], int order, Distance *out) {
 }
 
 /* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a point, along z */
-INLINE void sum_rows(const double *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Lanes v[10]) {
-  for (int n = 0; n < 10; n++) v[n] = all(0.0);
+INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Four v[10]) {
+  for (int n = 0; n < 10; n++) v[n] = (Four){0.0};
   for (int p = 0; p < 4; p++, c += FIELD_Y * FIELD_Z) {
-    Lanes f[4];
-    for (int m = 0; m <= order; m++) f[m] = all(0.0);
+    Four f[4];
+    for (int m = 0; m <= order; m++) f[m] = (Four){0.0};
     for (int r = 0; r < 4; r++) {
-      const Lanes row = lanes_at(c + r * FIELD_Z);
+      const Four row = four_singles_at(c + r * FIELD_Z);
       for (int m = 0; m < (order < 2 ? 2 : order + 1); m++) f[m] += y[m][r][lane] * row;
     }
     for (int n = 0, total = 0; total <= order; total++) {
@@ -80,21 +85,18 @@ INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   static const int along_z[20] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
   const double s = 1.0 / FIELD_SPACING;
-  Lanes node[3], share[3], beyond[3], weights[3][4][4], part[20][BLOCK], first;
+  Lanes node[3], share[3], beyond[3], weights[3][4][4], first;
+  Four part[20][BLOCK], along[4][BLOCK];
   for (int i = 0; i < 3; i++) {
     node[i] = place_on((q[i] - field_origin[i]) * s, counts[i], share + i, beyond + i);
     spline_weights(share[i], order, weights[i]);
   }
   first = (node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2];
-  for (int m = 0; m <= order; m++) {
-    Lanes by_lane[BLOCK];
-    transpose(weights[2][m], by_lane);
-    for (int l = 0; l < BLOCK; l++) weights[2][m][l] = by_lane[l];
-  }
+  for (int m = 0; m <= order; m++) to_rows(weights[2][m], along[m]);
   KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-    Lanes v[10];
+    Four v[10];
     sum_rows(FIELD_COEFFICIENTS + (long long)first[l], l, order, weights[0], weights[1], v);
-    for (int n = 0; n < wanted; n++) part[n][l] = v[of[n]] * weights[2][along_z[n]][l];
+    for (int n = 0; n < wanted; n++) part[n][l] = v[of[n]] * along[along_z[n]][l];
   }
   out->g = sums_of(part[0]);
   for (int i = 0; i < 3; i++) out->slope[i] = s * sums_of(part[1 + i]);
@@ -115,17 +117,15 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 }
 
 #ifdef FIELD_TANGENTS
-INLINE double greatest_of(Lanes x) {
-  const double a = x[0] > x[1] ? x[0] : x[1], b = x[2] > x[3] ? x[2] : x[3];
-  return a > b ? a : b;
-}
-
-/* The boxes that the body may come within TOUCH of: by value, slope and bow of the field at the nodes nearest to their
- * middles (see contact/cells/tangents.py), without a look at the spline. */
-INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
+/* The boxes, BLOCK of them from `first`, that the body may come within TOUCH of: by value, slope and bow of the field
+ * at the nodes nearest to their middles (see contact/cells/tangents.py), without a look at the spline. */
+INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const Frame *frame) {
   const int counts[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
-  Lanes q[3], away[3], slope[3], row[BLOCK], column[4], bow, way, least, node = all(0.0);
-  to_place(boxes->middle, pose, frame, q);
+  const Lanes size = singles_at(boxes->size + first), beyond = singles_at(boxes->beyond + first);
+  Lanes middle[3], half[3], q[3], away[3], slope[3], tangent[4], way, least, bow, node = all(0.0);
+  Four row[BLOCK];
+  for (int i = 0; i < 3; i++) middle[i] = singles_at(boxes->middle[i] + first);
+  to_place(middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
     const Lanes place = (q[i] - field_origin[i]) * (1.0 / TANGENT_SPACING);
     const Lanes nearest = nearest_whole(smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0)));
@@ -133,19 +133,19 @@ INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame
     node = node * counts[i] + nearest;
   }
   for (int l = 0; l < BLOCK; l++) {
-    const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(long long)node[l]];
-    row[l] = (Lanes){at->g, at->slope[0], at->slope[1], at->slope[2]};
-    bow[l] = at->bow;
+    const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(int)node[l]];
+    row[l] = four_singles_at(&at->g), bow[l] = at->bow;
   }
-  transpose(row, column);
-  way = root(dot_of(away, away)) + boxes->size;
-  least = column[0] - 0.5 * bow * way * way - STEEPEST * boxes->beyond + dot_of(column + 1, away);
-  for (int i = 0; i < 3; i++) {
-    slope[i] = frame->r[i][0] * column[1] + frame->r[i][1] * column[2] + frame->r[i][2] * column[3];
+  to_columns(row, tangent);
+  way = root(dot_of(away, away)) + size;
+  least = tangent[0] - 0.5 * bow * way * way - STEEPEST * beyond + dot_of(tangent + 1, away);
+  to_axes(frame, tangent + 1, slope);
+  for (int side = 0; side < 2; side++) {
+    for (int i = 0; i < 3; i++) half[i] = singles_at(boxes->half[side][i] + first);
+    least -= size_of(dot_of(slope, half));
   }
-  least -= size_of(dot_of(slope, boxes->half[0])) + size_of(dot_of(slope, boxes->half[1]));
-  if (greatest_of(way) > BOW_REACH) least = pick(way > BOW_REACH, column[0] - STEEPEST * way, least);
-  return (least <= TOUCH) & (boxes->size >= 0.0);
+  least = pick(way > BOW_REACH, tangent[0] - STEEPEST * way, least);
+  return (least <= TOUCH) & (size >= 0.0);
 }
 #endif
 #elif BODY_ROUND
@@ -181,11 +181,13 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 #endif
 
 #ifndef FIELD_TANGENTS
-INLINE Mask may_touch(const Boxes *boxes, const double *pose, const Frame *frame) {
-  Lanes q[3];
+INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const Frame *frame) {
+  const Lanes size = singles_at(boxes->size + first);
+  Lanes middle[3], q[3];
   Distance found;
-  to_place(boxes->middle, pose, frame, q);
+  for (int i = 0; i < 3; i++) middle[i] = singles_at(boxes->middle[i] + first);
+  to_place(middle, pose, frame, q);
   distance_at(q, 1, &found);
-  return (found.g - (BODY_FIELD ? STEEPEST : 1.0) * boxes->size <= TOUCH) & (boxes->size >= 0.0);
+  return (found.g - (BODY_FIELD ? STEEPEST : 1.0) * size <= TOUCH) & (size >= 0.0);
 }
 #endif

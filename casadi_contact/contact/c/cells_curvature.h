@@ -65,7 +65,7 @@ INLINE void finish_curvature(const Frame *frame, const Curvature *sum, double ou
   }
 }
 
-/* Of weighted values at four nodes: see the docstring of contact/cells/quadrature.py. Where the point goes along with
+/* Of weighted values at BLOCK nodes: see the docstring of contact/cells/quadrature.py. Where the point goes along with
  * the depth (moves), f depends on it too: f_d = -w H n, f_dd = T[w] n n, and its mixed derivatives `along_ray`. */
 INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes weight[3], Curvature *sum) {
   const Lanes inverse = 1.0 / at->m, late = at->d - at->start, mu = at->moves;
@@ -120,18 +120,13 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
   add_curvature(at->q, t, &at->at, w, force, sum);
 }
 
-/* What four cells add by themselves, and the weights of their corners' values */
-INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, int count, int full,
-                               const double weights[7], Lanes h[6][2]) {
-  const Lanes lives = {1.0, count > 1, count > 2, count > 3};
+/* What BLOCK cells add by themselves, and the weights of their corners' values */
+INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, int count, int full, Lanes h[6][PARTS]) {
+  const Presence present = presence_of(p, chosen, count);
   Lanes v[12], pull[4], rate[12];
   corner_values(p, s, chosen, v);
   for (int c = 0; c < 4; c++) {
-    pull[c] = all(0.0);
-    for (int l = 0; l < count; l++) {
-      const double *loads = p->nodes[p->cells[chosen[l]].corners[c]].loads;
-      for (int k = 0; k < 7; k++) pull[c][l] -= weights[k] * loads[k];
-    }
+    for (int l = 0; l < BLOCK; l++) pull[c][l] = s->share[s->slot[p->cells[chosen[l]].corners[c]]][7];
   }
   for (int j = 0; j < 12; j++) {
     rate[j] = all(0.0);
@@ -141,52 +136,66 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
     Lanes slope, bend, stiffness, stiffening, twice, weight = all(0.0);
     const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
     for (int c = 0; c < 4; c++) weight += share[r][c] * pull[c];
-    weight *= present_of(p, chosen, lives, r);
+    weight *= present_at(&present, r);
     soft_pressure(depth, &stiffness, &stiffening);
     twice = weight * (stiffness * bend + stiffening * slope * slope);
     for (int j = 0; j < 12; j++) rate[j] += weight * stiffness * slope * hermite[r][j];
     for (int l = 0; l < count; l++) {
-      Lanes x[2] = {all(0.0), all(0.0)};
+      Lanes x[PARTS];
       if (twice[l] == 0.0) continue;
+      memset(x, 0, sizeof x);
       for (int j = 0; j < 12; j++) {
-        const Lanes *by = (const Lanes *)s->slopes[s->slot[p->cells[chosen[l]].corners[j / 3]]][j % 3];
-        x[0] += hermite[r][j] * by[0], x[1] += hermite[r][j] * by[1];
+        const double *by = s->slopes[s->slot[p->cells[chosen[l]].corners[j / 3]]][j % 3];
+        for (int i = 0; i < PARTS; i++) x[i] += hermite[r][j] * lanes_at(by + i * BLOCK);
       }
       for (int a = 0; a < 6; a++) {
-        const double at = twice[l] * x[a / BLOCK][a % BLOCK];
-        h[a][0] += at * x[0], h[a][1] += at * x[1];
+        for (int i = 0; i < PARTS; i++) h[a][i] += twice[l] * x[a / BLOCK][a % BLOCK] * x[i];
       }
     }
   }
-  for (int l = 0; l < count; l++) {
-    for (int j = 0; j < 12; j++) s->weight[s->slot[p->cells[chosen[l]].corners[j / 3]]][j % 3] += rate[j][l];
+  for (int c = 0; c < 4; c++) {
+    const Lanes column[4] = {rate[3 * c], rate[3 * c + 1], rate[3 * c + 2], all(0.0)};
+    Four row[BLOCK];
+    to_rows(column, row);
+    for (int l = 0; l < count; l++) {
+      double *weight = s->weight[s->slot[p->cells[chosen[l]].corners[c]]];
+      const Four sum = four_at(weight) + row[l];
+      memcpy(weight, &sum, sizeof sum);
+    }
   }
 }
 
 /* After `contact_sums` with slopes in the same pose */
-FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame *frame, const double weights[7], Scratch *s, double out[6][6]) {
-  Lanes h[6][2];
+FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame *frame, const double weights[7],
+                                Scratch *s, double out[6][6]) {
+  Lanes h[6][PARTS];
   Curvature sum;
   memset(h, 0, sizeof h);
   memset(&sum, 0, sizeof sum);
   memset(s->weight, 0, (s->nodes + BLOCK) * sizeof s->weight[0]);
+  for (int i = 0; i < s->nodes; i++) { /* the eighth is free: what a corner's share of pressure adds to the sum */
+    const float *loads = p->nodes[s->ids[i]].loads;
+    double pull = 0.0;
+    for (int k = 0; k < 7; k++) pull -= weights[k] * loads[k];
+    s->share[i][7] = pull;
+  }
   for (int first = 0, count; first < s->cells; first += count < BLOCK ? count : BLOCK) {
     const int is_full = first < s->full;
     int chosen[BLOCK];
     count = (is_full ? s->full : s->cells) - first;
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
-    add_cell_curvature(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, weights, h);
+    add_cell_curvature(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, h);
   }
   for (int first = 0; first < s->nodes; first += BLOCK) {
-    Lanes weight[3], found, used = all(0.0);
+    Lanes weight[4], value[4];
+    Four row[BLOCK];
     Depth at;
-    for (int i = 0; i < 3; i++) {
-      for (int l = 0; l < BLOCK; l++) weight[i][l] = first + l < s->nodes ? s->weight[first + l][i] : 0.0;
-      used += weight[i] * weight[i];
-    }
-    for (int l = 0; l < BLOCK; l++) found[l] = s->value[first + l < s->nodes ? first + l : first][3];
-    if (sum_of(used) == 0.0) continue;
-    depth_at(p->nodes, s->ids + first, found, pose, frame, 3, &at);
+    memcpy(row, s->weight[first], sizeof row);
+    to_columns(row, weight);
+    if (sum_of(weight[0] * weight[0] + weight[1] * weight[1] + weight[2] * weight[2]) == 0.0) continue;
+    memcpy(row, s->value[first], sizeof row);
+    to_columns(row, value);
+    depth_at(p->nodes, s->ids + first, value[3], pose, frame, 3, &at);
     add_node_curvature(&at, frame, weight, &sum);
   }
   for (int a = 0; a < 6; a++) {

@@ -1,8 +1,10 @@
-/* Depth and its slopes at the nodes of a patch, four at a time: the formulas of contact/cells/quadrature.py. All
+/* Depth and its slopes at the nodes of a patch, BLOCK at a time: the formulas of contact/cells/quadrature.py. All
  * vectors are in the axes of the moving body, in which a twist (v, omega) changes the place q of a fixed point by
  * -v - omega x q, and a fixed direction w by -omega x w. */
 typedef struct {
-  double c[4], n[4], along[2][4], bend[2][4], loads[8]; /* filled up with zeros */
+  double c[3];
+  float n[3], along[2][3], unused, bend[2][3], loads[8]; /* to whole lines of the cache, the first for a look */
+  float unused_2[2];
 } Node;
 
 typedef struct {
@@ -29,11 +31,20 @@ INLINE void to_fixed(const Frame *frame, const double twist[6], double turned[6]
   }
 }
 
+INLINE void places_of(const Node *nodes, const int *ids, Lanes c[3]) {
+  Four row[BLOCK];
+  Lanes column[4];
+  for (int l = 0; l < BLOCK; l++) row[l] = four_at(nodes[ids[l]].c); /* the fourth is none */
+  to_columns(row, column);
+  memcpy(c, column, sizeof(Lanes[3]));
+}
+
 INLINE void gather(const Node *nodes, const int *ids, size_t offset, Lanes w[3]) {
-  Lanes row[BLOCK], column[4];
-  for (int l = 0; l < BLOCK; l++) row[l] = lanes_at((const double *)((const char *)(nodes + ids[l]) + offset));
-  transpose(row, column);
-  for (int i = 0; i < 3; i++) w[i] = column[i];
+  Four row[BLOCK];
+  Lanes column[4];
+  for (int l = 0; l < BLOCK; l++) row[l] = four_singles_at((const float *)((const char *)(nodes + ids[l]) + offset));
+  to_columns(row, column);
+  memcpy(w, column, sizeof(Lanes[3]));
 }
 
 /* H w */
@@ -56,32 +67,30 @@ INLINE void begin_ray(Lanes first, Depth *at) {
   at->start = pick(under, at->start, -at->start), at->bends = pick(under, at->bends, -at->bends);
 }
 
-/* Everything at four nodes, with derivatives of the distance up to an order (1: values alone). first: the depth found
+/* Everything at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). first: the depth found
  * at the nodes themselves, or 0 before that. */
 INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const double *pose, const Frame *frame, int order,
                      Depth *at) {
-  Lanes c[3], near, unused;
-  gather(nodes, ids, offsetof(Node, c), c);
+  Lanes c[3], near, unused, inverse;
+  places_of(nodes, ids, c);
   gather(nodes, ids, offsetof(Node, n), at->n);
   for (int a = 0; a < 2; a++) {
-    gather(nodes, ids, offsetof(Node, along) + a * sizeof(double[4]), at->along[a]);
-    gather(nodes, ids, offsetof(Node, bend) + a * sizeof(double[4]), at->bend[a]);
+    gather(nodes, ids, offsetof(Node, along) + a * sizeof(float[3]), at->along[a]);
+    gather(nodes, ids, offsetof(Node, bend) + a * sizeof(float[3]), at->bend[a]);
   }
   begin_ray(first, at);
   for (int i = 0; i < 3; i++) c[i] -= at->start * at->n[i];
   to_place(c, pose, frame, at->q);
   distance_at(at->q, order, &at->at);
-  for (int i = 0; i < 3; i++) {
-    const double *r = frame->r[i];
-    at->slope[i] = r[0] * at->at.slope[0] + r[1] * at->at.slope[1] + r[2] * at->at.slope[2];
-  }
+  to_axes(frame, at->at.slope, at->slope);
   at->sigma = -dot_of(at->slope, at->n);
   at->m = FLATTEST + positive_ramp(at->sigma - FLATTEST, FLATTEST_WIDTH, &at->m_slope, &at->m_bend, &unused);
-  at->d = at->start - at->at.g / at->m;
+  inverse = 1.0 / at->m;
+  at->d = at->start - at->at.g * inverse;
   near = positive_ramp(at->d + FAR_DEPTH, FAR_WIDTH, &at->near_slope, &at->near_bend, &at->near_third);
   at->value[0] = near - FAR_DEPTH;
   for (int a = 0; a < 2; a++) {
-    at->value[1 + a] = at->near_slope / at->m *
+    at->value[1 + a] = at->near_slope * inverse *
                        (at->d * dot_of(at->slope, at->bend[a]) - dot_of(at->slope, at->along[a]));
   }
 }
@@ -109,15 +118,16 @@ typedef struct {
 
 /* From m (d - start) + g = 0, start going along with d */
 FUNCTION void slopes_of_depth(const Depth *at, const Frame *frame, DepthSlopes *by) {
-  Lanes twist[6], curved, late = (at->d - at->start) * at->m_slope;
+  Lanes twist[6], curved, inverse, late = (at->d - at->start) * at->m_slope;
   to_body(frame, at->n, by->n);
   slope_along(at, by->n, by->by_n);
   bend_of(&at->at, by->n, by->bent_n);
   curved = at->moves * dot_of(by->n, by->bent_n);
   by->total = at->m + late * curved;
+  inverse = 1.0 / by->total;
   twist_of(at->at.slope, at->q, twist);
   for (int k = 0; k < 6; k++) {
-    by->by_d[k] = (twist[k] + late * by->by_n[k]) / by->total;
+    by->by_d[k] = (twist[k] + late * by->by_n[k]) * inverse;
     by->by_m[k] = -at->m_slope * (by->by_n[k] - curved * by->by_d[k]);
   }
 }

@@ -29,11 +29,34 @@ INLINE Lanes depth_of(const Lanes v[12], int r) {
   return a + (b + c);
 }
 
-/* Which of the sub-points of four cells lie on the surface; lives: which of the cells there are. */
-INLINE Lanes present_of(const Patch *p, const int *chosen, Lanes lives, int r) {
-  Lanes w;
-  for (int l = 0; l < BLOCK; l++) w[l] = p->present[p->cells[chosen[l]].present][r];
-  return w * lives;
+/* The first `count` lanes: 1, the others 0. */
+INLINE Lanes lanes_of(int count) {
+  Lanes lives;
+  for (int l = 0; l < BLOCK; l++) lives[l] = l < count;
+  return lives;
+}
+
+/* Which of the sub-points of BLOCK cells lie on the surface; lives: which of the cells there are. */
+typedef struct {
+  const double *present[BLOCK];
+  Lanes lives;
+  int whole; /* all of them */
+} Presence;
+
+INLINE Presence presence_of(const Patch *p, const int *chosen, int count) {
+  Presence of = {{0}, lanes_of(count), 1};
+  for (int l = 0; l < BLOCK; l++) {
+    const int present = p->cells[chosen[l]].present;
+    of.present[l] = p->present[present], of.whole &= present == 0;
+  }
+  return of;
+}
+
+INLINE Lanes present_at(const Presence *of, int r) {
+  Lanes w = of->lives;
+  if (of->whole) return w;
+  for (int l = 0; l < BLOCK; l++) w[l] *= of->present[l][r];
+  return w;
 }
 
 /* + derivatives of the weights at one row along u, from its sums over u with the products of share and hermite: the sums
@@ -51,11 +74,12 @@ INLINE void add_rates(const Lanes sums[8], const double products[8], Lanes rate[
   }
 }
 
-/* Weights of four cells' corners, and with order 2 their derivatives by the corners' values */
+/* Weights of BLOCK cells' corners, and with order 2 their derivatives by the corners' values */
 FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, int count, int full, int order,
                            Lanes weight[4], Lanes rate[4][12], int *cut) {
-  const Lanes lives = {1.0, count > 1, count > 2, count > 3};
-  Lanes v[12], at_rim, deepest = all(0.0);
+  const Presence present = presence_of(p, chosen, count);
+  const Lanes lives = present.lives;
+  Lanes v[12], deepest = all(0.0);
   corner_values(p, s, chosen, v);
   for (int c = 0; c < 4; c++) {
     weight[c] = all(0.0);
@@ -65,13 +89,12 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
     }
     weight[c] *= lives;
   }
-  for (int l = 0; l < BLOCK; l++) at_rim[l] = p->cells[chosen[l]].rim;
   for (int q = 0; q < ALONG_V && !full; q++) {
     Lanes sums[8];
     for (int i = 0; i < 8; i++) sums[i] = all(0.0);
     KEEP_LOOP for (int k = 0; k < ALONG_U; k++) {
       const int r = k * ALONG_V + q;
-      const Lanes here = present_of(p, chosen, lives, r);
+      const Lanes here = present_at(&present, r);
       Lanes slope, bend, stiffness, unused, force;
       const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
       force = here * soft_pressure(depth, &stiffness, &unused);
@@ -82,7 +105,7 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
     }
     if (order >= 2) add_rates(sums, product_v[q], rate);
   }
-  *cut |= any(at_rim * (full ? lives : deepest) > 0.0);
+  for (int l = 0; l < count; l++) *cut |= p->cells[chosen[l]].rim && (full || deepest[l] > 0.0);
 }
 
 /* In slots: the weights of the nodes' loads, their derivatives by twist before them */
@@ -92,19 +115,20 @@ INLINE void add_weights(const Patch *p, Scratch *s, int chosen, int lane, int or
   int slots[4];
   for (int c = 0; c < 4; c++) slots[c] = s->slot[cell->corners[c]], s->share[slots[c]][6] += weight[c][lane];
   if (order < 2) return;
-  for (int c = 0; c < 4; c++) {
-    Lanes first = all(0.0), second = all(0.0);
+  for (int h = 0; h < PARTS; h++) {
+    Lanes sum[4];
+    for (int c = 0; c < 4; c++) sum[c] = lanes_at(s->share[slots[c]] + h * BLOCK);
     for (int j = 0; j < 12; j++) {
-      const double *slopes = s->slopes[slots[j / 3]][j % 3];
-      first += rate[c][j][lane] * lanes_at(slopes), second += rate[c][j][lane] * lanes_at(slopes + BLOCK);
+      const Lanes slopes = lanes_at(s->slopes[slots[j / 3]][j % 3] + h * BLOCK);
+      for (int c = 0; c < 4; c++) sum[c] += rate[c][j][lane] * slopes;
     }
-    first += lanes_at(s->share[slots[c]]), second += lanes_at(s->share[slots[c]] + BLOCK);
-    memcpy(s->share[slots[c]], &first, sizeof first), memcpy(s->share[slots[c]] + BLOCK, &second, sizeof second);
+    for (int c = 0; c < 4; c++) memcpy(s->share[slots[c]] + h * BLOCK, sum + c, sizeof(Lanes));
   }
 }
 
 INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
-  Lanes loads[2] = {all(0.0), all(0.0)};
+  Lanes loads[PARTS];
+  for (int h = 0; h < PARTS; h++) loads[h] = all(0.0);
   memset(sums, 0, sizeof *sums);
   memset(s->share, 0, s->nodes * sizeof s->share[0]);
   for (int first = 0, end = s->full; first < s->cells; first = end < first + BLOCK ? end : first + BLOCK) {
@@ -119,13 +143,13 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     }
   }
   for (int k = 0; k < s->nodes; k++) {
-    const double *of = p->nodes[s->ids[k]].loads;
-    const Lanes first = lanes_at(s->share[k]), second = lanes_at(s->share[k] + BLOCK);
+    const float *of = p->nodes[s->ids[k]].loads;
     if (s->share[k][6] == 0.0) continue;
-    loads[0] -= s->share[k][6] * lanes_at(of), loads[1] -= s->share[k][6] * lanes_at(of + BLOCK);
-    for (int i = 0; i < 7 && order >= 2; i++) {
-      sums->by_twist[i][0] -= of[i] * first, sums->by_twist[i][1] -= of[i] * second;
+    for (int h = 0; h < PARTS; h++) {
+      const Lanes share = lanes_at(s->share[k] + h * BLOCK);
+      loads[h] -= s->share[k][6] * singles_at(of + h * BLOCK);
+      for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][h] -= of[i] * share;
     }
   }
-  for (int i = 0; i < 7; i++) sums->loads[i] = loads[i / BLOCK][i % BLOCK];
+  memcpy(sums->loads, loads, sizeof loads);
 }

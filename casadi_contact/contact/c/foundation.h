@@ -1,7 +1,7 @@
 /* Elastic foundations as kernels: what every contact model here shares. A model defines patch_loads: the wrench of one
  * patch, its derivatives by the twist of the moving body about t (velocity of t; angular velocity, fixed axes) and the
  * gap; from these come named loads and root loads, with derivatives by the pose. */
-enum { VALUE, FIRST, SECOND, GAPS, SECOND_AFTER_FIRST }; /* the last: FIRST came just before, same patch and pose */
+enum { VALUE, FIRST, SECOND, GAPS };
 
 typedef struct {
   double wrench[6], stiffness[6][6], curvature[6][6]; /* curvature: of the weighted wrench, [a][b]: b acts last */

@@ -126,7 +126,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
         add_by_pose(&frame, bent, hessian);
       }
     }
-    patch_loads(p, pose, &frame, ROOTS ? SECOND_AFTER_FIRST : SECOND, weights, &of);
+    patch_loads(p, pose, &frame, SECOND, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
     if (ROOTS) {
       for (int a = 0; a < 6; a++) {

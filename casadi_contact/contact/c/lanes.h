@@ -1,10 +1,21 @@
-/* BLOCK numbers worked on at once: vectors of GCC and clang, which any instruction set can carry out. */
+/* BLOCK numbers worked on at once, of MOST_LANES as many as a register holds but no fewer than four: vectors of GCC and
+ * clang, which any instruction set can carry out. */
+#if MOST_LANES >= 8 && defined(__AVX512F__)
+#define BLOCK 8
+#else
+#define BLOCK 4
+#endif
+#if defined(__AVX__) /* where compilers take whole vectors apart */
+#include <immintrin.h>
+#endif
 typedef double Lanes __attribute__((vector_size(8 * BLOCK)));
 typedef long long Mask __attribute__((vector_size(8 * BLOCK)));
+typedef double Four __attribute__((vector_size(32)));
+typedef long long FourPlaces __attribute__((vector_size(32)));
 #if defined(__clang__)
 #define SHUFFLED(x, y, i, j, k, l) __builtin_shufflevector(x, y, i, j, k, l)
 #else
-#define SHUFFLED(x, y, i, j, k, l) __builtin_shuffle(x, y, (Mask){i, j, k, l})
+#define SHUFFLED(x, y, i, j, k, l) __builtin_shuffle(x, y, (FourPlaces){i, j, k, l})
 #endif
 
 INLINE Lanes all(double x) { return x - (Lanes){0.0}; }
@@ -12,21 +23,83 @@ INLINE Lanes pick(Mask mask, Lanes a, Lanes b) { return (Lanes)((mask & (Mask)a)
 INLINE Lanes larger_of(Lanes a, Lanes b) { return pick(a > b, a, b); }
 INLINE Lanes smaller_of(Lanes a, Lanes b) { return pick(a < b, a, b); }
 INLINE Lanes size_of(Lanes x) { return larger_of(x, -x); }
-INLINE double sum_of(Lanes x) { return (x[0] + x[1]) + (x[2] + x[3]); }
 
-/* The sum of each of four rows */
-INLINE Lanes sums_of(const Lanes row[BLOCK]) {
-  const Lanes a = SHUFFLED(row[0], row[1], 0, 4, 2, 6) + SHUFFLED(row[0], row[1], 1, 5, 3, 7);
-  const Lanes b = SHUFFLED(row[2], row[3], 0, 4, 2, 6) + SHUFFLED(row[2], row[3], 1, 5, 3, 7);
-  return SHUFFLED(a, b, 0, 1, 4, 5) + SHUFFLED(a, b, 2, 3, 6, 7);
+INLINE Lanes joined(const Four part[BLOCK / 4]) {
+#if BLOCK == 8
+  return _mm512_insertf64x4(_mm512_castpd256_pd512(part[0]), part[1], 1);
+#else
+  return part[0];
+#endif
 }
 
-/* Four rows become four columns. */
-INLINE void transpose(const Lanes row[BLOCK], Lanes column[BLOCK]) {
-  const Lanes a = SHUFFLED(row[0], row[1], 0, 4, 2, 6), b = SHUFFLED(row[0], row[1], 1, 5, 3, 7);
-  const Lanes c = SHUFFLED(row[2], row[3], 0, 4, 2, 6), d = SHUFFLED(row[2], row[3], 1, 5, 3, 7);
+INLINE Four part_of(Lanes x, int k) {
+#if BLOCK == 8
+  return k ? _mm512_extractf64x4_pd(x, 1) : _mm512_castpd512_pd256(x);
+#else
+  (void)k;
+  return x;
+#endif
+}
+
+INLINE double sum_of(Lanes x) {
+#if BLOCK == 8
+  const Four y = part_of(x, 0) + part_of(x, 1);
+#else
+  const Four y = x;
+#endif
+  return (y[0] + y[1]) + (y[2] + y[3]);
+}
+
+/* The sum of each of BLOCK rows */
+INLINE Lanes sums_of(const Four row[BLOCK]) {
+  Four sums[BLOCK / 4];
+  for (int k = 0; k < BLOCK / 4; k++, row += 4) {
+    const Four a = SHUFFLED(row[0], row[1], 0, 4, 2, 6) + SHUFFLED(row[0], row[1], 1, 5, 3, 7);
+    const Four b = SHUFFLED(row[2], row[3], 0, 4, 2, 6) + SHUFFLED(row[2], row[3], 1, 5, 3, 7);
+    sums[k] = SHUFFLED(a, b, 0, 1, 4, 5) + SHUFFLED(a, b, 2, 3, 6, 7);
+  }
+  return joined(sums);
+}
+
+INLINE void transpose(const Four row[4], Four column[4]) {
+  const Four a = SHUFFLED(row[0], row[1], 0, 4, 2, 6), b = SHUFFLED(row[0], row[1], 1, 5, 3, 7);
+  const Four c = SHUFFLED(row[2], row[3], 0, 4, 2, 6), d = SHUFFLED(row[2], row[3], 1, 5, 3, 7);
   column[0] = SHUFFLED(a, c, 0, 1, 4, 5), column[1] = SHUFFLED(b, d, 0, 1, 4, 5);
   column[2] = SHUFFLED(a, c, 2, 3, 6, 7), column[3] = SHUFFLED(b, d, 2, 3, 6, 7);
+}
+
+/* BLOCK rows become four columns, */
+INLINE void to_columns(const Four row[BLOCK], Lanes column[4]) {
+  Four part[BLOCK / 4][4];
+  for (int k = 0; k < BLOCK / 4; k++) transpose(row + 4 * k, part[k]);
+  for (int i = 0; i < 4; i++) {
+    Four both[BLOCK / 4];
+    for (int k = 0; k < BLOCK / 4; k++) both[k] = part[k][i];
+    column[i] = joined(both);
+  }
+}
+
+/* and columns rows. */
+INLINE void to_rows(const Lanes column[4], Four row[BLOCK]) {
+  for (int k = 0; k < BLOCK / 4; k++) {
+    Four part[4];
+    for (int i = 0; i < 4; i++) part[i] = part_of(column[i], k);
+    transpose(part, row + 4 * k);
+  }
+}
+
+INLINE Four four_at(const double *x) {
+  Four y;
+  memcpy(&y, x, sizeof y);
+  return y;
+}
+
+INLINE Four four_singles_at(const float *x) {
+#if defined(__AVX__)
+  return _mm256_cvtps_pd(_mm_loadu_ps(x));
+#else
+  return (Four){x[0], x[1], x[2], x[3]};
+#endif
 }
 
 INLINE Lanes lanes_at(const double *x) {
@@ -35,7 +108,17 @@ INLINE Lanes lanes_at(const double *x) {
   return y;
 }
 
-INLINE int any(Mask mask) { return ((mask[0] | mask[1]) | (mask[2] | mask[3])) != 0; }
+INLINE Lanes singles_at(const float *x) {
+  Four part[BLOCK / 4];
+  for (int k = 0; k < BLOCK / 4; k++) part[k] = four_singles_at(x + 4 * k);
+  return joined(part);
+}
+
+INLINE int any(Mask mask) {
+  long long some = 0;
+  for (int l = 0; l < BLOCK; l++) some |= mask[l];
+  return some != 0;
+}
 
 INLINE Lanes root(Lanes x) {
   Lanes y;

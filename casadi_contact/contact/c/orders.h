@@ -1,9 +1,5 @@
 /* patch_loads from the model's loads_of_patch: one function for each order, not inlined, so that compiling is quick and
- * patches share them. KEEPS_FIRST: the model makes use of what first derivatives left behind. */
-#ifndef KEEPS_FIRST
-#define KEEPS_FIRST 0
-#endif
-
+ * patches share them. */
 FUNCTION void loads_value(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
   loads_of_patch(patch, pose, frame, VALUE, 0, out);
 }
@@ -20,20 +16,10 @@ FUNCTION void loads_gaps(int patch, const double *pose, const Frame *frame, Patc
   loads_of_patch(patch, pose, frame, GAPS, 0, out);
 }
 
-#if KEEPS_FIRST
-FUNCTION void loads_second_after_first(int patch, const double *pose, const Frame *frame, const double *weights,
-                                       PatchLoads *out) {
-  loads_of_patch(patch, pose, frame, SECOND_AFTER_FIRST, weights, out);
-}
-#else
-#define loads_second_after_first loads_second
-#endif
-
 INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, const double *weights,
                         PatchLoads *out) {
   if (order == VALUE) loads_value(patch, pose, frame, out);
   if (order == FIRST) loads_first(patch, pose, frame, out);
   if (order == SECOND) loads_second(patch, pose, frame, weights, out);
-  if (order == SECOND_AFTER_FIRST) loads_second_after_first(patch, pose, frame, weights, out);
   if (order == GAPS) loads_gaps(patch, pose, frame, out);
 }

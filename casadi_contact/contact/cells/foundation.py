@@ -15,6 +15,8 @@ from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array, as_poses, rotation
+from casadi_contact.geometry.distance_field import in_single_precision
+from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
 
 CELLS = Cells(1.2, 0.75)
@@ -26,6 +28,8 @@ class CellFoundation(CompiledFoundation):
     Several spots of contact, of any form, in each patch. Raises ValueError for a scene of another shape than
     `CELL_SHAPES`.
     """
+
+    lanes = 8
 
     def __init__(self, scene: Scene, cells: Cells = CELLS, *, compiled: bool = True) -> None:
         super().__init__(scene, compiled=compiled)
@@ -67,5 +71,7 @@ def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
     """The scene's patches in cells of this size."""
     law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
     body, charts = scene.surfaces()[0], patch_charts(scene)  # one body faces every patch
+    if body.family == MESH_FIELD:  # as its kernel stores it
+        body = MovingSurface(body.family, in_single_precision(body.parameters))
     fade_n = FADE_SHARE * scene.boundary_load
     return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts]

@@ -65,16 +65,21 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     loads = np.concatenate([N, np.cross(surface.c, N), np.linalg.norm(N, axis=1, keepdims=True)], 1)
     return CellPatch(
         surface.c,
-        surface.n,
-        surface.tangents * scaled,
-        surface.bends * scaled,
-        loads,
+        _single(surface.n),
+        _single(surface.tangents * scaled),
+        _single(surface.bends * scaled),
+        _single(loads),
         surface.known,
         corners.reshape(-1, 4),
         shares[i, j],
         rim[i, j],
         blocks,
     )
+
+
+def _single(x: Array) -> Array:
+    """Rounded to what the kernel stores in single precision."""
+    return x.astype(np.float32).astype(float)
 
 
 def _in_blocks(held: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

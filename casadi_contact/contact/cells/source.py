@@ -25,9 +25,11 @@ from casadi_contact.transcription.kernel.source import c_text
 _C = "casadi_contact.contact.c"
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
-_NODE = np.dtype([("vectors", float, (6, 4)), ("loads", float, 8)])
+_NODE = np.dtype(
+    [("c", float, 3), ("first", "f4", (3, 3)), ("unused", "f4"), ("bends", "f4", (2, 3)), ("loads", "f4", 10)]
+)
+_BOXES = 8  # together
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
-_LANES = 4
 _INCLUDED = f"""\
 #if defined(__wasm__)
 static const _Alignas({_LINE}) char cells_data[] = {{
@@ -66,6 +68,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
+        "BOXES": _BOXES,
         "SUB_POINTS": len(functions),
         "ALONG_U": cells.along_u,
         "ALONG_V": cells.along_v,
@@ -123,7 +126,7 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
-        "FIELD_COEFFICIENTS": f"((const double *)(cells_data + {tables.place(coefficients)}))",
+        "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
     }
     if with_tangents:
         rows, index = tangents(coefficients, spacing)
@@ -138,14 +141,14 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
 def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     """The fields of `Patch` in their order."""
     nodes = np.zeros(len(patch.c), _NODE)
-    vectors = np.concatenate([patch.c[:, None], patch.n[:, None], patch.tangents, patch.bends], 1)
-    nodes["vectors"][..., :3], nodes["loads"][:, :7] = vectors, patch.loads
+    nodes["c"], nodes["first"][:, 0], nodes["first"][:, 1:] = patch.c, patch.n, patch.tangents
+    nodes["bends"], nodes["loads"][:, :7] = patch.bends, patch.loads
     patterns, kind = np.unique(1.0 - patch.present, axis=0, return_inverse=True)
     whole = np.zeros((1, patch.present.shape[1]))
     sizes = np.diff(patch.blocks)
     groups = _groups(patch)
-    place = np.arange(len(patch.corners)) + np.repeat(_LANES * groups[:-1] - patch.blocks[:-1], sizes)
-    cells = np.zeros(_LANES * groups[-1], _CELL)
+    place = np.arange(len(patch.corners)) + np.repeat(_BOXES * groups[:-1] - patch.blocks[:-1], sizes)
+    cells = np.zeros(_BOXES * groups[-1], _CELL)
     cells["corners"][place], cells["rim"][place] = patch.corners, patch.rim
     cells["present"][place] = np.where((patch.present == 1.0).all(axis=1), 0, kind.ravel() + 1)
     corners = np.concatenate([patch.c[:, None], patch.tangents], 1)[patch.corners].reshape(-1, 12, 3)
@@ -155,23 +158,23 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
         ("Node", nodes),
         ("Cell", cells),
         ("Boxes", _boxes([*points], place, len(cells))),
-        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // _LANES) * _LANES)),
+        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // _BOXES) * _BOXES)),
         ("Block", np.stack([groups[:-1], groups[1:]], 1).astype("i4")),
         ("unsigned char", patch.known.astype("u1")),
     )
     pointers = [f"(const {kind} *)(cells_data + {tables.place(array)})" for kind, array in tables_of]
     shares = tables.place(1.0 - np.concatenate([whole, patterns]))
     pointers.append(f"(const double (*)[SUB_POINTS])(cells_data + {shares})")
-    return f"{{{', '.join([*pointers, str(len(nodes)), str(len(spans))])}}}"
+    return f"{{{', '.join([*pointers, str(len(spans))])}}}"
 
 
 def _groups(patch: CellPatch) -> np.ndarray:
-    """The first box of cells, four together, of each block (b + 1,)."""
-    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // _LANES))])
+    """The first of the boxes of cells, `_BOXES` together, of each block (b + 1,)."""
+    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // _BOXES))])
 
 
-def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> Array:
-    """Middle, two half sides, what lies beyond them, and how far all of it reaches: of `count` boxes, four together.
+def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> np.ndarray:
+    """Middle, two half sides, what lies beyond them, how far all of it reaches: of `count` boxes, `_BOXES` together.
 
     Those at `place` are flat parallelograms about spans of points (m, 3), along their main directions; others are none.
     """
@@ -185,4 +188,4 @@ def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> Array:
         beyond = half[2] + _FACETED_MM
         sides = half[:2, None] * frame[:2]
         rows[k] = [*(0.5 * (low + high) @ frame), *sides.ravel(), beyond, np.hypot(*half[:2]) + beyond]
-    return rows.reshape(-1, _LANES, 11).transpose(0, 2, 1).copy()
+    return rows.reshape(-1, _BOXES, 11).transpose(0, 2, 1).astype(np.float32)

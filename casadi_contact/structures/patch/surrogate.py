@@ -142,7 +142,7 @@ class PatchSurrogate(Surrogate):
     def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
         """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
         s, ds = self._network(root_name(part.name), poses, part, derivative=derivative)
-        s = s.reshape(len(poses), -1)
+        s = s if s.ndim == 2 else s[:, None]
         return s, ds.reshape(len(ds), s.shape[1], 6) if derivative else np.empty((0, s.shape[1], 6))
 
     def _ratios(
@@ -192,8 +192,8 @@ class PatchSurrogate(Surrogate):
         return wrenches, jacobian
 
     def _spot_counts(self) -> list[int]:
-        """Number of spots of each part."""
-        return [self.networks[name].outputs for name in self._root_networks()]
+        """Number of spots of each part, 1 where its root network is missing."""
+        return [self.networks[name].outputs if name in self.networks else 1 for name in self._root_networks()]
 
     def _root_count(self) -> int:
         return sum(self._spot_counts())

@@ -16,9 +16,9 @@ END = "<!-- end of numbers -->"
 def headline(data: Path) -> str:
     """Five numbers of the knee, with the command that measured each and the machine."""
     walking = read_evaluation(data / "evaluation.json")["walking"]
-    own, fine = walking["models"]["patch"], walking["models"][f"EF {walking['fine']}"]
+    own, fine = walking["models"]["trunk"], walking["models"][f"EF {walking['fine']}"]
     speed = read_kernel_speed(data / "kernel_speed.json")
-    times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
+    times = {k: v["low_us"] for k, v in speed["surrogates"]["trunk"]["microseconds"].items()}
     poses = json.loads((data / "pose_estimation" / "reference.json").read_text("utf-8"))
     kernel = ", ".join(number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
     ratios = [fine["converged"][kind] / own["converged"][kind] for kind in ("force", "torque")]

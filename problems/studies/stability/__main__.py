@@ -39,7 +39,7 @@ def run(
     rows: Annotated[str, typer.Option(help="rows to measure, separated by commas")] = ",".join(map(str, FAILURES)),
     count: Annotated[int, typer.Option(min=1, help="starts of row 1, for each distance")] = 200,
     quick: Annotated[bool, typer.Option("--quick", help="fewer starts and poses: a minute or two")] = False,
-    patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee",
+    patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee_patch",
     two_stage: Annotated[str, typer.Option(help="the same in two stages")] = "knee_two_stage",
     scheduler: Scheduler = None,
 ) -> None:

@@ -1,6 +1,6 @@
 /* Reads poses (six numbers each: $pose) from standard input, or takes a built-in one with the argument "demo".
  * Prints the loads of each pose, its Jacobian (one row per load), and the Hessian of the sum of all loads. Says on
- * standard error, and by the exit status 1, where a pose is not one that the model is made for. */
+ * standard error, and by the exit status 1, where a pose is not one that the model is made for; by 2 where six numbers do not follow. */
 #include <stdio.h>
 #include <string.h>
 
@@ -41,10 +41,16 @@ static int demo(const double pose[6]) {
 
 int main(int argc, char **argv) {
   double pose[6] = {$example_pose};
-  int failed = 0;
+  int failed = 0, found;
   if (argc > 1 && strcmp(argv[1], "demo") == 0) return demo(pose);
-  while (scanf("%lf %lf %lf %lf %lf %lf", pose, pose + 1, pose + 2, pose + 3, pose + 4, pose + 5) == 6) {
+  if (argc > 1) {
+    fprintf(stderr, "got the argument %s, expected demo, or none and poses on standard input\n", argv[1]);
+    return 2;
+  }
+  while ((found = scanf("%lf %lf %lf %lf %lf %lf", pose, pose + 1, pose + 2, pose + 3, pose + 4, pose + 5)) == 6) {
     failed |= evaluate(pose);
   }
-  return failed;
+  if (found == EOF) return failed;
+  fprintf(stderr, "got a pose of %d numbers, expected six\n", found);
+  return 2;
 }
