@@ -21,8 +21,8 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
 
     not found      IPOPT stopped, or left the balance open
     infeasible     solved, but only by reserves above their size, and a linear program proves that no activations and no
-                   contact forces at that pose do without (`proof`); with compliant tendons or a patella, which it
-                   does not know, nothing is proved
+                   contact forces at that pose do without (`proof`); with compliant tendons, a patella or a surrogate
+                   that knows no wrench of one side nothing is proved
     overloaded     solved likewise, but muscles and contact could do without: the rules of co-contraction forbid it, or
                    activations near their bounds cost more than reserves
     outside ...    of the learned range, by how much in what; the foundation (``--scene``) knows no such range
@@ -39,7 +39,7 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
         said = [f"muscles and contact leave {', '.join(over)} to reserves"] if over else []
         if result.soleus is not None and result.soleus[k] > 1.0:
             said.append(f"the ankle asks {result.soleus[k]:.2g} times its greatest force of soleus")
-        reason[k] = _overload(problem, result, k, " and ".join(said))
+        reason[k] = _overload(problem, result, int(k), " and ".join(said))
     beyond = reasons(problem.contact_model, result.poses, verdict)
     both = (reason != "") & (beyond != "")
     reason = np.where(both, reason + "; " + beyond, np.where(reason != "", reason, beyond))
@@ -50,7 +50,8 @@ def _overload(problem: MuscleContact, result: MuscleContactResult, frame: int, l
     """What is left to reserves in a frame, and whether a linear program says that it has to be."""
     capacity, forces = problem.capacity, result.muscle_forces_n[frame]
     rigid = capacity.active_n[frame] * result.activations[frame] + capacity.passive_n[frame]
-    if problem.extensor is not None or np.abs(forces - rigid).max() > _RIGID_N:
+    alike = problem.extensor is None and np.abs(forces - rigid).max() <= _RIGID_N
+    if not alike or not hasattr(problem.contact_model, "wrenches"):
         return f"infeasible: {left} (not proved)"
     least = least_overload(problem, result.poses[frame], frame)
     if least > 1.0:

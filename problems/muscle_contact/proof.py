@@ -11,6 +11,8 @@ nothing of co-contraction, and holds for the lines of contact at that pose.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.optimize import linprog
 
@@ -22,7 +24,8 @@ _LEAST_N = 1.0  # a side that carries less has no line of its own: it pushes upr
 
 
 def least_overload(problem: MuscleContact, pose: Array, frame: int) -> float:
-    """Least t of a frame at a pose (6,), for muscles with rigid tendons along the walk's arms.
+    """Least t of a frame at a pose (6,), for muscles with rigid tendons along the walk's arms, and a contact model that
+    gives a wrench for each side (``wrenches``).
 
     Raises RuntimeError where the linear program is not solved.
     """
@@ -46,7 +49,7 @@ def least_overload(problem: MuscleContact, pose: Array, frame: int) -> float:
 
 def _lines(problem: MuscleContact, pose: Array) -> Array:
     """Load on the femur (b, sides) [N, N·m] of balanced coordinates per newton of each side's force."""
-    model = problem.contact_model
+    model: Any = problem.contact_model
     wrenches = model.wrenches(pose[None])[0]  # (sides, 6) on the insert
     columns = []
     for wrench, z in zip(wrenches, model.scene.anchors_mm[:, 2], strict=True):
