@@ -48,7 +48,7 @@ RESERVE_SIZES = {
     "knee_rotation": 10.0,
     "knee_flexion": 1.0,
 }
-STAYING = 1e-4  # of the patella where it began, at the cost of a load of 30 N: nothing else holds it where it floats
+HELD_N = 0.01  # on the patella for each move from where it began that a load of 30 N would make
 MARGIN_MM = 20.0  # two standard deviations of where the load passes the knee from step to step (see docs)
 LEAST_SQUARES: dict[str, Any] = {"exponent": 2.0, "margin_mm": 0.0, "share_heads": False, "ankle": False}
 _MAY_MOVE = ("tx", "ty", "tz", "rx")
@@ -166,12 +166,14 @@ def build(
     sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
     stand_ins = ca.mtimes(sizes, reserves)
 
+    resting = ca.MX.sym("resting", patellar, frames)
     rows, by_patella, direct = _Rows(), ca.MX.zeros(len(COORDINATES), frames), np.ones(count)
     if extensor is not None:
         through = quadriceps(muscles.names)
         direct[through] = 0.0
         by_patella, left, patella = extensor.balance(knee.pose, patella, ca.sum1(forces[through, :]))
-        rows.add(0.1 * left, 0.0, 0.0)
+        held = HELD_N * (variables[int(ends[5]) :, :] - resting)  # where nothing presses it, it may turn freely
+        rows.add(0.1 * (left - held), 0.0, 0.0)
     for row, name in enumerate(balanced):
         pull = ca.sum1(ca.DM((direct * walk.arms[name]).T) * forces) + by_patella[list(COORDINATES).index(name), :]
         load = pull + contact[row, :] + stand_ins[row, :]
@@ -193,9 +195,7 @@ def build(
     volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
     weights = volumes / volumes.mean() if by_volume else np.ones(count)
     objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
-    x, resting = ca.vec(variables), ca.MX.sym("resting", patellar, frames)
-    if extensor is not None:
-        objective += STAYING * ca.sumsqr(variables[int(ends[5]) :, :] - resting)
+    x = ca.vec(variables)
 
     start, lower, upper = np.zeros((3, frames, int(ends[-1])))
     driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
