@@ -10,7 +10,7 @@ from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
 from problems.muscle_contact.knee_coordinates import coordinate_unit
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
-from problems.muscle_contact.proof import least_overload
+from problems.muscle_contact.proof import SidesApart, least_overload
 from problems.muscle_contact.solve import MuscleContactResult
 
 _RIGID_N = 0.1
@@ -39,7 +39,7 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
         said = [f"muscles and contact leave {', '.join(over)} to reserves"] if over else []
         if result.soleus is not None and result.soleus[k] > 1.0:
             said.append(f"the ankle asks {result.soleus[k]:.2g} times its greatest force of soleus")
-        reason[k] = _overload(problem, result, k, " and ".join(said))
+        reason[k] = _overload(problem, result, int(k), " and ".join(said))
     beyond = reasons(problem.contact_model, result.poses, verdict)
     both = (reason != "") & (beyond != "")
     reason = np.where(both, reason + "; " + beyond, np.where(reason != "", reason, beyond))
@@ -50,9 +50,10 @@ def _overload(problem: MuscleContact, result: MuscleContactResult, frame: int, l
     """What is left to reserves in a frame, and whether a linear program says that it has to be."""
     capacity, forces = problem.capacity, result.muscle_forces_n[frame]
     rigid = capacity.active_n[frame] * result.activations[frame] + capacity.passive_n[frame]
-    if problem.extensor is not None or np.abs(forces - rigid).max() > _RIGID_N:
+    model, elastic = problem.contact_model, np.abs(forces - rigid).max() > _RIGID_N
+    if problem.extensor is not None or elastic or not isinstance(model, SidesApart):
         return f"infeasible: {left} (not proved)"
-    least = least_overload(problem, result.poses[frame], frame)
+    least = least_overload(problem, model, result.poses[frame], frame)
     if least > 1.0:
         return f"infeasible: {left}, proved to give at least {least:.2g} times their size at this pose"
     return f"overloaded: {left}, and could do without, but not by the rules of co-contraction or at their price"
