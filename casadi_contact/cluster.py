@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+import traceback
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
@@ -38,17 +40,37 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
         client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
-    with client:
+    with _quiet("distributed.client"), client:
         _check_versions(client, address)
         try:
             yield client.get_executor()
         except CancelledError:
             raise ConnectionError(f"the scheduler at {address} was lost: run the same command again to go on") from None
+        except TypeError as error:
+            # Where a worker or the scheduler dies between a result's arrival and its delivery, Dask's executor takes
+            # the result for an error, and apart.
+            if not traceback.extract_tb(error.__traceback__)[-1].filename.endswith("cfexecutor.py"):
+                raise
+            raise ConnectionError(
+                f"a result from the scheduler at {address} was lost: run the same command again to go on"
+            ) from None
         except distributed.KilledWorker as error:
             raise ChildProcessError(
                 f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
                 "run the same command again to go on"
             ) from None
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No errors of a logger in this block: Dask logs a traceback for what is raised here as one line."""
+    log = logging.getLogger(name)
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _address(scheduler: str) -> str:

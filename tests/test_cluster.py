@@ -82,7 +82,7 @@ def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_mach
         np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
 
 
-def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path):
+def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path, caplog):
     path = tmp_path / "samples.h5"
 
     def lose(done, total):
@@ -92,6 +92,7 @@ def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path
     with pytest.raises(ConnectionError, match="was lost: run the same command again"):  # noqa: SIM117
         with cluster_workers(cluster.scheduler_address) as executor:
             draw(path, executor, progress=lose)
+    assert not [record for record in caplog.records if record.name == "distributed.client"], "no traceback beside it"
     assert len(list(partial_folder(path).glob("*.npz"))) >= 3
     with ThreadPoolExecutor(1) as executor:
         draw(path, executor)

@@ -10,7 +10,7 @@ from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
 from problems.muscle_contact.knee_coordinates import coordinate_unit
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
-from problems.muscle_contact.proof import least_overload
+from problems.muscle_contact.proof import SidesApart, least_overload
 from problems.muscle_contact.solve import MuscleContactResult
 
 _RIGID_N = 0.1
@@ -21,8 +21,8 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
 
     not found      IPOPT stopped, or left the balance open
     infeasible     solved, but only by reserves above their size, and a linear program proves that no activations and no
-                   contact forces at that pose do without (`proof`); with compliant tendons, a patella or a surrogate
-                   that knows no wrench of one side nothing is proved
+                   contact forces at that pose do without (`proof`); with compliant tendons or a patella, which it
+                   does not know, nothing is proved
     overloaded     solved likewise, but muscles and contact could do without: the rules of co-contraction forbid it, or
                    activations near their bounds cost more than reserves
     outside ...    of the learned range, by how much in what; the foundation (``--scene``) knows no such range
@@ -50,10 +50,10 @@ def _overload(problem: MuscleContact, result: MuscleContactResult, frame: int, l
     """What is left to reserves in a frame, and whether a linear program says that it has to be."""
     capacity, forces = problem.capacity, result.muscle_forces_n[frame]
     rigid = capacity.active_n[frame] * result.activations[frame] + capacity.passive_n[frame]
-    alike = problem.extensor is None and np.abs(forces - rigid).max() <= _RIGID_N
-    if not alike or not hasattr(problem.contact_model, "wrenches"):
+    model, elastic = problem.contact_model, np.abs(forces - rigid).max() > _RIGID_N
+    if problem.extensor is not None or elastic or not isinstance(model, SidesApart):
         return f"infeasible: {left} (not proved)"
-    least = least_overload(problem, result.poses[frame], frame)
+    least = least_overload(problem, model, result.poses[frame], frame)
     if least > 1.0:
         return f"infeasible: {left}, proved to give at least {least:.2g} times their size at this pose"
     return f"overloaded: {left}, and could do without, but not by the rules of co-contraction or at their price"

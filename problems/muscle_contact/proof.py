@@ -11,28 +11,38 @@ nothing of co-contraction, and holds for the lines of contact at that pose.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.optimize import linprog
 
 from casadi_contact.conventions import Array
+from casadi_contact.scenes import Scene
 from problems.muscle_contact.knee_coordinates import contact_on_femur
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 
 _LEAST_N = 1.0  # a side that carries less has no line of its own: it pushes upright at its place
 
 
-def least_overload(problem: MuscleContact, pose: Array, frame: int) -> float:
-    """Least t of a frame at a pose (6,), for muscles with rigid tendons along the walk's arms, and a contact model that
-    gives a wrench for each side (``wrenches``).
+@runtime_checkable
+class SidesApart(Protocol):
+    """A contact model that knows each side's wrench, which surrogates in two stages do not."""
+
+    scene: Scene
+
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench (n, sides, 6) of each side [N, N·mm]."""
+
+
+def least_overload(problem: MuscleContact, model: SidesApart, pose: Array, frame: int) -> float:
+    """Least t of a frame at a pose (6,), for muscles with rigid tendons along the walk's arms.
 
     Raises RuntimeError where the linear program is not solved.
     """
     walk, capacity, names = problem.walk, problem.capacity, problem.balanced
     sizes = np.array([RESERVE_SIZES[name] for name in names])
     arms = np.array([walk.arms[name][frame] for name in names])
-    given = np.hstack([arms * capacity.active_n[frame], _lines(problem, pose)]) / sizes[:, None]
+    given = np.hstack([arms * capacity.active_n[frame], _lines(problem, model, pose)]) / sizes[:, None]
     wanted = (np.array([walk.loads[name][frame] for name in names]) - arms @ capacity.passive_n[frame]) / sizes
     muscles, variables = arms.shape[1], given.shape[1]
     overload = np.ones((len(names), 1))
@@ -47,9 +57,8 @@ def least_overload(problem: MuscleContact, pose: Array, frame: int) -> float:
     return float(found.fun)
 
 
-def _lines(problem: MuscleContact, pose: Array) -> Array:
+def _lines(problem: MuscleContact, model: SidesApart, pose: Array) -> Array:
     """Load on the femur (b, sides) [N, N·m] of balanced coordinates per newton of each side's force."""
-    model: Any = problem.contact_model
     wrenches = model.wrenches(pose[None])[0]  # (sides, 6) on the insert
     columns = []
     for wrench, z in zip(wrenches, model.scene.anchors_mm[:, 2], strict=True):

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import casadi as ca
 import numpy as np
 import typer
 
@@ -90,6 +91,13 @@ def errors(
         print(f"{name:40s} RMS {np.round(rms, 2)}, largest {np.round(worst, 1)}")
 
 
+def all_three(function: ca.Function) -> ca.Function:
+    """pose, λ -> loads, their Jacobian and the Hessian of λᵀ·loads: what an optimiser asks for in a pose."""
+    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
+    outputs = [function(pose), jacobian_of(function)(pose), lagrangian_hessian(function)(pose, weights)]
+    return ca.Function("all_three", [pose, weights], outputs)
+
+
 def times(models: dict[str, cc.CellFoundation | cc.ElasticFoundation], poses: np.ndarray) -> None:
     """Value, Jacobian and Hessian of the kernels, and values of the element grids, in turn."""
     measures = {}
@@ -102,6 +110,7 @@ def times(models: dict[str, cc.CellFoundation | cc.ElasticFoundation], poses: np
         measures[f"{name}, value"] = partial(time_single_calls, function, poses)
         measures[f"{name}, Jacobian"] = partial(time_single_calls, jacobian_of(function), poses)
         measures[f"{name}, Hessian"] = partial(time_single_calls, lagrangian_hessian(function), poses, weights)
+        measures[f"{name}, all three in a pose"] = partial(time_single_calls, all_three(function), poses, weights)
     with one_thread():
         for name, timing in compare(measures, 15).items():
             print(f"{name:52s} {timing.median_us:8.1f} µs, at best {timing.low_us:.1f}")

@@ -19,15 +19,15 @@ import casadi_contact as cc
 from casadi_contact.cluster import cluster_workers
 from casadi_contact.presets import PRESETS
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling import SamplingSettings, draw_samples, reference_motion
+from casadi_contact.sampling import PAPER_COUNTS, SamplingSettings, draw_samples, reference_motion
 from casadi_contact.sampling.chunk import plan_chunks
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 
 SCENE = "knee"
 CHUNK = 100  # samples of a task here; a preset's has 500
-PLAN, FIRST_PLAN = {"D1": 24}, {"D1": 3}  # each of them about a hundred samples of D1
-ROUNDS = 1
+PLAN, FIRST_PLAN = {**dict.fromkeys(PAPER_COUNTS, 0), "D1": 3000}, {"D1": 400}
+ROUNDS = 2
 
 
 @pytest.fixture(scope="module")

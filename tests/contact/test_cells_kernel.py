@@ -54,6 +54,20 @@ def test_hessians_are_the_derivatives_of_the_jacobians(pair):
     check_hessians(compiled, poses)
 
 
+def test_loads_are_the_same_to_the_last_bit_whatever_was_asked_before_in_a_pose(pair):
+    """The kernel keeps what it found in a pose, for the Jacobian and the Hessian there."""
+    compiled, _, poses = pair
+    weights = np.ones(len(compiled.load_names))
+    for pose, other in zip(poses, np.roll(poses, 1, axis=0), strict=True):
+        compiled.hessian(other, weights)
+        after_value = compiled(pose), *compiled.jacobian(pose), compiled.hessian(pose, weights)
+        compiled.hessian(other, weights)
+        hessian = compiled.hessian(pose, weights)
+        before_value = *compiled.jacobian(pose), compiled(pose)
+        for first, second in zip(after_value, (before_value[2], *before_value[:2], hessian), strict=True):
+            np.testing.assert_array_equal(first, second)
+
+
 def test_a_batch_gives_each_pose_s_loads_and_a_pose_that_is_not_a_number_gives_none():
     model = cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE)
     poses = np.array([*CUP_POSES, [*CUP_POSES[0][:5], np.nan]])

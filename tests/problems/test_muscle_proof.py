@@ -29,7 +29,8 @@ def posed(knee, **more):
 
 
 def test_a_frame_that_balances_needs_no_overload(knee):
-    assert least_overload(*posed(knee), FRAME) == pytest.approx(0.0, abs=1e-9)
+    problem, pose = posed(knee)
+    assert least_overload(problem, problem.contact_model, pose, FRAME) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_pull_that_neither_muscles_nor_contact_give_falls_to_the_reserve(knee):
@@ -39,7 +40,7 @@ def test_a_pull_that_neither_muscles_nor_contact_give_falls_to_the_reserve(knee)
     all_pull = (walk.arms["knee_ty"] * (capacity.active_n + capacity.passive_n))[FRAME].sum()
     missing = all_pull - walk.loads["knee_ty"][FRAME]
     assert missing > 1e4
-    least = least_overload(problem, pose, FRAME)
+    least = least_overload(problem, problem.contact_model, pose, FRAME)
     assert least >= missing / RESERVE_SIZES["knee_ty"] * (1.0 - 1e-9)
 
 
@@ -49,5 +50,5 @@ def test_the_bound_is_below_what_the_optimiser_leaves_to_reserves(knee):
     result = muscle_contact.solve(problem)
     assert result.overloaded.all()
     shares = [np.abs(curve[FRAME]) / RESERVE_SIZES[name] for name, curve in result.reserves.items()]
-    least = least_overload(problem, result.poses[FRAME], FRAME)
+    least = least_overload(problem, problem.contact_model, result.poses[FRAME], FRAME)
     assert 1.0 < least <= max(shares) * (1.0 + 1e-6)

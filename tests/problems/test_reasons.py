@@ -65,7 +65,7 @@ def test_a_muscle_problem_that_muscles_cannot_balance_is_infeasible_and_says_wha
     for k in range(len(told.reason)):
         assert ("muscles and contact leave" in told.reason[k]) == result.overloaded[k]
         if result.overloaded[k]:
-            least = least_overload(problem, result.poses[k], k)
+            least = least_overload(problem, problem.contact_model, result.poses[k], k)
             assert told.reason[k].startswith("infeasible: " if least > 1.0 else "overloaded: ")
     assert any(" of knee_" in reason for reason in told.reason)
     kinds = {reason.partition(":")[0] for reason in told.reason[result.overloaded]}
