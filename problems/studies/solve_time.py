@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from math import prod
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -43,8 +42,8 @@ app = new_app()
 def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
     """Time of the whole solution [µs a frame], start and settling included, and RMS errors of the loads there.
 
-    Models: grids of elements up to the scene's fine one (their Hessians are differences of the Jacobian), foundations
-    from coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails.
+    Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
+    coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails.
     """
     grid = converged_elements(scene)
     truth, frames = ElasticFoundation(scene, grid), len(cycle.time_s)
@@ -77,10 +76,8 @@ def draw(front: Front) -> object:
 
 
 def _candidates(scene: Scene) -> Iterator[Candidate]:
-    for candidate in untrained_candidates(scene):
-        grid = getattr(candidate.model, "grid", None)
-        if grid is None or prod(grid) <= prod(scene.grids["fine"]):
-            yield candidate
+    grids = (None, scene.grids["coarse"], scene.grids["fine"])
+    yield from (each for each in untrained_candidates(scene) if getattr(each.model, "grid", None) in grids)
     for name in ready_surrogates():
         surrogate = load_surrogate(name)
         if surrogate.scene.digest == scene.digest:
