@@ -98,27 +98,36 @@ INLINE Spot highest(const Surfaces *s, const Place *p, Spot spot, int what) {
   return spot;
 }
 
-/* The point of the patch nearest to the body, from the lowest of a point and a few spread over the patch. */
+/* The point of the patch nearest to the body, from the lowest of a point and the starts; where the body lies nearly as
+ * flat as the patch, from each row of starts. */
 FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, double u, double v) {
-  Spot spot = spot_at(s, p, u, v, AT_START);
-  double low[2], high[2], lowest = -spot.depth;
+  Spot best = spot_at(s, p, u, v, AT_START);
+  double low[2], high[2], least[STARTS], along[STARTS], across[STARTS], gauss;
+  int lowest = 0;
   box_of(s, low, high);
-  for (int i = 0; i < STARTS; i += BLOCK) {
-    const Lanes across = low[1] + (high[1] - low[1]) * lanes_at(starts_v + i);
-    const Lanes w = low[0] + (high[0] - low[0]) * lanes_at(starts_w + i);
-#if CURVED_RIM
-    const Lanes along = w * (s->offset + s->rho_sign * root(s->radius * s->radius - across * across));
-#else
-    const Lanes along = w;
-#endif
-    Ray ray;
-    cast(s, p, along, across, AT_START, &ray);
-    for (int l = 0; l < BLOCK; l++) {
-      if (ray.g[l] < lowest) lowest = ray.g[l], u = along[l], v = across[l];
+  for (int row = 0; row < STARTS; row++) {
+    double stretch[3];
+    across[row] = low[1] + (high[1] - low[1]) * starts[row], least[row] = 1e300, along[row] = u;
+    stretch_of(s, across[row], stretch);
+    for (int i = 0; i < STARTS; i += BLOCK) {
+      const Lanes places = (low[0] + (high[0] - low[0]) * lanes_at(starts + i)) * stretch[0];
+      Ray ray;
+      cast(s, p, places, all(across[row]), AT_START, &ray);
+      for (int l = 0; l < BLOCK && i + l < STARTS; l++) {
+        if (ray.g[l] < least[row]) least[row] = ray.g[l], along[row] = places[l];
+      }
     }
+    if (least[row] < least[lowest]) lowest = row;
   }
-  if (lowest < -spot.depth) spot = spot_at(s, p, u, v, AT_START);
-  return highest(s, p, spot, AT_START);
+  if (least[lowest] < -best.depth) best = spot_at(s, p, along[lowest], across[lowest], AT_START);
+  best = highest(s, p, best, AT_START);
+  gauss = best.curvature[0] * best.curvature[2] - best.curvature[1] * best.curvature[1];
+  if (best.curvature[0] > 0.0 && gauss > SINGLE * best.kappa / (s->tube_radius - best.depth)) return best;
+  for (int row = 0; row < STARTS; row++) {
+    const Spot other = highest(s, p, spot_at(s, p, along[row], across[row], AT_START), AT_START);
+    if (other.depth > best.depth) best = other;
+  }
+  return best;
 }
 
 /* The deepest point along the rays: at the rim it is not the nearest one, from which the search for it runs. */

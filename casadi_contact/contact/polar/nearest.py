@@ -2,8 +2,8 @@
 
 Minimum of the distance g over the patch, by Newton's method with a trust region (Nocedal and Wright, Numerical
 Optimization, Alg. 4.1) in coordinates that make the rim a box (`rim`): each step minimises the quadratic model of g
-within the box and the trust region, by coordinates in turn. Of a strongly tilted body g may have several minima: the
-search starts from the lowest of the point given and a few spread over the patch.
+within the box and the trust region, by coordinates in turn. Of a strongly tilted body g may have several minima: a few
+starts are spread over the patch.
 """
 
 from __future__ import annotations
@@ -19,19 +19,39 @@ from casadi_contact.conventions import Array
 SEARCH_STEPS = 40  # at most: the usual search ends after one to three
 SWEEPS = 3  # over the coordinates of a step
 LAST_STEP = 1e-6  # part of the patch: a step so short is the last one
-_ACROSS = np.linspace(0.0, 1.0, 4)
-STARTS = np.stack(np.meshgrid(_ACROSS, _ACROSS), -1).reshape(-1, 2)  # (16, 2), parts of the box, on the rim too
+SINGLE = (
+    0.05  # curvature relative to the fixed surface, as a part of the body's own, below which there may be minima more
+)
+ACROSS = np.linspace(0.0, 1.0, 4)  # starts, as parts of the rim's box in w and v, on the rim too
 
 
 def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
-    """The point of the patch nearest to the body (`spot_at` with at_start), from the lowest of (u, v) and `STARTS`."""
+    """The point of the patch nearest to the body (`spot_at` with at_start).
+
+    From the lowest of (u, v) and the starts; where the body lies nearly as flat as the patch, from each row of starts.
+    """
     low, high = rim_box(patch)
-    w, across = (low + (high - low) * STARTS).T
-    starts_u = np.concatenate([u[:, None], np.broadcast_to(w * stretch(patch, across)[0], (len(u), len(w)))], 1)
-    starts_v = np.concatenate([v[:, None], np.broadcast_to(across, (len(u), len(w)))], 1)
-    g = ray_ends(patch, R, t, starts_u, starts_v, at_start=True).g
-    best = (np.arange(len(u)), np.argmin(g, axis=1))
-    return highest(patch, R, t, starts_u[best], starts_v[best], at_start=True)
+    w, across = np.meshgrid(*(low[:, None] + (high - low)[:, None] * ACROSS))
+    shape = (len(u), *w.shape)
+    starts = np.stack([np.broadcast_to(w * stretch(patch, across)[0], shape), np.broadcast_to(across, shape)])
+    g = ray_ends(patch, R, t, *starts, at_start=True).g
+    row, column = np.divmod(np.argmin(g.reshape(len(u), -1), axis=1), len(ACROSS))
+    n = np.arange(len(u))
+    given = ray_ends(patch, R, t, u, v, at_start=True).g <= g[n, row, column]
+    found = highest(patch, R, t, *np.where(given, [u, v], starts[:, n, row, column]), at_start=True)
+    k, ends = found.curvature, found.ends
+    single = (k[:, 0, 0] > 0.0) & (np.linalg.det(k) > SINGLE * ends.kappa_1 * ends.kappa_2)
+    several = np.flatnonzero(~single)
+    if not len(several):
+        return found
+    best_u, best_v, depth = found.u.copy(), found.v.copy(), found.depth.copy()
+    for row, along in enumerate(np.argmin(g[several], axis=2).T):
+        there = starts[:, several, row, along]
+        other = highest(patch, R[several], t[several], *there, at_start=True)
+        deeper = other.depth > depth[several]
+        rows = several[deeper]
+        best_u[rows], best_v[rows], depth[rows] = other.u[deeper], other.v[deeper], other.depth[deeper]
+    return spot_at(patch, R, t, best_u, best_v, at_start=True)
 
 
 def deepest_within(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:

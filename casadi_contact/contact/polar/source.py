@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.polar.middle import MIDDLE_STEPS, OFF_TOP
-from casadi_contact.contact.polar.nearest import LAST_STEP, SEARCH_STEPS, STARTS, SWEEPS
+from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import BRACKET_STEPS, EDGE_STEPS, SETTLED, Rays
 from casadi_contact.transcription.kernel.source import c_text
@@ -35,15 +35,15 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "SWEEPS": SWEEPS,
         "LAST_STEP": LAST_STEP,
         "OFF_TOP": OFF_TOP,
-        "STARTS": len(STARTS),
+        "SINGLE": SINGLE,
+        "STARTS": len(ACROSS),
     }
     tables = {
         "ray_cos[RAYS]": np.cos(angle),
         "ray_sin[RAYS]": np.sin(angle),
         "gauss_x[GAUSS]": 0.5 * (1.0 + x),
         "gauss_w[GAUSS]": 0.5 * weight,
-        "starts_w[STARTS]": STARTS[:, 0],
-        "starts_v[STARTS]": STARTS[:, 1],
+        "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
     }
     return "\n".join(
         [
