@@ -13,8 +13,8 @@ from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.polar.ends import fixed_point
-from casadi_contact.contact.polar.middle import u_range
 from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import Array
 from casadi_contact.live.triangles import Triangles
 

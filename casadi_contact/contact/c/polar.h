@@ -113,12 +113,13 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
   add_turning(force, arms, h);
 }
 
-/* Second derivatives by twist of the gap at its nearest point (u, v), which slides along the patch as the body moves:
- * g_ab - g_ia (g_ij)^-1 g_jb over the chart's coordinates i, j that the rim leaves free. */
+/* Second derivatives by twist of the gap at its nearest point, which slides along the patch as the body moves:
+ * g_ab - g_ia (g_ij)^-1 g_jb over those of the coordinates w and v that the rim leaves free. */
 INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray, const Lanes arm[3], double h[6][6]) {
-  const double k_1 = 1.0 / (s->tube_radius + ray->g[0]), k_2 = ray->kappa[0], *k = nearest->curvature, nudge = 1e-9;
+  const double k_1 = 1.0 / (s->tube_radius + ray->g[0]), k_2 = ray->kappa[0], nudge = 1e-9;
+  const Charted slide = charted(s, nearest);
   Lanes turned[6], twist_across[6], twist_along[6];
-  double gradient[3], across[3], along[3], mixed[2][6], arms[3][3], k_uv, inverse;
+  double gradient[3], across[3], along[3], mixed[2][6], arms[3][3], k[2], k_wv, inverse;
   int free[2];
   twist_of(ray->across, arm, twist_across);
   twist_of(ray->along, arm, twist_along);
@@ -133,7 +134,7 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
   }
   add_turning(gradient, arms, h);
   for (int i = 0; i < 2; i++) {
-    const double *tau = nearest->tangent[i];
+    const double *tau = slide.tangent[i];
     const Lanes tangent[3] = {all(tau[0]), all(tau[1]), all(tau[2])};
     const double over = k_1 * dot3(tau, across), on = k_2 * dot3(tau, along);
     twist_of(tangent, ray->gradient, turned);
@@ -142,14 +143,17 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
     }
   }
   free[0] = is_within(s, nearest->u - nudge, nearest->v) && is_within(s, nearest->u + nudge, nearest->v);
-  free[1] = is_within(s, nearest->u, nearest->v - nudge) && is_within(s, nearest->u, nearest->v + nudge);
-  for (int b = 0; b < 6; b++) mixed[0][b] *= free[0], mixed[1][b] *= free[1];
-  k_uv = k[1] * free[0] * free[1];
-  inverse = 1.0 / larger(k[0] * k[2] - k_uv * k_uv, LEAST_CURVATURE * LEAST_CURVATURE);
+  free[1] = nearest->v - nudge >= s->v_low && nearest->v + nudge <= s->v_high;
+  for (int i = 0; i < 2; i++) {
+    k[i] = free[i] ? slide.curvature[2 * i] : 1.0;
+    for (int b = 0; b < 6; b++) mixed[i][b] *= free[i];
+  }
+  k_wv = slide.curvature[1] * free[0] * free[1];
+  inverse = 1.0 / larger(k[0] * k[1] - k_wv * k_wv, LEAST_CURVATURE * LEAST_CURVATURE);
   for (int a = 0; a < 6; a++) {
     for (int b = 0; b < 6; b++) {
-      h[a][b] -= inverse * (k[2] * mixed[0][a] * mixed[0][b] + k[0] * mixed[1][a] * mixed[1][b] -
-                            k_uv * (mixed[0][a] * mixed[1][b] + mixed[1][a] * mixed[0][b]));
+      h[a][b] -= inverse * (k[1] * mixed[0][a] * mixed[0][b] + k[0] * mixed[1][a] * mixed[1][b] -
+                            k_wv * (mixed[0][a] * mixed[1][b] + mixed[1][a] * mixed[0][b]));
     }
   }
 }
@@ -169,11 +173,11 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
                            PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
   const Place place = place_of(s, pose, frame);
-  Spot middle;
-  middle = middle_of(s, &place);
+  Spot middle, nearest;
+  const int touching = middle_of(s, &place, &middle, &nearest);
   memset(out, 0, sizeof *out);
-  if (!(middle.depth > 0.0) || order == GAPS) {
-    const Spot nearest = nearest_to(s, &place, &middle);
+  if (touching && order == GAPS) nearest = nearest_to(s, &place, middle.u, middle.v);
+  if (!touching || order == GAPS) {
     Lanes arm[3], push[6];
     Ray ray;
     cast(s, &place, all(nearest.u), all(nearest.v), AT_START, &ray);
@@ -183,7 +187,7 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     for (int k = 0; k < 6; k++) out->gap_slope[k] = -push[k][0];
     if (order == SECOND) gap_curvature(s, &nearest, &ray, arm, out->gap_curvature);
   }
-  if (middle.depth > 0.0 && order != GAPS) {
+  if (touching && order != GAPS) {
     Plan plan;
     Points points;
     plan_rays(s, &place, &middle, &plan);

@@ -24,15 +24,10 @@ INLINE void area_slope(const Surfaces *s, const Place *p, const Spot *m, const P
   for (int k = 0; k < 6; k++) slope[k] = sum_of(sum[k]);
 }
 
-INLINE double largest_depth(const Surfaces *s, const Place *p, double slope[6]) {
-  double u, v;
-  Spot spot;
+INLINE double largest_depth(const Surfaces *s, const Place *p, const Spot *middle, double slope[6]) {
+  const Spot spot = deepest_within(s, p, middle->u, middle->v);
   Lanes d[6];
   Ray ray;
-  deepest(s, p, &u, &v);
-  within(s, &u, &v);
-  spot = spot_at(s, p, u, v, TO_END);
-  spot = deepest_in_rim(s, p, &spot);
   cast(s, p, all(spot.u), all(spot.v), TO_END, &ray);
   depth_slope(p, &ray, d);
   for (int k = 0; k < 6; k++) slope[k] = d[k][0];
@@ -42,11 +37,11 @@ INLINE double largest_depth(const Surfaces *s, const Place *p, double slope[6]) 
 FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, double value[6], double slope[6][6]) {
   const Surfaces *s = surfaces + patch;
   const Place p = place_of(s, pose, frame);
-  const Spot middle = middle_of(s, &p);
+  Spot middle, nearest;
   Lanes sums[5] = {{0.0}}, rates[4][6] = {{{0.0}}};
   Plan plan;
   Points points;
-  if (!(middle.depth > 0.0)) return;
+  if (!middle_of(s, &p, &middle, &nearest)) return;
   plan_rays(s, &p, &middle, &plan);
   place_points(&middle, &plan, &points);
   for (int i = 0; i < points.count; i++) {
@@ -69,7 +64,7 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
     for (int a = 0; a < 6; a++) slope[1 + k][a] = sum_of(rates[k][a]);
   }
   area_slope(s, &p, &middle, &plan, slope[0]);
-  value[5] = largest_depth(s, &p, slope[5]);
+  value[5] = largest_depth(s, &p, &middle, slope[5]);
 #if TURNED
   turn_back_vectors(s->turn, value + 2, slope + 2);
   for (int k = 0; k < 6; k++) turn_back_row(s->turn, slope[k]);

@@ -19,10 +19,13 @@ INLINE Lanes rim_distance(const Surfaces *s, double u, double v, Lanes du, Lanes
   const Lanes along_v = larger_of((pick(dv > 0.0, all(s->v_high), all(s->v_low)) - v) / dv, all(0.0));
 #if CURVED_RIM
   Lanes distance = along_v;
-  for (int i = 0; i < RIM_STEPS; i++) {
-    const Lanes at = v + distance * dv;
-    const Lanes high = s->spread * (s->offset + s->rho_sign * root(s->radius * s->radius - at * at));
-    distance = smaller_of(along_v, larger_of((pick(du > 0.0, high, -high) - u) / du, all(0.0)));
+  for (int i = 0; i < 2; i++) {
+    const double side = i ? s->spread : -s->spread, from_centre = u - side * s->offset;
+    const Lanes a = du * du + side * side * dv * dv, b = du * from_centre + side * side * v * dv;
+    const double c = from_centre * from_centre - side * side * (s->radius * s->radius - v * v);
+    const Mask meets = s->rho_sign < 0.0 ? (b < 0.0) & (b * b > a * c) : (b == b);
+    const Lanes there = (s->rho_sign * root(larger_of(b * b - a * c, all(0.0))) - b) / a;
+    distance = pick(meets, smaller_of(distance, larger_of(there, all(0.0))), distance);
   }
   return distance;
 #else
@@ -67,11 +70,26 @@ INLINE Junctions junctions_beside(const Surfaces *s, const Place *p, const Spot 
   return beside;
 }
 
+/* Edges of a block of rays by Newton's method between a point within the body and one beyond it. */
+FUNCTION void bracket_edges(const Surfaces *s, const Place *p, const Spot *m, Lanes du, Lanes dv, Lanes reach,
+                            Lanes *edge) {
+  Lanes low = all(0.0), high = reach;
+  for (int i = 0; i < BRACKET_STEPS; i++) {
+    Lanes moved;
+    Ray ray;
+    cast(s, p, m->u + *edge * du, m->v + *edge * dv, AT_START, &ray);
+    low = pick(ray.g < 0.0, *edge, low), high = pick(ray.g < 0.0, high, *edge);
+    moved = smaller_of(*edge - ray.g / larger_of(rise_of(&ray, du, dv), all(LEAST_RISE)), reach);
+    *edge = pick((moved >= low) & (moved <= high), moved, 0.5 * (low + high));
+  }
+}
+
 FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *plan) {
   const Lanes depth = all(m->depth);
   const double along[2] = {dot3(m->tangent[0], m->along), dot3(m->tangent[1], m->along)};
   const Junctions beside = junctions_beside(s, p, m);
   Lanes reach[RAY_BLOCKS];
+  Mask far = all(0.0) > 0.0;
   for (int j = 0; j < RAY_BLOCKS; j++) {
     const Lanes du = s->scale_u * lanes_at(ray_cos + j * BLOCK), dv = s->scale_v * lanes_at(ray_sin + j * BLOCK);
     const Lanes slope = m->slope[0] * du + m->slope[1] * dv, turned = du * along[0] + dv * along[1];
@@ -99,7 +117,11 @@ FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *
       cast(s, p, m->u + edge * plan->du[j], m->v + edge * plan->dv[j], AT_START, &ray);
       moved = edge - ray.g / larger_of(rise_of(&ray, plan->du[j], plan->dv[j]), all(LEAST_RISE));
       plan->edge[j] = smaller_of(smaller_of(larger_of(moved, 0.5 * edge), 2.0 * edge), reach[j]);
+      if (i == EDGE_STEPS - 1) far |= size_of(plan->edge[j] - edge) > SETTLED * edge;
     }
+  }
+  if (any(far)) {
+    for (int j = 0; j < RAY_BLOCKS; j++) bracket_edges(s, p, m, plan->du[j], plan->dv[j], reach[j], plan->edge + j);
   }
   plan->broken = plan->cut = 0;
   for (int j = 0; j < RAY_BLOCKS; j++) {

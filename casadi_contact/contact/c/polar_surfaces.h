@@ -1,4 +1,4 @@
-/* Two smooth surfaces with one spot of contact: the formulas of contact/polar/ends.py and middle.py, in chart axes.
+/* Two smooth surfaces with one spot of contact: the formulas of contact/polar/ends.py and spot.py, in chart axes.
  * TORUS: the fixed surface is a torus, else the plane y = 0. CURVED_RIM: |u| <= spread rho(v). */
 typedef struct {
   double axis_x, axis_y, offset, tangent_x, tangent_y; /* the tangent ends the arc */
@@ -27,6 +27,7 @@ typedef struct {
 } Ray;
 
 #define STEEPEST (-0.05)
+#define MOST_SHORTER (-0.5)
 #define LEAST_RISE 1e-9
 #define LEAST_CURVATURE 1e-4
 #define LEAST_LENGTH 1e-12
@@ -94,7 +95,7 @@ INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int what, 
   } else {
     const Lanes by_slope = 1.0 / slope;
     ray->step = ray->g * by_slope;
-    ray->step += 0.5 * ray->step * ray->step * bend * by_slope;
+    ray->step += larger_of(0.5 * ray->step * bend * by_slope, all(MOST_SHORTER)) * ray->step;
   }
   if (what == TO_END) {
     x -= ray->step * m[0], y -= ray->step * m[1], z -= ray->step * m[2];
@@ -122,6 +123,8 @@ INLINE Lanes steepness(const Ray *ray) {
 }
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
+
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
  * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
 typedef struct {
@@ -174,159 +177,5 @@ INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int w
     }
   }
 #endif
-  return spot;
-}
-
-INLINE void turn_to_body(const Place *p, const double x[3], double out[2]) {
-  for (int i = 0; i < 2; i++) out[i] = p->r[0][i] * x[0] + p->r[1][i] * x[1] + p->r[2][i] * x[2];
-}
-
-INLINE void turn_to_chart(const Place *p, double x, double y, double z, double out[3]) {
-  for (int i = 0; i < 3; i++) out[i] = p->r[i][0] * x + p->r[i][1] * y + p->r[i][2] * z;
-}
-
-/* The arc on which the body reaches farthest along a direction of its own frame. */
-INLINE int arc_along(const Surfaces *s, double x, double y) {
-  int arc = 0;
-  while (arc < ARCS - 1 && x * s->arc[arc].tangent_x + y * s->arc[arc].tangent_y > 0.0) arc++;
-  return arc;
-}
-
-/* Where the surfaces face each other with parallel normals, within the rim or not. */
-INLINE void deepest(const Surfaces *s, const Place *p, double *u, double *v) {
-  double direction[3] = {0.0, -1.0, 0.0}, centre[3], seen[2];
-#if TORUS
-  int arc = ARCS > 1 ? 1 : 0;
-  double rho = 1.0, out = 1.0, z = 0.0, distance = 1.0;
-  for (int i = 0; i < ARCS; i++) {
-    const int before = arc;
-    double x, y, inverse;
-    turn_to_chart(p, s->arc[arc].axis_x, s->arc[arc].axis_y, s->centre_z, centre);
-    x = centre[0] + p->t[0], y = centre[1] + p->t[1] - s->height;
-    inverse = -s->w_sign / larger(sqrt(x * x + y * y), LEAST_LENGTH);
-    direction[0] = x * inverse, direction[1] = y * inverse;
-    turn_to_body(p, direction, seen);
-    arc = arc_along(s, seen[0], seen[1]);
-    if (arc == before) break;
-  }
-#endif
-  for (int i = 0; i < (TORUS ? MIDDLE_STEPS : 1); i++) {
-    const Arc *arc;
-    double inverse;
-    turn_to_body(p, direction, seen);
-    inverse = 1.0 / larger(sqrt(seen[0] * seen[0] + seen[1] * seen[1]), LEAST_LENGTH);
-    arc = s->arc + arc_along(s, seen[0], seen[1]);
-    turn_to_chart(p, arc->axis_x + arc->offset * seen[0] * inverse, arc->axis_y + arc->offset * seen[1] * inverse,
-                  s->centre_z, centre);
-    for (int k = 0; k < 3; k++) centre[k] += p->t[k];
-#if TORUS
-    centre[1] -= s->height;
-    rho = larger(sqrt(centre[0] * centre[0] + centre[1] * centre[1]), LEAST_LENGTH);
-    out = rho - s->offset, z = centre[2] - s->z_0;
-    distance = larger(sqrt(out * out + z * z), LEAST_LENGTH);
-    inverse = out / (distance * rho);
-    direction[0] = centre[0] * inverse, direction[1] = centre[1] * inverse, direction[2] = z / distance;
-#endif
-  }
-#if TORUS
-  *u = (s->offset + s->radius * out / distance) * centre[0] / rho;
-  *v = s->radius * z / distance;
-#else
-  *u = centre[0], *v = centre[2] - s->z_0;
-#endif
-}
-
-/* ---- the rim */
-
-INLINE double bounded_by(double x, double low, double high) { return x < low ? low : (x > high ? high : x); }
-
-INLINE void u_range(const Surfaces *s, double v, double *low, double *high) {
-#if CURVED_RIM
-  *high = s->spread * (s->offset + s->rho_sign * sqrt(s->radius * s->radius - v * v));
-  *low = -*high;
-#else
-  (void)v;
-  *low = s->u_low, *high = s->u_high;
-#endif
-}
-
-INLINE void within(const Surfaces *s, double *u, double *v) {
-  double low, high;
-  *v = bounded_by(*v, s->v_low, s->v_high);
-  u_range(s, *v, &low, &high);
-  *u = bounded_by(*u, low, high);
-}
-
-INLINE int is_within(const Surfaces *s, double u, double v) {
-  double low, high;
-  u_range(s, v, &low, &high);
-  return v >= s->v_low && v <= s->v_high && u >= low && u <= high;
-}
-
-/* r > 0 at which depth + slope r - curvature r^2/2 = 0 */
-INLINE double edge_distance(double depth, double slope, double curvature) {
-  const double k = larger(curvature, LEAST_CURVATURE);
-  return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
-}
-
-/* The deepest point within the rim by Newton steps cut at the rim (AT_START: the nearest one). */
-INLINE Spot deepest_within(const Surfaces *s, const Place *p, Spot spot, int what) {
-  for (int i = 0; i < RIM_STEPS; i++) {
-    const double k_u = larger(spot.curvature[0], LEAST_CURVATURE), k_v = larger(spot.curvature[2], LEAST_CURVATURE);
-    double u = spot.u, v = spot.v;
-    for (int j = 0; j < RIM_STEPS; j++) {
-      u = spot.u + (spot.slope[0] - spot.curvature[1] * (v - spot.v)) / k_u;
-      within(s, &u, &v);
-      v = spot.v + (spot.slope[1] - spot.curvature[1] * (u - spot.u)) / k_v;
-      within(s, &u, &v);
-    }
-    spot = spot_at(s, p, u, v, what);
-  }
-  return spot;
-}
-
-/* The middle of the chord through a spot within the rim, along u (0) or v (1). */
-FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, int along) {
-  double end[2];
-  for (int i = 0; i < 2; i++) {
-    const double sign = i ? 1.0 : -1.0;
-    const double r = edge_distance(larger(spot->depth, 0.0), sign * spot->slope[along], spot->curvature[2 * along]);
-    double u = spot->u + (along ? 0.0 : sign * r), v = spot->v + (along ? sign * r : 0.0);
-    within(s, &u, &v);
-    end[i] = along ? v : u;
-  }
-  if (along) return spot_at(s, p, spot->u, 0.5 * (end[0] + end[1]), TO_END);
-  return spot_at(s, p, 0.5 * (end[0] + end[1]), spot->v, TO_END);
-}
-
-FUNCTION Spot deepest_in_rim(const Surfaces *s, const Place *p, const Spot *spot) {
-  return deepest_within(s, p, *spot, TO_END);
-}
-
-/* The point of the patch nearest to the body. */
-FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, const Spot *spot) {
-  return deepest_within(s, p, spot_at(s, p, spot->u, spot->v, AT_START), AT_START);
-}
-
-/* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through it. */
-FUNCTION Spot middle_of(const Surfaces *s, const Place *p) {
-  double u, v, determinant, reach_u, reach_v, depth;
-  int whole;
-  Spot spot;
-  deepest(s, p, &u, &v);
-  whole = is_within(s, u, v);
-  within(s, &u, &v);
-  spot = spot_at(s, p, u, v, TO_END);
-  depth = larger(spot.depth, 0.0);
-  determinant = larger(spot.curvature[0] * spot.curvature[2] - spot.curvature[1] * spot.curvature[1],
-                       LEAST_CURVATURE * LEAST_CURVATURE);
-  reach_u = sqrt(2.0 * depth * spot.curvature[2] / determinant);
-  reach_v = sqrt(2.0 * depth * spot.curvature[0] / determinant);
-  whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) && is_within(s, u, v - reach_v) &&
-          is_within(s, u, v + reach_v);
-  if (whole) return spot;
-  spot = deepest_in_rim(s, p, &spot);
-  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 0);
-  if (spot.depth > 0.0) spot = chord_middle(s, p, &spot, 1);
   return spot;
 }

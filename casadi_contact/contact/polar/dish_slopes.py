@@ -15,10 +15,12 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.ends import Ends, ray_ends
-from casadi_contact.contact.polar.middle import Spot, deepest, deepest_within, middle, within
+from casadi_contact.contact.polar.middle import middle
+from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.quadrature import points_of
 from casadi_contact.contact.polar.rays import Rays, ray_plan
+from casadi_contact.contact.polar.spot import Spot
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.conventions import Array
 
@@ -41,7 +43,7 @@ def dish_slopes(
     ends = ray_ends(patch, R, t, u, v)
     p, dp = pressure_slopes(*law, ends.depth)
     weight = np.where((spot.depth > 0.0)[:, None, None], weight, 0.0)
-    there = deepest_within(patch, R, t, *within(patch, *deepest(patch, R, t)))
+    there = deepest_within(patch, R, t, spot.u, spot.v)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     by_radius, deepest_by_radius = [], []
     for sagittal in (True, False):

@@ -10,6 +10,7 @@ from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.conventions import Array
 
 LEAST_RISE = 1e-9
+_MOST_SHORTER = -0.5  # by the curvature along the ray: a ray from inside the body ends at a depth above zero
 _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
 
 
@@ -105,11 +106,12 @@ def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_s
     slope = np.minimum(np.sum(gradient * m, -1), _STEEPEST * length)
     bend = kappa_1 * np.sum(across * m, -1) ** 2 + kappa_2 * np.sum(along * m, -1) ** 2
     step = g / slope
-    step = step + 0.5 * step * step * bend / slope  # d in units of |N|
+    step = step + np.maximum(0.5 * step * bend / slope, _MOST_SHORTER) * step  # d in units of |N|
     start = gradient
     if at_start:
         step = np.zeros_like(step)
-    _, gradient, across, along, kappa_1, kappa_2 = field(q - step[..., None] * m)
+    _, gradient, across, along, _, kappa_2 = field(q - step[..., None] * m)
+    kappa_1 = kappa_1 if at_start else np.full_like(kappa_1, 1.0 / patch.tube_radius)
 
     def to_chart(vector: Array) -> Array:
         return np.asarray(np.einsum("...ij,...j->...i", R, vector))

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from casadi_contact.contact.polar.ends import Ends, ray_ends, tube_frame
+from casadi_contact.contact.polar.ends import tube_frame
+from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.contact.polar.rim import within
+from casadi_contact.contact.polar.spot import LEAST_CURVATURE, Spot, bounded, spot_at
 from casadi_contact.conventions import Array
 
 MIDDLE_STEPS = 3
-RIM_STEPS = 3  # of the fixed-point iteration for a curved rim, and of the search for the deepest point within it
-_LEAST_CURVATURE = 1e-4  # [1/mm]
-
-
-@dataclass(frozen=True)
-class Spot:
-    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end."""
-
-    u: Array
-    v: Array
-    depth: Array
-    slope: Array
-    curvature: Array
-    ends: Ends
+OFF_TOP = 0.25  # part of the depth: a rise by more shows that the surfaces' normals are not parallel yet
 
 
 def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
@@ -71,104 +59,46 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
     return arc
 
 
-def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
-    """Depth at (u, v) with its slopes and its curvatures relative to the fixed surface; at_start: all of -g instead.
-
-    With the fixed surface the zero of F, its tangents τ_u, τ_v and n_u = -∇²F τ_u: d_u = G·(τ_u + d ∇²F τ_u)/σ,
-    k_uv = τ_u·(∇²g - ∇²F)τ_v.
-    """
-    ends = ray_ends(patch, R, t, u, v, at_start=at_start)
-    zero, one = np.zeros_like(u), np.ones_like(u)
-    tangents = np.stack([np.stack([one, -ends.N[:, 0], zero], -1), np.stack([zero, -ends.N[:, 2], one], -1)], 1)
-    fixed = np.zeros((len(u), 3, 3))
-    if (f := patch.torus) is not None:
-        rho, ex, ey, out, distance = tube_frame(u, ends.c[:, 1] - f.height, v, f.offset)
-        across = np.stack([-v * ex, -v * ey, out], -1) / distance[:, None]
-        along = np.stack([-ey, ex, zero], -1)
-        fixed = _rank_one(1.0 / distance, across) + _rank_one(out / (distance * rho), along)
-    moving = _rank_one(ends.kappa_1, ends.across) + _rank_one(ends.kappa_2, ends.along)
-    if at_start:
-        slope = -np.einsum("nai,ni->na", tangents, ends.G)
-        fixed = -(ends.length * ends.G[:, 1])[:, None, None] * fixed
-    else:
-        bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
-        slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
-    curvature = tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2)
-    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
-
-
-def _rank_one(weight: Array, vector: Array) -> Array:
-    return weight[:, None, None] * vector[:, :, None] * vector[:, None, :]
-
-
-def u_range(patch: SmoothPatch, v: Array) -> tuple[Array, Array]:
-    """Least and largest u of the patch at v."""
-    if np.isinf(patch.rim.spread) or patch.torus is None:
-        return np.full_like(v, patch.rim.u[0]), np.full_like(v, patch.rim.u[1])
-    f = patch.torus
-    half = patch.rim.spread * (f.offset + f.rho_sign * np.sqrt(f.radius**2 - v * v))
-    return -half, half
-
-
-def within(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array]:
-    """The point (u, v) moved onto the patch, along u and along v."""
-    v = np.clip(v, *patch.rim.v)
-    low, high = u_range(patch, v)
-    return np.clip(u, low, high), v
-
-
 def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
-    """The deepest point; where the rim cuts the spot, the middle of chords through the deepest point within it."""
+    """The deepest point; where the rim cuts the spot, the middle of chords through the point nearest to the body.
+
+    Its depth is above zero exactly where some of the patch lies inside the body.
+    """
     found = np.stack(deepest(patch, R, t))
     spot = spot_at(patch, R, t, *within(patch, *found))
-    u, v, k, depth = spot.u, spot.v, spot.curvature, np.maximum(spot.depth, 0.0)
-    determinant = np.maximum(k[:, 0, 0] * k[:, 1, 1] - k[:, 0, 1] ** 2, _LEAST_CURVATURE**2)
-    reach_u, reach_v = np.sqrt(2.0 * depth * np.stack([k[:, 1, 1], k[:, 0, 0]]) / determinant)
+    u, v, k, depth, (b_u, b_v) = spot.u, spot.v, spot.curvature, np.maximum(spot.depth, 0.0), spot.slope.T
+    k_uu, k_uv, k_vv = k[:, 0, 0], k[:, 0, 1], k[:, 1, 1]
+    determinant = np.maximum(k_uu * k_vv - k_uv**2, LEAST_CURVATURE**2)
+    convex = (k_uu > 0.0) & (determinant > LEAST_CURVATURE**2)
+    reach_u, reach_v = np.sqrt(2.0 * depth * np.where(convex, np.stack([k_vv, k_uu]), 0.0) / determinant)
     needed = [tuple(found), (u - reach_u, v), (u + reach_u, v), (u, v - reach_v), (u, v + reach_v)]
-    cut = np.any([np.any(np.stack(within(patch, *point)) != np.stack(point), axis=0) for point in needed], axis=0)
-    if not cut.any():
+    whole = np.all([np.all(np.stack(within(patch, *point)) == np.stack(point), axis=0) for point in needed], axis=0)
+    whole &= convex & (k_vv * b_u**2 - 2.0 * k_uv * b_u * b_v + k_uu * b_v**2 < OFF_TOP * depth * determinant)
+    if whole.all():
         return spot
-    inner = deepest_within(patch, R[cut], t[cut], u[cut], v[cut])
-    u, v = u.copy(), v.copy()
-    u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], inner)
+    u, v, cut = u.copy(), v.copy(), ~whole
+    near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
+    u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], near.u, near.v)
     return spot_at(patch, R, t, u, v)
 
 
-def nearest(patch: SmoothPatch, R: Array, t: Array, spot: Spot) -> Spot:
-    """The point of the patch nearest to the body, from a spot close to it."""
-    return deepest_within(patch, R, t, spot.u, spot.v, at_start=True)
+def _chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
+    """Middle of the chord along u through (u, v), then of that along v through this middle.
 
-
-def deepest_within(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
-    """The deepest point within the rim by Newton steps cut at the rim (at_start: the nearest one)."""
-    for _ in range(RIM_STEPS):
-        spot = spot_at(patch, R, t, u, v, at_start=at_start)
-        k = spot.curvature
-        for _ in range(RIM_STEPS):
-            u = spot.u + (spot.slope[:, 0] - k[:, 0, 1] * (v - spot.v)) / bounded(k[:, 0, 0])
-            u, v = within(patch, u, v)
-            v = spot.v + (spot.slope[:, 1] - k[:, 0, 1] * (u - spot.u)) / bounded(k[:, 1, 1])
-            u, v = within(patch, u, v)
-    return spot_at(patch, R, t, u, v, at_start=at_start)
-
-
-def _chord_middles(patch: SmoothPatch, R: Array, t: Array, spot: Spot) -> tuple[Array, Array]:
-    """Middle of the chord along u through a spot, then of that along v through this middle."""
+    Nowhere more shallow than half the depth at (u, v): there a chord's ends, which are estimates, missed the spot.
+    """
     for axis in (0, 1):
+        spot = spot_at(patch, R, t, u, v)
         depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
         ends = []
         for sign in (-1.0, 1.0):
             move = np.zeros((2, len(depth)))
             move[axis] = sign * edge_distance(depth, sign * slope, k)
             ends.append(np.stack(within(patch, spot.u + move[0], spot.v + move[1])))
-        u, v = np.where(spot.depth > 0.0, 0.5 * (ends[0] + ends[1]), [spot.u, spot.v])
-        spot = spot_at(patch, R, t, u, v)
+        tried = np.stack(within(patch, *(0.5 * (ends[0] + ends[1]))))
+        kept = (depth > 0.0) & (spot_at(patch, R, t, *tried).depth >= 0.5 * depth)
+        u, v = np.where(kept, tried, [u, v])
     return u, v
-
-
-def bounded(curvature: Array) -> Array:
-    """The curvature, not below a least one."""
-    return np.maximum(curvature, _LEAST_CURVATURE)
 
 
 def edge_distance(depth: Array, slope: Array, curvature: Array) -> Array:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.ends import LEAST_RISE, Ends, ray_ends, rise
-from casadi_contact.contact.polar.middle import deepest, deepest_within, middle, within
+from casadi_contact.contact.polar.middle import middle
+from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.quadrature import points_of, twist
 from casadi_contact.contact.polar.rays import RayPlan, Rays, ray_plan
@@ -37,7 +38,7 @@ def patch_moments(
     slope[:, 0] = _area_slope(patch, R, t, spot.u, spot.v, plan, rays)
     slope[:, 1] = np.einsum("nmg,nmga->na", area * dp, by_twist)
     slope[:, 2:5] = patch.turn.T @ np.einsum("nmg,nmgi,nmga->nia", area * dp, ends.c, by_twist)
-    there = deepest_within(patch, R, t, *within(patch, *deepest(patch, R, t)))
+    there = deepest_within(patch, R, t, spot.u, spot.v)
     value[:, 5], slope[:, 5] = there.depth, _depth_slope(there.ends, t)
     slope = slope @ np.kron(np.eye(2), patch.turn)
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.ends import ray_ends
-from casadi_contact.contact.polar.middle import middle, nearest
+from casadi_contact.contact.polar.middle import middle
+from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.rays import RayPlan, Rays, ray_plan
 from casadi_contact.contact.pressure import pressure_slopes
@@ -53,7 +54,7 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     by_twist = twist(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
     stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
-    near = nearest(patch, R, t, spot)
+    near = nearest(patch, R, t, spot.u, spot.v)
     gap_slope = -twist(near.ends.G_start, near.ends.c - t)
     cut = plan.cut.any(axis=1) & ~free
     return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_slope @ both, cut)

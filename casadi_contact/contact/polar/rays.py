@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.ends import LEAST_RISE, ray_ends, rise
-from casadi_contact.contact.polar.middle import RIM_STEPS, Spot, bounded, edge_distance, u_range
+from casadi_contact.contact.polar.middle import edge_distance
 from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.contact.polar.spot import Spot, bounded
 from casadi_contact.conventions import Array
 
 EDGE_STEPS = 2
+BRACKET_STEPS = 12  # where the last of those moved an edge by more than a part of it
+SETTLED = 0.1
 _FAR_MM = 1e3
 
 
@@ -54,10 +57,33 @@ def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> Ray
     edge = np.minimum(np.where(junction < plain, extended, plain), reach)
     du, dv = directions.T
     for _ in range(EDGE_STEPS):  # Newton's, of g = 0 along the ray
-        ends = ray_ends(patch, R, t, u + edge * du, v + edge * dv, at_start=True)
-        moved = edge - ends.g / np.maximum(rise(ends, du, dv), LEAST_RISE)
+        g, slope_along = _along(patch, R, t, u + edge * du, v + edge * dv, directions)
+        last, moved = edge, edge - g / slope_along
         edge = np.minimum(np.clip(moved, 0.5 * edge, 2.0 * edge), reach)
+    far = np.flatnonzero((np.abs(edge - last) > SETTLED * last).any(axis=1))
+    if len(far):
+        edge[far] = _bracketed(patch, R[far], t[far], u[far], v[far], directions, edge[far], reach[far])
     return RayPlan(directions, edge, np.minimum(junction, edge), edge >= reach)
+
+
+def _bracketed(
+    patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, directions: Array, edge: Array, reach: Array
+) -> Array:
+    """Edges by Newton's method between a point within the body and one beyond it, halved where a step leaves them."""
+    du, dv = directions.T
+    low, high = np.zeros_like(edge), reach
+    for _ in range(BRACKET_STEPS):
+        g, slope_along = _along(patch, R, t, u + edge * du, v + edge * dv, directions)
+        low, high = np.where(g < 0.0, edge, low), np.where(g < 0.0, high, edge)
+        moved = np.minimum(edge - g / slope_along, reach)
+        edge = np.where((moved >= low) & (moved <= high), moved, 0.5 * (low + high))
+    return edge
+
+
+def _along(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, directions: Array) -> tuple[Array, Array]:
+    """g at points of the rays and its slope along them, not below a least one."""
+    ends = ray_ends(patch, R, t, u, v, at_start=True)
+    return ends.g, np.maximum(rise(ends, *directions.T), LEAST_RISE)
 
 
 def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Array) -> tuple[Array, Array]:
@@ -92,11 +118,22 @@ def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Arra
 
 
 def _rim_distance(patch: SmoothPatch, u: Array, v: Array, directions: Array) -> Array:
-    """Distance along every ray to the rim."""
+    """Distance along every ray to the rim.
+
+    A curved side, u = ±spread·ρ(v), is an ellipse in the chart: A·r² + 2·B·r + C = 0.
+    """
     du, dv = directions[:, 0], directions[:, 1]
-    along_v = np.maximum((np.where(dv > 0.0, patch.rim.v[1], patch.rim.v[0]) - v) / dv, 0.0)
-    distance = along_v
-    for _ in range(1 if np.isinf(patch.rim.spread) else RIM_STEPS):
-        low, high = u_range(patch, np.broadcast_to(v + distance * dv, distance.shape))
-        distance = np.minimum(along_v, np.maximum((np.where(du > 0.0, high, low) - u) / du, 0.0))
+    distance = np.maximum((np.where(dv > 0.0, patch.rim.v[1], patch.rim.v[0]) - v) / dv, 0.0)
+    if patch.torus is None or np.isinf(patch.rim.spread):
+        return np.minimum(distance, np.maximum((np.where(du > 0.0, patch.rim.u[1], patch.rim.u[0]) - u) / du, 0.0))
+    f = patch.torus
+    for side in (-patch.rim.spread, patch.rim.spread):
+        from_centre = u - side * f.offset
+        a, b = du**2 + (side * dv) ** 2, du * from_centre + side**2 * v * dv
+        c = from_centre**2 - side**2 * (f.radius**2 - v * v)
+        root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+        # The patch lies outside the ellipse where the tube is bent away from the axis, else inside.
+        meets = (b < 0.0) & (b * b > a * c) if f.rho_sign < 0.0 else np.full(b.shape, True)
+        there = np.maximum((f.rho_sign * root - b) / a, 0.0)
+        distance = np.where(meets, np.minimum(distance, there), distance)
     return distance

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.ends import fixed_point
-from casadi_contact.contact.polar.middle import u_range
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import Array
 
 _BEYOND_RAD = np.deg2rad(25.0)  # by which contact goes beyond the outermost junctions of arcs

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.contact.c_text import braces
-from casadi_contact.contact.polar.middle import MIDDLE_STEPS, RIM_STEPS
+from casadi_contact.contact.polar.middle import MIDDLE_STEPS, OFF_TOP
+from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
-from casadi_contact.contact.polar.rays import EDGE_STEPS, Rays
+from casadi_contact.contact.polar.rays import BRACKET_STEPS, EDGE_STEPS, SETTLED, Rays
 from casadi_contact.transcription.kernel.source import c_text
 
 _C = "casadi_contact.contact.c"
@@ -27,14 +28,22 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
         "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
         "MIDDLE_STEPS": MIDDLE_STEPS,
-        "RIM_STEPS": RIM_STEPS,
         "EDGE_STEPS": EDGE_STEPS,
+        "BRACKET_STEPS": BRACKET_STEPS,
+        "SETTLED": SETTLED,
+        "SEARCH_STEPS": SEARCH_STEPS,
+        "SWEEPS": SWEEPS,
+        "LAST_STEP": LAST_STEP,
+        "OFF_TOP": OFF_TOP,
+        "SINGLE": SINGLE,
+        "STARTS": len(ACROSS),
     }
     tables = {
         "ray_cos[RAYS]": np.cos(angle),
         "ray_sin[RAYS]": np.sin(angle),
         "gauss_x[GAUSS]": 0.5 * (1.0 + x),
         "gauss_w[GAUSS]": 0.5 * weight,
+        "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
     }
     return "\n".join(
         [
@@ -43,6 +52,8 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             c_text("chart_axes.h", _C),
             c_text("polar_surfaces.h", _C),
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
+            c_text("polar_nearest.h", _C),
+            c_text("polar_middle.h", _C),
             c_text("polar_rays.h", _C),
             c_text("polar.h", _C),
             c_text("orders.h", _C),

@@ -1,0 +1,110 @@
+/* The middle of a spot: the formulas of contact/polar/middle.py. */
+
+INLINE void turn_to_body(const Place *p, const double x[3], double out[2]) {
+  for (int i = 0; i < 2; i++) out[i] = p->r[0][i] * x[0] + p->r[1][i] * x[1] + p->r[2][i] * x[2];
+}
+
+INLINE void turn_to_chart(const Place *p, double x, double y, double z, double out[3]) {
+  for (int i = 0; i < 3; i++) out[i] = p->r[i][0] * x + p->r[i][1] * y + p->r[i][2] * z;
+}
+
+/* The arc on which the body reaches farthest along a direction of its own frame. */
+INLINE int arc_along(const Surfaces *s, double x, double y) {
+  int arc = 0;
+  while (arc < ARCS - 1 && x * s->arc[arc].tangent_x + y * s->arc[arc].tangent_y > 0.0) arc++;
+  return arc;
+}
+
+/* Where the surfaces face each other with parallel normals, within the rim or not. */
+INLINE void deepest(const Surfaces *s, const Place *p, double *u, double *v) {
+  double direction[3] = {0.0, -1.0, 0.0}, centre[3], seen[2];
+#if TORUS
+  int arc = ARCS > 1 ? 1 : 0;
+  double rho = 1.0, out = 1.0, z = 0.0, distance = 1.0;
+  for (int i = 0; i < ARCS; i++) {
+    const int before = arc;
+    double x, y, inverse;
+    turn_to_chart(p, s->arc[arc].axis_x, s->arc[arc].axis_y, s->centre_z, centre);
+    x = centre[0] + p->t[0], y = centre[1] + p->t[1] - s->height;
+    inverse = -s->w_sign / larger(sqrt(x * x + y * y), LEAST_LENGTH);
+    direction[0] = x * inverse, direction[1] = y * inverse;
+    turn_to_body(p, direction, seen);
+    arc = arc_along(s, seen[0], seen[1]);
+    if (arc == before) break;
+  }
+#endif
+  for (int i = 0; i < (TORUS ? MIDDLE_STEPS : 1); i++) {
+    const Arc *arc;
+    double inverse;
+    turn_to_body(p, direction, seen);
+    inverse = 1.0 / larger(sqrt(seen[0] * seen[0] + seen[1] * seen[1]), LEAST_LENGTH);
+    arc = s->arc + arc_along(s, seen[0], seen[1]);
+    turn_to_chart(p, arc->axis_x + arc->offset * seen[0] * inverse, arc->axis_y + arc->offset * seen[1] * inverse,
+                  s->centre_z, centre);
+    for (int k = 0; k < 3; k++) centre[k] += p->t[k];
+#if TORUS
+    centre[1] -= s->height;
+    rho = larger(sqrt(centre[0] * centre[0] + centre[1] * centre[1]), LEAST_LENGTH);
+    out = rho - s->offset, z = centre[2] - s->z_0;
+    distance = larger(sqrt(out * out + z * z), LEAST_LENGTH);
+    inverse = out / (distance * rho);
+    direction[0] = centre[0] * inverse, direction[1] = centre[1] * inverse, direction[2] = z / distance;
+#endif
+  }
+#if TORUS
+  *u = (s->offset + s->radius * out / distance) * centre[0] / rho;
+  *v = s->radius * z / distance;
+#else
+  *u = centre[0], *v = centre[2] - s->z_0;
+#endif
+}
+
+/* r > 0 at which depth + slope r - curvature r^2/2 = 0 */
+INLINE double edge_distance(double depth, double slope, double curvature) {
+  const double k = larger(curvature, LEAST_CURVATURE);
+  return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
+}
+
+/* The middle of the chord along u (0) or v (1) through a spot, or the spot where its estimated ends missed the contact. */
+FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, int along) {
+  double u = 0.0, v = 0.0;
+  Spot tried;
+  for (int i = 0; i < 2; i++) {
+    const double sign = i ? 1.0 : -1.0;
+    const double r = edge_distance(spot->depth, sign * spot->slope[along], spot->curvature[2 * along]);
+    double end_u = spot->u + (along ? 0.0 : sign * r), end_v = spot->v + (along ? sign * r : 0.0);
+    within(s, &end_u, &end_v);
+    u += 0.5 * end_u, v += 0.5 * end_v;
+  }
+  within(s, &u, &v);
+  tried = spot_at(s, p, u, v, TO_END);
+  return tried.depth >= 0.5 * spot->depth ? tried : *spot;
+}
+
+/* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through the point
+ * nearest to the body. Returns 0 where there is no contact, which leaves this point in `nearest`. */
+FUNCTION int middle_of(const Surfaces *s, const Place *p, Spot *middle, Spot *nearest) {
+  const double *k = middle->curvature, *slope = middle->slope;
+  double u, v, determinant, reach_u, reach_v, depth;
+  int whole;
+  deepest(s, p, &u, &v);
+  whole = is_within(s, u, v);
+  within(s, &u, &v);
+  *middle = spot_at(s, p, u, v, TO_END);
+  depth = larger(middle->depth, 0.0);
+  determinant = larger(k[0] * k[2] - k[1] * k[1], LEAST_CURVATURE * LEAST_CURVATURE);
+  whole = whole && k[0] > 0.0 && determinant > LEAST_CURVATURE * LEAST_CURVATURE;
+  reach_u = whole ? sqrt(2.0 * depth * k[2] / determinant) : 0.0;
+  reach_v = whole ? sqrt(2.0 * depth * k[0] / determinant) : 0.0;
+  whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) && is_within(s, u, v - reach_v) &&
+          is_within(s, u, v + reach_v) &&
+          k[2] * slope[0] * slope[0] - 2.0 * k[1] * slope[0] * slope[1] + k[0] * slope[1] * slope[1] <
+              OFF_TOP * depth * determinant;
+  if (whole) return 1;
+  *nearest = nearest_to(s, p, u, v);
+  if (!(nearest->depth > 0.0)) return 0;
+  *middle = spot_at(s, p, nearest->u, nearest->v, TO_END);
+  *middle = chord_middle(s, p, middle, 0);
+  *middle = chord_middle(s, p, middle, 1);
+  return 1;
+}

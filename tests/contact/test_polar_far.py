@@ -1,0 +1,100 @@
+"""Polar quadrature far from the usual poses: bodies tilted by up to 45°, shifted over the rim and lifted off."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Rays
+from casadi_contact.contact.polar.nearest import nearest
+from casadi_contact.contact.polar.rim import u_range
+from casadi_contact.conventions import rotation
+from tests.contact.test_polar import check_jacobian, polar
+from tests.contact.test_polar_kernel import RAYS, check_hessians, check_same_formulas
+from tests.support.compiler import needs_compiler
+
+FINE = Rays(32, 4)
+TILT_RAD = np.pi / 4.0
+# Least and largest place, with flexion of the knee apart: its condyles end where a tilted and deeply flexed one would
+# touch with its back side.
+REACH = {
+    "knee": ([-15.0, 27.0, -8.0], [20.0, 27.0, 8.0], (-1.7, 0.3)),
+    "patellofemoral": ([-50.0, -20.0, -10.0], [-50.0, 20.0, 10.0], (-TILT_RAD, TILT_RAD)),
+    "sphere_in_dish": ([-16.0, 30.0, -16.0], [16.0, 30.0, 16.0], (-TILT_RAD, TILT_RAD)),
+    "sphere_on_plane": ([-16.0, 30.0, -16.0], [16.0, 30.0, 16.0], (-TILT_RAD, TILT_RAD)),
+}
+# A button turned by 40° that hovers or presses the medial facet's rim with some 20 N and 3.5 kN; then off the groove's
+# upper end, where the nearest point lies on the curved rim.
+BUTTON = [
+    [-46.685, 24.075, 6.247, 0.241, 0.64, -0.483],
+    [-46.252, 23.066, 6.205, 0.233, 0.634, -0.475],
+    [-45.78, 22.028, 6.219, 0.226, 0.629, -0.468],
+    [-42.5, 35.5, -2.2, 0.22, -0.13, -0.19],
+]
+KNEES = [  # pressed on one rim of the insert, the other condyle up to 23 mm off
+    [0.304, 41.172, -6.958, 0.443, -0.662, -0.515],
+    [12.461, 41.139, 3.285, -0.281, -0.488, -1.054],
+    [4.407, 38.828, -6.564, 0.472, -0.44, -1.591],
+    [12.75, 47.107, -7.004, -0.774, -0.504, 0.109],
+]
+
+
+def far_poses(name, elements, count, seed=4):
+    """Poses (count, 6) within `REACH` whose least gap lies between -1.2 and 1 mm, a tenth of them up to 25 mm off."""
+    random = np.random.default_rng(seed)
+    low, high, flexion = REACH[name]
+    poses = np.empty((count, 6))
+    poses[:, :3] = random.uniform(low, high, (count, 3))
+    poses[:, 3:5] = random.uniform(-TILT_RAD, TILT_RAD, (count, 2))
+    poses[:, 5] = random.uniform(*flexion, count)
+    wanted = random.uniform(-1.2, 1.0, count)
+    wanted[: count // 10] = random.uniform(3.0, 25.0, count // 10)
+    column, away = (0, -1.0) if name == "patellofemoral" else (1, 1.0)
+    below, above = np.full(count, -40.0), np.full(count, 60.0)
+    start = poses[:, column].copy()
+    for _ in range(20):
+        lift = 0.5 * (below + above)
+        poses[:, column] = start + away * lift
+        touching = elements.gaps(poses).min(axis=1) < wanted
+        below, above = np.where(touching, lift, below), np.where(touching, above, lift)
+    return poses
+
+
+@pytest.mark.parametrize("name", REACH)
+def test_contact_is_found_wherever_elements_find_it(name):
+    """The patch holds its elements, so its gap is no larger than theirs, and smaller by half an element at most: the
+    distance from a body changes no faster than the place."""
+    model = polar(name, FINE)
+    elements = cc.ElasticFoundation(model.scene, (120, 80))
+    poses = far_poses(name, cc.ElasticFoundation(model.scene, (24, 16)), 60)
+    theirs, ours = elements.gaps(poses), model.gaps(poses)
+    half = max(0.75 * np.sqrt(2.0 * grid.areas_mm2.max()) for grid in model.scene.elements(elements.grid))
+    assert (ours <= theirs + 1e-9).all()
+    assert (ours >= theirs - half).all()
+    wanted, found = elements.wrenches(poses)[..., :3], model.wrenches(poses)[..., :3]
+    force, missed = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
+    at_edge = model.at_edge(poses)
+    assert (force > 0.0).sum() > 15
+    assert (missed[~at_edge] <= 5e-3 * (force[~at_edge] + 20.0)).all()
+    assert (missed[at_edge] <= 0.35 * (force[at_edge] + 20.0)).all()
+
+
+@needs_compiler
+def test_c_and_numpy_are_the_same_formulas_far_off_too():
+    for name, poses in [("patellofemoral", BUTTON), ("knee", KNEES)]:
+        scene = cc.load_scene(name)
+        compiled, plain = (cc.PolarFoundation(scene, RAYS, compiled=c) for c in (True, False))
+        check_same_formulas(compiled, plain, np.array(poses))
+
+
+@needs_compiler
+def test_the_gap_s_derivatives_hold_where_the_nearest_point_slides_along_a_curved_rim():
+    model = cc.PolarFoundation(cc.load_scene("patellofemoral"), RAYS)
+    poses = np.array([BUTTON[0], BUTTON[3]])
+    assert (model.gaps(poses) > 0.0).all()
+    (facet, _), (_, _, _, beyond) = model.patches, BUTTON
+    R, t = facet.turn @ rotation([beyond[3:]]), np.array([beyond[:3]]) @ facet.turn.T
+    point = nearest(facet, R, t, np.array([0.0]), np.array([12.0]))
+    assert point.u == pytest.approx(u_range(facet, point.v)[1])
+    assert facet.rim.v[0] + 1.0 < point.v < facet.rim.v[1] - 1.0
+    check_jacobian(model, poses, 1e-4)
+    check_hessians(model, poses)
