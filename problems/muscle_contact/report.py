@@ -15,6 +15,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
+from casadi_contact.optimisation import total_selection
 from casadi_contact.page import (
     COLOURS,
     FAILED,
@@ -269,17 +270,17 @@ def _draw_patella(
     assert problem.extensor is not None
     assert result.patella is not None
     walk, groove = problem.walk, problem.extensor.contact
-    at = result.patella.contact_poses
+    loads = groove.model(result.patella.contact_poses, patellar.load_names)
+    resultant = loads @ total_selection(patellar.load_names)[:3].T
     held = {
         "quadriceps": result.muscle_forces_n[:, quadriceps(walk.muscles.names)].sum(axis=1),
-        "groove contact": np.linalg.norm(groove.model.wrenches(at)[..., :3].sum(axis=1), axis=1),
+        "groove contact": np.linalg.norm(resultant, axis=1),
     }
     lines = [line.name for line in problem.extensor.assembly.ligaments if PATELLA in line.bodies]
     held |= {name.replace("_", " "): result.patella.loads[name] for name in lines}
     for (label, curve), color in zip(held.items(), COLOURS.values(), strict=False):
         forces.plot(walk.percent, curve, color=color, label=label)
     forces.set(title="what holds the patella", ylabel="force [N]")
-    loads = groove.model(at, patellar.load_names)
     for name, color in zip(groove.model.scene.sensitive_loads, COLOURS.values(), strict=False):
         column = patellar.load_names.index(name)
         compression = np.abs(loads[:, column])

@@ -15,7 +15,7 @@ from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.optimal_control.problem import build
 from problems.optimal_control.report import report
 from problems.optimal_control.solve import solve
-from problems.optimal_control.wanted_cycle import simulated_cycle
+from problems.optimal_control.wanted_cycle import cycle_of
 
 NAME = "optimal_control"
 app = new_app()
@@ -32,14 +32,16 @@ def run(
     steadiness: Annotated[float, typer.Option(help="weight of the actuators' change from point to point")] = 1e-4,
     out: Annotated[Path, typer.Option(help="folder for optimal_control.csv, .png, .json")] = RESULTS / NAME,
 ) -> None:
-    """Find the actuator loads and the motion that carry the knee simulator's contact loads; check them on the EF.
+    """Find the actuator loads and the motion that carry the contact loads of a cycle; check them on the EF.
+
+    The cycle is the knee simulator's, for a joint that is pressed otherwise than down that of its scene.
 
     Exit status 2: not solved; 3: solved, but the contact model differs at some collocation points.
     """
     writable_folder(out)
     source = ContactSource.of(surrogate, scene)
-    model = source.load()
-    wanted = simulated_cycle(model)
+    model = source.load_whole()
+    wanted = cycle_of(model)
     problem = build(
         model,
         wanted,

@@ -42,8 +42,9 @@ def report(
     for column, name in enumerate(problem.model.load_names):
         cells = [_rms_and_largest(error[:, column]) for error in off.values()]
         table.add_row(f"{name} ({load_unit(name)})", *cells)
-    flexion = result.flexion_error_deg
-    table.add_row("flexion (deg)", _rms_and_largest(flexion), "", "")
+    held = _held_errors(problem, result)
+    for what, error in held.items():
+        table.add_row(what, _rms_and_largest(error), "", "")
     console.print(table)
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start, "
@@ -66,11 +67,21 @@ def report(
             what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.model.load_names)}
             for what, error in off.items()
         },
-        "flexion_error_deg": rms_and_largest(flexion),
+        "held_errors": {what: rms_and_largest(error) for what, error in held.items()},
     }
     write_summary(out / "optimal_control.json", summary)
     draw(problem, result, ef["fine"], kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _held_errors(problem: OptimalControl, result: ControlResult) -> dict[str, Array]:
+    """Errors (points,) of what is held, by name and unit: mm, and angles in degrees."""
+    return {
+        f"{name} (deg)" if name.startswith("r") else f"{name} (mm)": np.degrees(error)
+        if name.startswith("r")
+        else error
+        for name, error in zip(problem.wanted.held, result.held_error.T, strict=True)
+    }
 
 
 def _rms_and_largest(errors: Array) -> str:
@@ -95,7 +106,9 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
     time_s = problem.times
     names = problem.model.load_names
     wanted = result.loads - result.load_error
-    for place, name in enumerate(("Fy_med", "Fy_lat", "Fx", "Ty")):
+    pressing = [name for name in problem.model.scene.sensitive_loads if name in names]
+    shown = [*pressing, *(name for name in names if name not in pressing)][:4]
+    for place, name in enumerate(shown):
         panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
         axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
         axis.plot(time_s, result.loads[:, column], label=kind, **SURROGATE)
@@ -108,16 +121,13 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
     parts[0, 0].differences.legend(fontsize=6)
     axes = {place: panel.curves for place, panel in parts.items()}
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
-    ty = POSE_NAMES.index("ty")
-    shift = np.zeros(6)
-    shift[ty] = np.round(result.poses[:, ty].mean())
+    shift = np.round(result.poses.mean(axis=0))
+    shift[3:] = 0.0
     for axis, picked, title in ((axes[1, 0], POSE_NAMES[:3], "[mm]"), (axes[1, 1], POSE_NAMES[3:], "[degrees]")):
         for name, colour in zip(picked, colours, strict=True):
             column = POSE_NAMES.index(name)
             values = result.poses[:, column] - shift[column]
             label = f"{name} - {shift[column]:g}" if shift[column] else name
-            if name == "rz":
-                values, label = -values / 10.0, "flexion = -rz, over 10"
             axis.plot(time_s, np.degrees(values) if name.startswith("r") else values, color=colour, label=label)
         axis.set(title="pose", ylabel=title)
         axis.legend(fontsize=8)
