@@ -3,6 +3,7 @@
 Run ``python -m problems.optimal_control --help``.
 """
 
+from problems.optimal_control.forward import forward_poses
 from problems.optimal_control.problem import OptimalControl, build
 from problems.optimal_control.solve import ControlResult, solve, start_values
 from problems.optimal_control.wanted_cycle import WantedCycle, cycle_of, own_cycle, simulated_cycle
@@ -13,6 +14,7 @@ __all__ = [
     "WantedCycle",
     "build",
     "cycle_of",
+    "forward_poses",
     "own_cycle",
     "simulated_cycle",
     "solve",

@@ -12,6 +12,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.optimal_control.forward import forward_poses
 from problems.optimal_control.problem import build
 from problems.optimal_control.report import report
 from problems.optimal_control.solve import solve
@@ -53,7 +54,8 @@ def run(
     )
     result = solve(problem)
     verdict = judge(model, result.poses, np.full(len(result.poses), result.converged), own_model(model.scene))
-    report(problem, result, verdict, out, source.kind)
+    forward = forward_poses(problem, result) if result.converged else None
+    report(problem, result, verdict, out, source.kind, forward)
     end_with(verdict, NAME, out)
 
 

@@ -71,7 +71,7 @@ class OptimalControl:
         return RATE_PER_S * self.steps
 
 
-def _point_function(model: SymbolicContact, rig: Rig, held: Sequence[str]) -> ca.Function:
+def point_function(model: SymbolicContact, rig: Rig, held: Sequence[str]) -> ca.Function:
     """(scaled q, v, u, wanted loads, wanted held) -> (acceleration forces (6) [N], tracking residuals (L + h) [N])."""
     q, v, u = (ca.MX.sym(name, 6) for name in ("q", "v", "u"))
     wanted, wanted_held = ca.MX.sym("wanted", len(model.load_names)), ca.MX.sym("held", len(held))
@@ -92,6 +92,11 @@ def _point_function(model: SymbolicContact, rig: Rig, held: Sequence[str]) -> ca
     columns, weighs = [pose_index(name) for name in held], ca.DM([HELD[name[0]] for name in held])
     off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[columns] - wanted_held) / weighs)
     return ca.Function("point", [q, v, u, wanted, wanted_held], [forces / ca.DM(POSE_IN_MM), off])
+
+
+def inertia_of(rig: Rig) -> Array:
+    """Diagonal of M (6,) [t, t·mm²]."""
+    return np.append(rig.inertia, _FLEXION_INERTIA)
 
 
 def build(
@@ -121,9 +126,9 @@ def build(
 
     nodes_q, nodes_v = ca.MX.sym("node_q", 6, intervals + 1), ca.MX.sym("node_v", 6, intervals + 1)
     q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
-    point = _point_function(model, rig, tuple(wanted.held))
+    point = point_function(model, rig, tuple(wanted.held))
     forces, off = point.map(points)(q, v, u, ca.DM(loads.T), ca.DM(held.T))
-    inertia = np.append(rig.inertia, _FLEXION_INERTIA)
+    inertia = inertia_of(rig)
     rates = RATE_PER_S * steps
     to_newtons = ca.DM(inertia * rates / POSE_IN_MM / step)
     defects = [

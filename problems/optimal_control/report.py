@@ -23,9 +23,15 @@ from problems.optimal_control.solve import ControlResult
 
 
 def report(
-    problem: OptimalControl, result: ControlResult, verdict: Verdict, out: Path, kind: str = "surrogate"
+    problem: OptimalControl,
+    result: ControlResult,
+    verdict: Verdict,
+    out: Path,
+    kind: str = "surrogate",
+    forward: Array | None = None,
 ) -> None:
-    """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model."""
+    """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model;
+    forward: poses (points, 6) of the `forward_poses`, where they were simulated."""
     writable_folder(out)
     scene = problem.model.scene
     grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
@@ -51,6 +57,10 @@ def report(
         f"{problem.nlp['x'].numel()} variables, {problem.nlp['g'].numel()} constraints",
         highlight=False,
     )
+    moved = {} if forward is None else _forward_errors(result, forward)
+    if moved:
+        said = ", ".join(f"{largest:.2g} {unit}" for unit, largest in moved.items())
+        console.print(f"forward in time under these actuators: poses off by {said} at most", highlight=False)
     reason = reasons(problem.model, result.poses, verdict)
     print_reasons(console, reason, "point")
     _write_table(out / "optimal_control.csv", problem, result, verdict, reason)
@@ -66,10 +76,17 @@ def report(
             for what, error in off.items()
         },
         "held_errors": {what: rms_and_largest(error) for what, error in held.items()},
+        "forward_largest_error": moved,
     }
     write_summary(out / "optimal_control.json", summary)
     draw(problem, result, ef["fine"], kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _forward_errors(result: ControlResult, forward: Array) -> dict[str, float]:
+    """Largest difference of poses by unit."""
+    off = np.abs(forward - result.poses)
+    return {"mm": float(off[:, :3].max()), "deg": float(np.degrees(off[:, 3:].max()))}
 
 
 def _held_errors(problem: OptimalControl, result: ControlResult) -> dict[str, Array]:

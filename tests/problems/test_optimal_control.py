@@ -13,7 +13,7 @@ from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.motion.joint_cycle import scene_cycles
 from problems import knee_simulator, optimal_control, pose_estimation
 from problems.common.contact import ContactSource
-from problems.optimal_control import __main__, cycle_of, simulated_cycle
+from problems.optimal_control import __main__, cycle_of, forward_poses, simulated_cycle
 from tests.support.compiler import needs_compiler
 
 
@@ -76,6 +76,16 @@ def test_actuators_come_closer_to_the_applied_loads_with_more_intervals(knee, wa
     assert error[1] < 0.5 * error[0]
 
 
+def test_the_found_actuators_drive_the_knee_through_the_found_motion_forward_in_time(solved):
+    """To within what a spline of the actuators leaves between 25 intervals; other actuators lead elsewhere."""
+    problem, result = solved
+    off = np.abs(forward_poses(problem, result) - result.poses).max(axis=0)
+    assert off[:3].max() < 0.2
+    assert np.degrees(off[3:].max()) < 0.05
+    reversed_shear = replace(result, actuators=result.actuators * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    assert np.abs(forward_poses(problem, reversed_shear) - result.poses)[:, 0].max() > 1.0
+
+
 def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
     drifting = replace(wanted, held={"rz": wanted.held["rz"] - 0.05 * wanted.time_s})
     drift = {}
@@ -121,6 +131,7 @@ def test_a_joint_that_is_pressed_otherwise_moves_through_the_poses_of_its_own_cy
     assert off[:, :3].max() < 0.01
     assert np.degrees(off[:, 3:].max()) < 0.01
     assert np.abs(result.load_error[:, : len(model.scene.sensitive_loads)]).max() < 5.0
+    np.testing.assert_allclose(forward_poses(problem, result), result.poses, atol=0.01)
 
 
 def test_a_joint_whose_loads_lack_a_component_is_given_it():
@@ -147,6 +158,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch)
     assert command(monkeypatch, "--out", tmp_path, "--intervals", 10, "--no-periodic") == 0
     summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
     assert summary["ipopt_status"] == "Solve_Succeeded"
+    assert summary["forward_largest_error"]["mm"] < 2.0
     assert (tmp_path / "optimal_control.csv").read_text("utf-8").count("\n") == 31
     assert (tmp_path / "optimal_control.png").read_bytes().startswith(b"\x89PNG")
 
