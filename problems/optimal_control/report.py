@@ -142,7 +142,7 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
         for name, colour in zip(picked, colours, strict=True):
             column = POSE_NAMES.index(name)
             values = result.poses[:, column] - shift[column]
-            label = f"{name} - {shift[column]:g}" if shift[column] else name
+            label = f"{name} {-shift[column]:+g}" if shift[column] else name
             axis.plot(time_s, np.degrees(values) if name.startswith("r") else values, color=colour, label=label)
         axis.set(title="pose", ylabel=title)
         axis.legend(fontsize=8)
