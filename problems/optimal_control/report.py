@@ -31,7 +31,7 @@ def report(
     forward: Array | None = None,
 ) -> None:
     """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model;
-    forward: poses (points, 6) of the `forward_poses`, where they were simulated."""
+    forward: poses (points, 6) of `forward_poses`."""
     writable_folder(out)
     scene = problem.model.scene
     grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
@@ -58,9 +58,9 @@ def report(
         highlight=False,
     )
     moved = {} if forward is None else _forward_errors(result, forward)
-    if moved:
-        said = ", ".join(f"{largest:.2g} {unit}" for unit, largest in moved.items())
-        console.print(f"forward in time under these actuators: poses off by {said} at most", highlight=False)
+    said = ", ".join(f"{largest:.2g} {unit}" for unit, largest in moved.items())
+    said = f"poses off by {said} at most" if moved else "not simulated: not solved, or the integrator gave up"
+    console.print(f"forward in time under these actuators: {said}", highlight=False)
     reason = reasons(problem.model, result.poses, verdict)
     print_reasons(console, reason, "point")
     _write_table(out / "optimal_control.csv", problem, result, verdict, reason)

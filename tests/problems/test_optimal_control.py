@@ -86,6 +86,11 @@ def test_the_found_actuators_drive_the_knee_through_the_found_motion_forward_in_
     assert np.abs(forward_poses(problem, reversed_shear) - result.poses)[:, 0].max() > 1.0
 
 
+def test_actuators_that_no_motion_follows_are_told_so(solved):
+    problem, result = solved
+    assert forward_poses(problem, replace(result, actuators=-1e6 * result.actuators)) is None
+
+
 def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
     drifting = replace(wanted, held={"rz": wanted.held["rz"] - 0.05 * wanted.time_s})
     drift = {}
