@@ -11,8 +11,8 @@ Hessian. With pose q (6), rates v (6) and actuator wrenches u (6) about the movi
 
 over the collocation points: L = 1 for forces and 25 mm for torques, δ = 0.01 degrees and 0.01 mm (contact does not hold
 the flexion of a knee or any rotation of a ball, so wanted loads alone leave them open), Δu the change from point to
-point. Poses stay in the learned range; the cycle is
-periodic by choice. Poses, rates and dynamics are scaled to like size.
+point. Poses stay in the learned range; the cycle is periodic by choice. Poses, rates and dynamics are scaled to like
+size.
 
 The wanted loads of a knee are those that a forward simulation of the knee simulator carries, so the answer is known:
 the simulator's motion, and its applied loads as controls. Those of another joint are what its own cycle carries.
