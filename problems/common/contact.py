@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import casadi_contact as cc
+from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
@@ -45,6 +46,13 @@ class ContactSource:
     def load(self) -> SymbolicContact:
         """The contact model; raises ValueError for an unknown name and for a scene that no foundation fits."""
         return _load(self)
+
+    def load_whole(self) -> SymbolicContact:
+        """The same with the whole wrench among its loads, as equations of motion need it; a surrogate gives no more
+        than it has learned."""
+        model = _load(self)
+        whole = whole_wrench(model.scene)
+        return model if self.scene is None or whole is model.scene else cc.foundation(whole)
 
 
 @cache

@@ -92,7 +92,7 @@ def draw(design: Design, result: DesignResult, checked: Mapping[str, DishState],
         for name, state in states.items():
             axis.plot(along, _section(state.radii_mm[which], along), color=colours[name], label=name)
         axis.set(title=f"{RADII[which].replace('_', ' ')}: section", ylabel="height [mm]")
-        axis.set(xlabel=f"{across} from the dish's middle [mm], {ANATOMY[across][0]} to the right")
+        axis.set_xlabel(f"{across} from the dish's middle [mm], {ANATOMY[across][0]} to the right", fontsize=8)
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
     frame([axes[0]], "cycle [%]")

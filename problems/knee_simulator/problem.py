@@ -29,11 +29,13 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import generalised_forces, wrench_function
+from casadi_contact.scenes import Scene
 from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
 
 LOAD_SCALE = 0.8  # of ISO 14243-1: 2600 N would load the lateral side beyond what the surrogate `knee` has learned
 POWERS = ("applied", "drive", "dissipation", "contact")
+DOWN = {"-Fy"}  # how a knee's patches are pressed
 _RZ = pose_index("rz")
 
 
@@ -71,18 +73,21 @@ class KneeSimulator:
         return np.column_stack([states[:, :5], self.flexion_rz(time_s)])
 
 
+def pressed_along(scene: Scene) -> set[str]:
+    """What presses the patches of a scene, such as -Fy; |F| where there is no single direction."""
+    return {f"{'+' if n.sign > 0.0 else '-'}{n.component}" if n.component else "|F|" for n in scene.normal_loads}
+
+
 def build(model: ContactModel, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
     """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out.
 
     Raises ValueError for a scene whose patches are not all pressed from above, as those of a knee are.
     """
-    pressed = {
-        f"{'+' if n.sign > 0.0 else '-'}{n.component}" if n.component else "|F|" for n in model.scene.normal_loads
-    }
-    if pressed != {"-Fy"}:
+    pressed = pressed_along(model.scene)
+    if pressed != DOWN:
         raise ValueError(
             f"a knee simulator presses the moving body down, along -Fy; scene {model.scene.name} is pressed along "
-            f"{', '.join(sorted(pressed))}: pose estimation and settling take it"
+            f"{', '.join(sorted(pressed))}: pose estimation, settling and optimal control take it"
         )
     waveforms = WALKING.with_loads_scaled(LOAD_SCALE) if waveforms is None else waveforms
     rig = Rig() if rig is None else rig

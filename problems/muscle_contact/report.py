@@ -15,13 +15,25 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
-from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.optimisation import total_selection
+from casadi_contact.page import (
+    COLOURS,
+    FAILED,
+    FOUNDATION,
+    SURROGATE,
+    WANTED,
+    Panel,
+    frame,
+    new_page,
+    panels,
+    save_page,
+)
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, assembly_columns, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.cocontraction import SOLEUS_N
-from problems.muscle_contact.extensor import PatellaResult
+from problems.muscle_contact.extensor import PATELLA, PatellaResult, quadriceps
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
@@ -134,7 +146,7 @@ def report(
         "patella": None if patellar is None else str(patellar),
     }
     write_summary(out / "summary.json", summary)
-    draw(problem, result, compared, out / "muscle_contact.png")
+    draw(problem, result, compared, out / "muscle_contact.png", patellar)
     PlainConsole().print(f"results in {out}", highlight=False)
 
 
@@ -191,11 +203,19 @@ def _write_table(
     write_columns(path, columns, digits=DIGITS)
 
 
-def draw(problem: MuscleContact, result: MuscleContactResult, compared: Compared, path: Path) -> None:
-    """Forces of both sides (predicted, EF, measured), activations and the greatest muscle forces, as a PNG."""
+def draw(
+    problem: MuscleContact,
+    result: MuscleContactResult,
+    compared: Compared,
+    path: Path,
+    patellar: Verdict | None = None,
+) -> None:
+    """Forces of both sides (predicted, EF, measured), activations and the greatest muscle forces, and where the verdict
+    on a patella is given what holds it, as a PNG."""
     walk, errors = problem.walk, compared.errors()
-    page = new_page(13.0, 8.5)
-    parts = panels(page, 2, 2, {(0, 0), (0, 1)})
+    rows = 2 if patellar is None else 3
+    page = new_page(13.0, 4.25 * rows)
+    parts = panels(page, rows, 2, {(0, 0), (0, 1), (2, 1)})
     failed = ~result.converged
     for column, (name, side) in enumerate(zip(SIDES, ("medial", "lateral"), strict=True)):
         panel, axis = parts[0, column], parts[0, column].curves
@@ -229,6 +249,8 @@ def draw(problem: MuscleContact, result: MuscleContactResult, compared: Compared
         strongest_forces.plot(walk.percent, result.muscle_forces_n[:, muscle], color=color, label=names[muscle])
     strongest_forces.set(title="strongest muscles", ylabel="force [N]")
     strongest_forces.legend(fontsize=8)
+    if patellar is not None:
+        _draw_patella(parts[2, 0].curves, parts[2, 1], problem, result, patellar)
     frame((panel.lowest for panel in parts.values()), "cycle [%]")
     for panel in parts.values():
         panel.curves.set_xlim(0.0, 100.0)
@@ -236,3 +258,34 @@ def draw(problem: MuscleContact, result: MuscleContactResult, compared: Compared
     converged = f"{int(result.converged.sum())} of {len(walk)} frames converged"
     page.suptitle(f"Muscle and contact forces from inverse dynamics, {walk.name}: {converged}")
     save_page(page, path, dots_per_inch=110)
+
+
+def _draw_patella(
+    forces: Any, facets: Panel, problem: MuscleContact, result: MuscleContactResult, patellar: Verdict
+) -> None:
+    """Quadriceps, tendon and the resultant of the groove, which balance, and the compression of each facet with what
+    the elastic foundation adds to it at the same poses."""
+    assert problem.extensor is not None
+    assert result.patella is not None
+    walk, groove = problem.walk, problem.extensor.contact
+    loads = groove.model(result.patella.contact_poses, patellar.load_names)
+    resultant = loads @ total_selection(patellar.load_names)[:3].T
+    held = {
+        "quadriceps": result.muscle_forces_n[:, quadriceps(walk.muscles.names)].sum(axis=1),
+        "groove contact": np.linalg.norm(resultant, axis=1),
+    }
+    lines = [line.name for line in problem.extensor.assembly.ligaments if PATELLA in line.bodies]
+    held |= {name.replace("_", " "): result.patella.loads[name] for name in lines}
+    for (label, curve), color in zip(held.items(), COLOURS.values(), strict=False):
+        forces.plot(walk.percent, curve, color=color, label=label)
+    forces.set(title="what holds the patella", ylabel="force [N]")
+    for name, color in zip(groove.model.scene.sensitive_loads, COLOURS.values(), strict=False):
+        column = patellar.load_names.index(name)
+        compression = np.abs(loads[:, column])
+        facets.curves.plot(walk.percent, compression, color=color, label=name)
+        on_ef = np.abs(loads[:, column] - patellar.errors[:, column])
+        facets.difference(walk.percent, on_ef - compression, name, color=color)
+    facets.curves.set(title="facets of the patella", ylabel="compression [N]")
+    facets.differences.set_ylabel("EF - predicted [N]", fontsize=7)
+    for axis in (forces, facets.curves):
+        axis.legend(fontsize=8)

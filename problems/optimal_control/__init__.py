@@ -3,8 +3,20 @@
 Run ``python -m problems.optimal_control --help``.
 """
 
+from problems.optimal_control.forward import forward_poses
 from problems.optimal_control.problem import OptimalControl, build
 from problems.optimal_control.solve import ControlResult, solve, start_values
-from problems.optimal_control.wanted_cycle import WantedCycle, simulated_cycle
+from problems.optimal_control.wanted_cycle import WantedCycle, cycle_of, own_cycle, simulated_cycle
 
-__all__ = ["ControlResult", "OptimalControl", "WantedCycle", "build", "simulated_cycle", "solve", "start_values"]
+__all__ = [
+    "ControlResult",
+    "OptimalControl",
+    "WantedCycle",
+    "build",
+    "cycle_of",
+    "forward_poses",
+    "own_cycle",
+    "simulated_cycle",
+    "solve",
+    "start_values",
+]

@@ -12,10 +12,11 @@ from casadi_contact.files import writable_folder
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.optimal_control.forward import forward_poses
 from problems.optimal_control.problem import build
 from problems.optimal_control.report import report
 from problems.optimal_control.solve import solve
-from problems.optimal_control.wanted_cycle import simulated_cycle
+from problems.optimal_control.wanted_cycle import cycle_of
 
 NAME = "optimal_control"
 app = new_app()
@@ -32,14 +33,16 @@ def run(
     steadiness: Annotated[float, typer.Option(help="weight of the actuators' change from point to point")] = 1e-4,
     out: Annotated[Path, typer.Option(help="folder for optimal_control.csv, .png, .json")] = RESULTS / NAME,
 ) -> None:
-    """Find the actuator loads and the motion that carry the knee simulator's contact loads; check them on the EF.
+    """Find the actuator loads and the motion that carry the contact loads of a cycle; check them on the EF.
+
+    The cycle is the knee simulator's, for a joint that is pressed otherwise than down that of its scene.
 
     Exit status 2: not solved; 3: solved, but the contact model differs at some collocation points.
     """
     writable_folder(out)
     source = ContactSource.of(surrogate, scene)
-    model = source.load()
-    wanted = simulated_cycle(model)
+    model = source.load_whole()
+    wanted = cycle_of(model)
     problem = build(
         model,
         wanted,
@@ -51,7 +54,8 @@ def run(
     )
     result = solve(problem)
     verdict = judge(model, result.poses, np.full(len(result.poses), result.converged), own_model(model.scene))
-    report(problem, result, verdict, out, source.kind)
+    forward = forward_poses(problem, result) if result.converged else None
+    report(problem, result, verdict, out, source.kind, forward)
     end_with(verdict, NAME, out)
 
 

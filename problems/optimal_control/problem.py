@@ -5,20 +5,22 @@ Hessian. With pose q (6), rates v (6) and actuator wrenches u (6) about the movi
 
     q̇ = v,    M·v̇ = Q(q; u) - Q(q; W(q)) - k·(q - q_rest) - c·v
 
-(as in the knee simulator, with flexion now moving as freely as the rest), find
+(as in the knee simulator, with flexion now moving as freely as the rest; other joints have no springs k), find
 
-    min ½ Σ |(loads(q) - wanted)/L|² + ½ Σ ((rz - wanted rz)/δ)² + ½ steadiness·Σ |Δu/L|²    [N²]
+    min ½ Σ |(loads(q) - wanted)/L|² + ½ Σ |(held q - wanted)/δ|² + ½ steadiness·Σ |Δu/L|²    [N²]
 
-over the collocation points: L = 1 for forces and 25 mm for torques, δ = 0.01 degrees (contact does not hold flexion,
-so wanted loads alone leave it open), Δu the change from point to point. Poses stay in the learned range; the cycle is
-periodic by choice. Poses, rates and dynamics are scaled to like size.
+over the collocation points: L = 1 for forces and 25 mm for torques, δ = 0.01 degrees and 0.01 mm (contact does not hold
+the flexion of a knee or any rotation of a ball, so wanted loads alone leave them open), Δu the change from point to
+point. Poses stay in the learned range; the cycle is periodic by choice. Poses, rates and dynamics are scaled to like
+size.
 
-The wanted loads of the built-in example are those that a forward simulation of the knee simulator carries, so the
-answer is known: the simulator's motion, and its applied loads as controls.
+The wanted loads of a knee are those that a forward simulation of the knee simulator carries, so the answer is known:
+the simulator's motion, and its applied loads as controls. Those of another joint are what its own cycle carries.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,18 +29,17 @@ import numpy as np
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, pose_bounds, total_selection
+from casadi_contact.optimisation import generalised_forces, pose_bounds, pose_steps, total_selection
 from casadi_contact.quantities import newton_scales
 from problems.common.collocation import Collocation
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
 
-FLEXION_RAD = np.radians(0.01)  # flexion off by this weighs as much as a force off by 1 N
+HELD = {"t": 0.01, "r": np.radians(0.01)}  # [mm, rad]: what is held and off by this weighs as a force off by 1 N
 _FLEXION_INERTIA = 20.0  # t·mm², that is 0.02 kg·m², as about the other axes
 _FLEXION_DAMPING = 1000.0  # N·mm·s/rad
-RATES = 20.0 * KNEE_STEPS  # [mm/s, rad/s] like in effect
+RATE_PER_S = 20.0  # over that many steps of the pose, like in effect
 LOAD_SCALE_N = 100.0  # of actuator loads (torques over 25 mm) and dynamics
-_RZ = pose_index("rz")
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,23 @@ class OptimalControl:
     intervals: int
     degree: int
 
+    @property
+    def steps(self) -> Array:
+        """What one unit of each pose variable is (6,) [mm, rad]."""
+        return pose_steps(self.model.scene.sensitive_pose)
 
-def _point_function(model: SymbolicContact, rig: Rig) -> ca.Function:
-    """(scaled q, v, u, wanted loads, wanted rz) -> (acceleration forces (6) [N], tracking residuals (L + 1) [N])."""
+    @property
+    def rates(self) -> Array:
+        """What one unit of each rate is (6,) [mm/s, rad/s]."""
+        return RATE_PER_S * self.steps
+
+
+def point_function(model: SymbolicContact, rig: Rig, held: Sequence[str]) -> ca.Function:
+    """(scaled q, v, u, wanted loads, wanted held) -> (acceleration forces (6) [N], tracking residuals (L + h) [N])."""
     q, v, u = (ca.MX.sym(name, 6) for name in ("q", "v", "u"))
-    wanted, rz = ca.MX.sym("wanted", len(model.load_names)), ca.MX.sym("rz")
-    pose = q * KNEE_STEPS
+    wanted, wanted_held = ca.MX.sym("wanted", len(model.load_names)), ca.MX.sym("held", len(held))
+    steps = pose_steps(model.scene.sensitive_pose)
+    pose = q * steps
     loads = model.function(compiled=True)(pose)
     contact = ca.mtimes(ca.DM(total_selection(model.load_names)), loads)
     actuators = u * (LOAD_SCALE_N * POSE_IN_MM)
@@ -74,26 +86,32 @@ def _point_function(model: SymbolicContact, rig: Rig) -> ca.Function:
         generalised_forces(pose, actuators, about="moving")
         - generalised_forces(pose, contact)
         - ca.DM(stiffness) * (pose - ca.DM(rest))
-        - ca.DM(damping) * (v * RATES)
+        - ca.DM(damping) * (v * RATE_PER_S * steps)
     )
     levers = newton_scales(model.load_names, LEVER_MM)
-    off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[_RZ] - rz) / FLEXION_RAD)
-    return ca.Function("point", [q, v, u, wanted, rz], [forces / ca.DM(POSE_IN_MM), off])
+    columns, weighs = [pose_index(name) for name in held], ca.DM([HELD[name[0]] for name in held])
+    off = ca.vertcat((loads - wanted) / ca.DM(levers), (pose[columns] - wanted_held) / weighs)
+    return ca.Function("point", [q, v, u, wanted, wanted_held], [forces / ca.DM(POSE_IN_MM), off])
+
+
+def inertia_of(rig: Rig) -> Array:
+    """Diagonal of M (6,) [t, t·mm²]."""
+    return np.append(rig.inertia, _FLEXION_INERTIA)
 
 
 def build(
     model: SymbolicContact,
     wanted: WantedCycle,
     *,
-    rig: Rig | None = None,
     intervals: int = 50,
     degree: int = 3,
     scheme: str = "radau",
     periodic: bool = True,
     steadiness: float = 1e-4,
 ) -> OptimalControl:
-    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals or a negative steadiness."""
-    rig = Rig() if rig is None else rig
+    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals, a negative steadiness, and
+    loads that lack a component of the wrench."""
+    rig, steps = wanted.rig, pose_steps(model.scene.sensitive_pose)
     if not steadiness >= 0.0:
         raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")
     grid = Collocation(intervals, degree, wanted.time_s[-1] - wanted.time_s[0], scheme)
@@ -104,16 +122,17 @@ def build(
         )
     times, step = grid.times_s, grid.step_s
     points = intervals * degree
-    loads, rz = wanted.at(wanted.time_s[0] + times)
+    loads, held = wanted.at(wanted.time_s[0] + times)
 
     nodes_q, nodes_v = ca.MX.sym("node_q", 6, intervals + 1), ca.MX.sym("node_v", 6, intervals + 1)
     q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
-    forces, off = _point_function(model, rig).map(points)(q, v, u, ca.DM(loads.T), ca.DM(rz[None]))
-    inertia = np.append(rig.inertia, _FLEXION_INERTIA)
-    to_steps = ca.DM(RATES / KNEE_STEPS * step)
-    to_newtons = ca.DM(inertia * RATES / POSE_IN_MM / step)
+    point = point_function(model, rig, tuple(wanted.held))
+    forces, off = point.map(points)(q, v, u, ca.DM(loads.T), ca.DM(held.T))
+    inertia = inertia_of(rig)
+    rates = RATE_PER_S * steps
+    to_newtons = ca.DM(inertia * rates / POSE_IN_MM / step)
     defects = [
-        ca.vec(grid.slopes(nodes_q, q) - ca.repmat(to_steps, 1, points) * v),
+        ca.vec(grid.slopes(nodes_q, q) - RATE_PER_S * step * v),
         ca.vec(ca.repmat(to_newtons, 1, points) * grid.slopes(nodes_v, v) - forces) / LOAD_SCALE_N,
         ca.vec(grid.jumps(nodes_q, q)),
         ca.vec(grid.jumps(nodes_v, v)),
@@ -122,12 +141,12 @@ def build(
         defects += [nodes_q[:, 0] - nodes_q[:, -1], nodes_v[:, 0] - nodes_v[:, -1]]
     changes = LOAD_SCALE_N * (u[:, 1:] - u[:, :-1])
     x = ca.vertcat(*(ca.vec(part) for part in (nodes_q, nodes_v, q, v, u)))
-    low, high = (bound / KNEE_STEPS for bound in pose_bounds(model))
+    low, high = (bound / steps for bound in pose_bounds(model))
     free_rates, free_loads = np.full(6 * points, np.inf), np.full(6 * points, np.inf)
     node_rates = np.full(6 * (intervals + 1), np.inf)
     parts = (np.tile(low, intervals + 1), -node_rates, np.tile(low, points), -free_rates, -free_loads)
     tops = (np.tile(high, intervals + 1), node_rates, np.tile(high, points), free_rates, free_loads)
-    physical = [ca.DM(scale) for scale in (KNEE_STEPS, RATES, LOAD_SCALE_N * POSE_IN_MM)]
+    physical = [ca.DM(scale) for scale in (steps, rates, LOAD_SCALE_N * POSE_IN_MM)]
     return OptimalControl(
         model=model,
         wanted=wanted,

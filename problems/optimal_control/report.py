@@ -23,9 +23,15 @@ from problems.optimal_control.solve import ControlResult
 
 
 def report(
-    problem: OptimalControl, result: ControlResult, verdict: Verdict, out: Path, kind: str = "surrogate"
+    problem: OptimalControl,
+    result: ControlResult,
+    verdict: Verdict,
+    out: Path,
+    kind: str = "surrogate",
+    forward: Array | None = None,
 ) -> None:
-    """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model."""
+    """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model;
+    forward: poses (points, 6) of `forward_poses`."""
     writable_folder(out)
     scene = problem.model.scene
     grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
@@ -42,14 +48,19 @@ def report(
     for column, name in enumerate(problem.model.load_names):
         cells = [_rms_and_largest(error[:, column]) for error in off.values()]
         table.add_row(f"{name} ({load_unit(name)})", *cells)
-    flexion = result.flexion_error_deg
-    table.add_row("flexion (deg)", _rms_and_largest(flexion), "", "")
+    held = _held_errors(problem, result)
+    for what, error in held.items():
+        table.add_row(what, _rms_and_largest(error), "", "")
     console.print(table)
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start, "
         f"{problem.nlp['x'].numel()} variables, {problem.nlp['g'].numel()} constraints",
         highlight=False,
     )
+    moved = {} if forward is None else _forward_errors(result, forward)
+    said = ", ".join(f"{largest:.2g} {unit}" for unit, largest in moved.items())
+    said = f"poses off by {said} at most" if moved else "not simulated: not solved, or the integrator gave up"
+    console.print(f"forward in time under these actuators: {said}", highlight=False)
     reason = reasons(problem.model, result.poses, verdict)
     print_reasons(console, reason, "point")
     _write_table(out / "optimal_control.csv", problem, result, verdict, reason)
@@ -64,11 +75,28 @@ def report(
             what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.model.load_names)}
             for what, error in off.items()
         },
-        "flexion_error_deg": rms_and_largest(flexion),
+        "held_errors": {what: rms_and_largest(error) for what, error in held.items()},
+        "forward_largest_error": moved,
     }
     write_summary(out / "optimal_control.json", summary)
     draw(problem, result, ef["fine"], kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _forward_errors(result: ControlResult, forward: Array) -> dict[str, float]:
+    """Largest difference of poses by unit."""
+    off = np.abs(forward - result.poses)
+    return {"mm": float(off[:, :3].max()), "deg": float(np.degrees(off[:, 3:].max()))}
+
+
+def _held_errors(problem: OptimalControl, result: ControlResult) -> dict[str, Array]:
+    """Errors (points,) of what is held, by name and unit: mm, and angles in degrees."""
+    return {
+        f"{name} (deg)" if name.startswith("r") else f"{name} (mm)": np.degrees(error)
+        if name.startswith("r")
+        else error
+        for name, error in zip(problem.wanted.held, result.held_error.T, strict=True)
+    }
 
 
 def _rms_and_largest(errors: Array) -> str:
@@ -93,7 +121,9 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
     time_s = problem.times
     names = problem.model.load_names
     wanted = result.loads - result.load_error
-    for place, name in enumerate(("Fy_med", "Fy_lat", "Fx", "Ty")):
+    pressing = [name for name in problem.model.scene.sensitive_loads if name in names]
+    shown = [*pressing, *(name for name in names if name not in pressing)][:4]
+    for place, name in enumerate(shown):
         panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
         axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
         axis.plot(time_s, result.loads[:, column], label=kind, **SURROGATE)
@@ -106,16 +136,13 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
     parts[0, 0].differences.legend(fontsize=6)
     axes = {place: panel.curves for place, panel in parts.items()}
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
-    ty = POSE_NAMES.index("ty")
-    shift = np.zeros(6)
-    shift[ty] = np.round(result.poses[:, ty].mean())
+    shift = np.round(result.poses.mean(axis=0))
+    shift[3:] = 0.0
     for axis, picked, title in ((axes[1, 0], POSE_NAMES[:3], "[mm]"), (axes[1, 1], POSE_NAMES[3:], "[degrees]")):
         for name, colour in zip(picked, colours, strict=True):
             column = POSE_NAMES.index(name)
             values = result.poses[:, column] - shift[column]
-            label = f"{name} - {shift[column]:g}" if shift[column] else name
-            if name == "rz":
-                values, label = -values / 10.0, "flexion = -rz, over 10"
+            label = f"{name} {-shift[column]:+g}" if shift[column] else name
             axis.plot(time_s, np.degrees(values) if name.startswith("r") else values, color=colour, label=label)
         axis.set(title="pose", ylabel=title)
         axis.legend(fontsize=8)

@@ -1,4 +1,4 @@
-"""The solution of optimal control, from poses in static equilibrium with the wanted loads."""
+"""The solution of optimal control, from poses that carry the wanted loads."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, IpoptOutcome, ipopt_options, middle_pose, total_selection
-from problems import static_equilibrium
-from problems.optimal_control.problem import LOAD_SCALE_N, RATES, OptimalControl
-
-_RZ = pose_index("rz")
+from casadi_contact.motion.joint_cycle import JointCycle
+from casadi_contact.optimisation import IpoptOutcome, ipopt_options, total_selection
+from problems import pose_estimation
+from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl
 
 
 @dataclass(frozen=True)
 class ControlResult:
     """At the collocation points: poses, rates, actuator wrenches about the moving origin (points, 6), contact loads
-    (points, L) and how far they are from the wanted ones; node_poses (intervals + 1, 6) at the ends of intervals."""
+    (points, L) and how far they are from the wanted ones; held_error (points, h) [mm, rad]; node_poses
+    (intervals + 1, 6) at the ends of intervals."""
 
     poses: Array
     rates: Array
@@ -28,7 +28,7 @@ class ControlResult:
     node_poses: Array
     loads: Array
     load_error: Array
-    flexion_error_deg: Array
+    held_error: Array
     converged: bool
     ipopt_status: str
     iterations: int
@@ -36,19 +36,19 @@ class ControlResult:
 
 
 def start_values(problem: OptimalControl) -> Array:
-    """x at poses in static equilibrium with the wanted loads at the ends of intervals, flexion as wanted, and a spline
-    between them; actuators at the wanted loads, as if nothing else acted."""
+    """x at the poses that carry the wanted loads at the ends of intervals (`pose_estimation`), and a spline between
+    them; actuators at the wanted loads, as if nothing else acted."""
     model, wanted = problem.model, problem.wanted
     node_times = np.linspace(0.0, wanted.time_s[-1] - wanted.time_s[0], problem.intervals + 1)
-    loads, rz = wanted.at(wanted.time_s[0] + node_times)
-    rest = np.tile(middle_pose(model), (len(node_times), 1))
-    rest[:, _RZ] = rz
+    loads, held = wanted.at(wanted.time_s[0] + node_times)
+    named = dict(zip(wanted.held, held.T, strict=True)), dict(zip(model.load_names, loads.T, strict=True))
+    poses = pose_estimation.solve(pose_estimation.build(model, JointCycle("wanted", node_times, *named))).poses
     total = loads @ total_selection(model.load_names).T
-    poses = static_equilibrium.solve(static_equilibrium.build(model, total, rest=rest)).poses
     total[:, 3:] -= np.cross(poses[:, :3], total[:, :3])  # about the moving origin
     motion = CubicSpline(node_times, poses)
     actuators = CubicSpline(node_times, total)(problem.times) / (LOAD_SCALE_N * POSE_IN_MM)
-    parts = [part for at in (node_times, problem.times) for part in (motion(at) / KNEE_STEPS, motion(at, 1) / RATES)]
+    steps, rates = problem.steps, problem.rates
+    parts = [part for at in (node_times, problem.times) for part in (motion(at) / steps, motion(at, 1) / rates)]
     return np.clip(np.concatenate([part.ravel() for part in (*parts, actuators)]), problem.lower, problem.upper)
 
 
@@ -65,7 +65,7 @@ def solve(
     outcome = IpoptOutcome.of(solver)
     poses, rates, actuators, node_poses = (np.asarray(part).T for part in problem.unpack(answer["x"]))
     loads = problem.model(poses)
-    wanted, rz = problem.wanted.at(problem.wanted.time_s[0] + problem.times)
+    wanted, held = problem.wanted.at(problem.wanted.time_s[0] + problem.times)
     return ControlResult(
         poses=poses,
         rates=rates,
@@ -73,7 +73,7 @@ def solve(
         node_poses=node_poses,
         loads=loads,
         load_error=loads - wanted,
-        flexion_error_deg=np.degrees(poses[:, _RZ] - rz),
+        held_error=poses[:, [pose_index(name) for name in problem.wanted.held]] - held,
         converged=outcome.solved,
         ipopt_status=outcome.status,
         iterations=outcome.iterations,

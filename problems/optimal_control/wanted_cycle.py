@@ -1,7 +1,8 @@
-"""Contact loads and flexion wanted over a cycle."""
+"""Contact loads wanted over a cycle, and the pose parameters that contact does not hold."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,33 +10,58 @@ from scipy.interpolate import CubicSpline
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, pose_index
-from problems import knee_simulator
+from casadi_contact.project import reference_motion_cycles
+from problems import knee_simulator, pose_estimation
+from problems.knee_simulator.problem import DOWN, pressed_along
 from problems.knee_simulator.rig import Rig
 
-_RZ = pose_index("rz")
+SPRINGLESS = Rig(ap_spring_n_per_mm=0.0, ie_spring_nmm_per_deg=0.0)
 
 
 @dataclass(frozen=True)
 class WantedCycle:
-    """time_s (n,) from 0 over one cycle; loads (n, L) as in ``load_names`` of the contact model; rz (n,) [rad]."""
+    """time_s (n,) from 0 over one cycle; loads (n, L) as in ``load_names`` of the contact model; held: pose parameters
+    (n,) [mm, rad] by name that are wanted too; rig: what moves and holds the joint."""
 
     time_s: Array
     loads: Array
-    rz: Array
+    held: Mapping[str, Array]
+    rig: Rig
 
     def at(self, time_s: Array) -> tuple[Array, Array]:
-        """Loads (m, L) and rz (m,) at other times, by cubic splines."""
-        spline = CubicSpline(self.time_s, np.column_stack([self.loads, self.rz]))(time_s)
-        return spline[:, :-1], spline[:, -1]
+        """Loads (m, L) and held parameters (m, h) at other times, by cubic splines."""
+        spline = CubicSpline(self.time_s, np.column_stack([self.loads, *self.held.values()]))(time_s)
+        count = self.loads.shape[1]
+        return spline[:, :count], spline[:, count:]
+
+
+def cycle_of(model: SymbolicContact) -> WantedCycle:
+    """The simulator's cycle for a scene that is pressed down as a knee is, the scene's own for any other."""
+    return simulated_cycle(model) if pressed_along(model.scene) == DOWN else own_cycle(model)
 
 
 def simulated_cycle(model: SymbolicContact, rig: Rig | None = None, frames: int = 401) -> WantedCycle:
-    """The loads that the knee simulator's second cycle, by then periodic, carries."""
+    """The loads that the knee simulator's second cycle, by then periodic, carries, and its flexion."""
     simulator = knee_simulator.build(model, rig=rig)
     motion = knee_simulator.solve(simulator, cycles=2.0, frames=2 * frames - 1, tolerance=1e-8)
     second = slice(frames - 1, None)
     return WantedCycle(
         time_s=motion.time_s[second] - motion.time_s[frames - 1],
         loads=model(motion.poses[second]),
-        rz=motion.poses[second, _RZ],
+        held={"rz": motion.poses[second, pose_index("rz")]},
+        rig=simulator.rig,
     )
+
+
+def own_cycle(model: SymbolicContact) -> WantedCycle:
+    """All loads that contact carries in the poses of the scene's own cycle (`pose_estimation`), which holds what is
+    measured of the pose there; without springs.
+
+    Raises ValueError for a scene without a cycle, and where a frame of it has no pose.
+    """
+    cycle = reference_motion_cycles(model.scene, ())[0]
+    found = pose_estimation.solve(pose_estimation.build(model, cycle))
+    if not found.converged.all():
+        frame = int(np.argmin(found.converged))
+        raise ValueError(f"scene {model.scene.name}: frame {frame} of its cycle has no pose: {found.reason[frame]}")
+    return WantedCycle(cycle.time_s - cycle.time_s[0], model(found.poses), cycle.measured_pose(), SPRINGLESS)

@@ -19,7 +19,7 @@ from problems.muscle_contact import __main__
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.extensor import quadriceps
 from problems.muscle_contact.knee_coordinates import in_newtons
-from problems.muscle_contact.report import report
+from problems.muscle_contact.report import Compared, draw, report
 from problems.muscle_contact.with_patella import patella_verdict
 from tests.support.compiler import needs_compiler
 
@@ -134,6 +134,24 @@ def test_table_files_and_summary_tell_of_the_patella(solved, tmp_path, capsys):
     assert float(rows[2]["patellar_tendon_N"]) == pytest.approx(result.patella.loads["patellar_tendon"][2], rel=1e-6)
     assert float(rows[2]["patella_ty_mm"]) == pytest.approx(result.patella.poses[2, 1], rel=1e-6)
     assert "EF" in json.loads((tmp_path / "summary.json").read_text("utf-8"))["patella"]
+    assert (tmp_path / "muscle_contact.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_shows_three_forces_on_the_patella_that_close_a_triangle(solved, tmp_path, monkeypatch):
+    problem, result = solved
+    pages = []
+    monkeypatch.setattr("problems.muscle_contact.report.save_page", lambda page, path, **_: pages.append(page))
+    compared = Compared.of(problem, result, None)
+    draw(problem, result, compared, tmp_path / "page.png", patella_verdict(problem, result))
+    axes = {axis.get_title(): axis for axis in pages[0].axes}
+    lines = axes["what holds the patella"].get_lines()
+    forces = {line.get_label(): line.get_ydata() for line in lines}
+    assert list(forces) == ["quadriceps", "groove contact", "patellar tendon"]
+    np.testing.assert_allclose(forces["quadriceps"], tension(problem, result))
+    sides = np.sort(list(forces.values()), axis=0)
+    assert (sides[2] <= sides[0] + sides[1] + 0.05).all()
+    facets = {line.get_label(): line.get_ydata() for line in axes["facets of the patella"].get_lines()}
+    np.testing.assert_allclose(facets["Fx_lat"], result.patella.loads["patellofemoral_Fx_lat"])
 
 
 def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
