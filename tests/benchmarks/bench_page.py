@@ -3,9 +3,9 @@
 python -m pytest -s tests/benchmarks/bench_page.py
 
 The browser is headless and draws by software, in processes that share the processor with whatever else runs: what it
-paints and how often it draws is printed, beside the first paint of an empty page in the same browser, each as the first
-page of all and as a later one. Held are the CPU seconds of the page's own thread, which neither changes: until the first
-paint, and for each frame. CASADI_CONTACT_PICTURES names a folder for a screenshot of each page.
+paints and how often it draws is printed, beside the first paint of an empty page, each in a new browser and in one that
+runs. Held are the CPU seconds of the page's own thread, which neither changes: until the first paint, and for each frame.
+CASADI_CONTACT_PICTURES names a folder for a screenshot of each page.
 """
 
 import os
