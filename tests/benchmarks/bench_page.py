@@ -4,7 +4,7 @@ python -m pytest -s tests/benchmarks/bench_page.py
 
 The browser is headless and draws by software, in processes that share the processor with whatever else runs: what it
 paints and how often it draws is printed, beside the first paint of an empty page, each in a new browser and in one that
-runs. Held are the CPU seconds of the page's own thread, which neither changes: until the first paint, and for each frame.
+runs. Held are the CPU seconds of the page's own thread, which neither changes: until all is there, and for each frame.
 CASADI_CONTACT_PICTURES names a folder for a screenshot of each page.
 """
 
