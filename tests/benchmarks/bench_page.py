@@ -51,7 +51,7 @@ def first_paint(tab):
 
 def opened_anew(tab, path):
     """First paint of a page in another tab of a browser that has drawn before."""
-    other = tab.context.new_page()
+    other = tab.context.browser.new_page(viewport=tab.viewport_size)
     other.goto(path.as_uri())
     found = first_paint(other)
     other.close()
