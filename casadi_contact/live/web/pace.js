@@ -7,17 +7,17 @@ const PATIENCE = 3; // and so many more of these than of quick ones make drawing
 const REST_FRAMES = 8; // of the page without a new picture
 
 export class Pace {
-  /** drawWith(density) draws; this decides with how many samples to a CSS pixel, each way. */
+  /** drawWith(density, inFull) draws; this decides with how many samples to a CSS pixel, each way, and whether in full. */
   constructor(drawWith) {
     Object.assign(this, { drawWith, level: 0, slow: 0, since: 0, watch: null });
   }
 
-  density(level) {
-    return Math.min(DENSITIES[level] * (window.devicePixelRatio || 1), MOST);
+  drawAt(level) {
+    this.drawWith(Math.min(DENSITIES[level] * (window.devicePixelRatio || 1), MOST), level === 0);
   }
 
   draw() {
-    this.drawWith(this.density(this.level));
+    this.drawAt(this.level);
     this.drawn = document.timeline.currentTime;
     this.since = 0;
     this.watch ??= requestAnimationFrame((now) => this.frame(now));
@@ -41,7 +41,7 @@ export class Pace {
 
   /** The next movement begins a step finer than this one ended: something else may have made it slow. */
   rest() {
-    if (this.level > 0) this.drawWith(this.density(0));
+    if (this.level > 0) this.drawAt(0);
     this.level = Math.max(0, this.level - 1);
     this.slow = 0;
   }

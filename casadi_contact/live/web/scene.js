@@ -40,8 +40,9 @@ class Bodies {
     this.gl = gl;
     this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
     this.always = { colours: content.colours.flat(), still: twgl.m4.identity() };
-    this.fixed = fixed.map(({ points, normals, coarse }) =>
-      this.buffers({ points, normals, corners: coarse }, new Float32Array(points.length / 3)));
+    this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
+    // Larger triangles between some of the same points, for when time is short.
+    this.coarse = fixed.map(({ coarse }, k) => twgl.createBufferInfoFromArrays(gl, { indices: coarse }, this.fixed[k]));
     this.behind = this.buffers(behind);
     this.moving = this.buffers(moving);
     const lift = 0.06 * content.view.distance;
@@ -49,7 +50,7 @@ class Bodies {
     this.distance = content.view.distance;
     [this.yaw, this.pitch] = anglesOf(content.view.eye);
     this.opacity = GLASS;
-    this.pace = new Pace((density) => this.drawWith(density));
+    this.pace = new Pace((density, inFull) => this.drawWith(density, inFull));
     this.turnedBy(gl.canvas);
   }
 
@@ -97,11 +98,11 @@ class Bodies {
   }
 
   drawInFull() {
-    this.drawWith(this.pace.density(0));
+    this.pace.drawAt(0);
   }
 
-  /** density: samples to a CSS pixel, each way. */
-  drawWith(density) {
+  /** density: samples to a CSS pixel, each way; inFull: with all triangles. */
+  drawWith(density, inFull) {
     const { gl } = this;
     const { canvas } = gl;
     const [width, height] = sizeOf(canvas).map((side) => Math.round(side * density));
@@ -123,7 +124,7 @@ class Bodies {
     const { colours, still } = this.always;
     twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
     const fixed = { world: still, bare: BONE, opacity: 1 };
-    for (const body of [...this.fixed, this.behind]) this.show(body, fixed);
+    for (const body of [...(inFull ? this.fixed : this.coarse), this.behind]) this.show(body, fixed);
     const steel = { world: this.world, bare: STEEL, opacity: this.opacity };
     if (this.opacity < 1) {
       gl.enable(gl.BLEND);
