@@ -193,7 +193,7 @@ class CompiledFoundation(ContactFunctions):
             self.patch_names,
             patches,
             False,
-            "overlap of no more than the layer's thickness",
+            "overlap of no more than the thickness of the layer",
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,

@@ -20,16 +20,24 @@ from casadi_contact.live.triangles import Triangles
 
 _SIDE_MM = 0.7  # about, between points
 _MOST_ALONG = 91  # of these, each way of a smooth surface
+_COARSE = 2  # of which every so many-th row is enough for the bodies in 3-D
 _SAME_DIGITS = 6  # of coordinates [mm]
 
 
 @dataclass(frozen=True, eq=False)
 class FixedSurface:
-    """One patch: triangles, and places (m, q) of their points, which its model's ``foundation_pressures`` reads
-    (``contact/c/*_depths.h``)."""
+    """One patch: triangles, larger ones between some of the same points for the bodies in 3-D, and places (m, q) of the
+    points, which its model's ``foundation_pressures`` reads (``contact/c/*_depths.h``)."""
 
     triangles: Triangles
+    coarse: Triangles
     places: Array
+
+    @classmethod
+    def of_grid(cls, points_mm: Array, normals: Array, places: Array) -> FixedSurface:
+        """Of points (n, m, 3) in a grid and places (n, m, q)."""
+        fine, coarse = (Triangles.of_grid(points_mm, normals, every) for every in (1, _COARSE))
+        return cls(fine, coarse, places.reshape(-1, places.shape[-1]))
 
 
 @singledispatch
@@ -61,7 +69,7 @@ def _chart_surface(patch: SmoothPatch) -> FixedSurface:
     places = np.stack([u, np.broadcast_to(v, u.shape)], -1)
     c, N, _ = fixed_point(patch, places[..., 0], places[..., 1])
     normals = N / np.linalg.norm(N, axis=-1, keepdims=True)
-    return FixedSurface(Triangles.of_grid(c @ patch.turn, normals @ patch.turn), places.reshape(-1, 2))
+    return FixedSurface.of_grid(c @ patch.turn, normals @ patch.turn, places)
 
 
 def _cup_surface(cup: Cup) -> FixedSurface:
@@ -73,7 +81,7 @@ def _cup_surface(cup: Cup) -> FixedSurface:
     second = np.cross(cup.pole, first)
     around = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
     e = np.cos(angle)[:, None, None] * cup.pole + np.sin(angle)[:, None, None] * around
-    return FixedSurface(Triangles.of_grid(cup.centre + cup.radius * e, -e), e.reshape(-1, 3))
+    return FixedSurface.of_grid(cup.centre + cup.radius * e, -e, e)
 
 
 def _cell_surface(quadrature: Quadrature) -> FixedSurface:
@@ -90,10 +98,15 @@ def _cell_surface(quadrature: Quadrature) -> FixedSurface:
     rounded = np.round(points.reshape(-1, 3), _SAME_DIGITS)  # neighbouring cells share the points of their sides
     _, first, number = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(len(corners), len(xi), len(eta))
-    quads = np.stack([number[:, :-1, :-1], number[:, 1:, :-1], number[:, 1:, 1:], number[:, :-1, 1:]], -1)
     # Few digits of places compress well, and drawn points are no more exact.
     c, n = (array.reshape(-1, 3)[first].astype(np.float32).astype(float) for array in (points, normals))
-    return FixedSurface(Triangles.of_quads(c, n, quads.reshape(-1, 4)), np.concatenate([c, n], 1))
+    fine, coarse = (Triangles.of_quads(c, n, _quads(of)) for of in (number, number[:, :: cut[0], :: cut[1]]))
+    return FixedSurface(fine, coarse, np.concatenate([c, n], 1))
+
+
+def _quads(number: np.ndarray) -> np.ndarray:
+    """Corners (k, 4) of the faces between points numbered (cells, n, m)."""
+    return np.stack([number[:, :-1, :-1], number[:, 1:, :-1], number[:, 1:, 1:], number[:, :-1, 1:]], -1).reshape(-1, 4)
 
 
 def _count(length_mm: float) -> int:

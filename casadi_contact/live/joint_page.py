@@ -35,8 +35,8 @@ from casadi_contact.structures import Surrogate, load_surrogate
 _LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = (
-    *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "scene.js", "map.js", "section.js"),
-    *("controls.js", "panel.js", "timeline.js", "save.js", "main.js"),
+    *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "pace.js", "scene.js"),
+    *("covered.js", "map.js", "section.js", "controls.js", "panel.js", "timeline.js", "save.js", "main.js"),
 )
 _IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
 _COLOURS = 64
@@ -113,13 +113,15 @@ def _arrays(
     contact: CompiledFoundation, surrogate: Surrogate | None, surfaces: Sequence[FixedSurface], moving: Triangles
 ) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {"kernel": np.frombuffer(page_kernel(contact, surrogate), dtype=np.uint8)}
-    named = dict(zip(contact.patch_names, (surface.triangles for surface in surfaces), strict=True))
-    behind = [part.behind(contact.scene.material.thickness) for part in named.values()]
-    for name, part in {**named, "behind": Triangles.together(behind), "moving": moving}.items():
+    named = dict(zip(contact.patch_names, surfaces, strict=True))
+    behind = [surface.coarse.behind(contact.scene.material.thickness) for surface in surfaces]
+    parts = {name: surface.triangles for name, surface in named.items()}
+    for name, part in {**parts, "behind": Triangles.together(behind), "moving": moving}.items():
         arrays[f"{name}_points"] = np.round(part.points_mm, 2).astype(np.float32)
         arrays[f"{name}_normals"] = np.round(part.normals, 2).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
-    for name, surface in zip(contact.patch_names, surfaces, strict=True):
+    for name, surface in named.items():
+        arrays[f"{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
         arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
     return arrays
 

@@ -21,10 +21,12 @@ class Triangles:
     corners: np.ndarray
 
     @classmethod
-    def of_grid(cls, points_mm: Array, normals: Array) -> Triangles:
-        """Of points (n, m, 3) in a grid with normals that say which side is outside."""
+    def of_grid(cls, points_mm: Array, normals: Array, every: int = 1) -> Triangles:
+        """Of points (n, m, 3) in a grid with normals that say which side is outside; corners are in every so many-th
+        row and column, and in the last."""
         n, m = points_mm.shape[:2]
-        at = np.arange(n * m).reshape(n, m)
+        rows, columns = (np.unique([*range(0, count, every), count - 1]) for count in (n, m))
+        at = np.arange(n * m).reshape(n, m)[np.ix_(rows, columns)]
         quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1).reshape(-1, 4)
         return cls.of_quads(points_mm.reshape(-1, 3), normals.reshape(-1, 3), quads)
 
@@ -67,7 +69,8 @@ class Triangles:
         size = float(np.linalg.norm(mean))
         into = -mean / size if size > _FLAT else -self.normals
         below = self.points_mm + thickness_mm * into
-        underside = Triangles(below, -self.normals, self.corners[:, ::-1])
+        used, corners = np.unique(self.corners[:, ::-1], return_inverse=True)
+        underside = Triangles(below[used], -self.normals[used], corners.reshape(-1, 3))
         first, second = self.rim.T
         points = np.stack([self.points_mm[first], self.points_mm[second], below[second], below[first]], 1)
         outward = np.cross(points[:, 1] - points[:, 0], self.normals[first])

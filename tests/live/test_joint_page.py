@@ -225,6 +225,30 @@ def test_the_scrubber_plays_and_stops(knee):
     assert knee.ask("joint.pose") == knee.ask("joint.content.cycle.poses")[frame]
 
 
+def test_what_was_drawn_coarsely_while_it_moved_is_drawn_in_full_at_rest(knee):
+    wide = "joint.bodies.gl.canvas.width / joint.bodies.gl.canvas.clientWidth"
+    knee.ask("joint.bodies.pace.level = 2")
+    knee.ask("joint.bodies.pace.draw()")
+    assert knee.ask(wide) == 1.0
+    until(knee.tab, "joint.bodies.pace.watch === null")
+    assert knee.ask(wide) == 2.0
+
+
+def test_the_map_paints_the_area_in_contact(knee):
+    """Of a flat dish seen from above, pixel by pixel."""
+    knee.ask(
+        "joint.map.draw([0, 1].map((p) => joint.models.contact.pressures(joint.pose, p)), 30, joint.state.contacts, [])"
+    )
+    code = """() => {
+      const { map } = joint, [origin, one] = [0, 1].map((x) => map.placed(...[0, 1].map(
+        (k) => map.canvas[["clientWidth", "clientHeight"][k]]))([x, 0])[0]);
+      const [drawn, bare] = [map.picture.data, map.bare];
+      return drawn.filter((value, i) => i % 4 === 2 && value !== bare[i]).length / (one - origin) ** 2;
+    }"""
+    area = knee.contact.summary(np.array(knee.ask("joint.pose"))[None]).area_mm2.sum()
+    assert knee.ask(code) == pytest.approx(area, rel=0.15)
+
+
 def test_the_light_warns_outside_what_was_learned(knee):
     assert knee.ask("document.getElementById('validity').dataset.state") == "good"
     knee.ask("joint.go(joint.pose.with(0, 60))")

@@ -16,7 +16,7 @@ from casadi_contact.live import webassembly as compiling
 from casadi_contact.live.arrays import packed
 from casadi_contact.live.fixed_surface import fixed_surfaces
 from casadi_contact.live.joint_page import joint_page, page_script
-from casadi_contact.live.moving_body import moving_body
+from casadi_contact.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
 from casadi_contact.live.triangles import Triangles
 
 
@@ -53,6 +53,21 @@ def test_points_of_the_drawn_moving_body_lie_on_its_surface(scene):
     np.testing.assert_allclose(np.abs(distances).min(axis=0), 0.0, atol=1e-9)
 
 
+def test_a_mesh_is_drawn_with_fewer_triangles_that_lie_on_its_surface():
+    from tests.support.meshes import cap_mesh  # skips without the extra for meshes
+
+    points, faces = cap_mesh(25.0, 0.5, 1.0)
+    fewer_points, fewer = fewer_triangles(points, faces)
+    assert len(fewer) <= MOST_TRIANGLES < len(faces)
+    np.testing.assert_allclose(np.linalg.norm(fewer_points[np.unique(fewer)], axis=1), 25.0, atol=0.05)
+    size, drawn = (
+        np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        for a, b, c in (np.moveaxis(of[corners], 1, 0) for of, corners in ((points, faces), (fewer_points, fewer)))
+    )
+    assert drawn == pytest.approx(size, rel=0.01)
+    assert fewer_triangles(fewer_points, fewer)[1] is fewer
+
+
 @pytest.mark.parametrize("scene", ["knee", "hip", "patellofemoral", "sphere_on_plane", "cylinder_on_plane"])
 def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
     model = cc.foundation(scene)
@@ -60,6 +75,7 @@ def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
         size = np.linalg.norm(areas(surface.triangles), axis=1).sum()
         assert size == pytest.approx(elements.areas_mm2.sum(), rel=0.01)
         assert surface.triangles.point_areas_mm2.sum() == pytest.approx(size)
+        assert np.linalg.norm(areas(surface.coarse), axis=1).sum() == pytest.approx(size, rel=0.01)
 
 
 def test_packed_arrays_are_the_same_bytes_every_time_and_lie_where_the_index_says():

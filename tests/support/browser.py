@@ -22,8 +22,9 @@ def opened(path):
     if executable is None:
         pytest.skip("no Chromium on the path")
     with api.sync_playwright() as playwright:
-        software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-accelerated-2d-canvas"]
-        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox", *software])
+        # As it draws by itself without a graphics card: WebGL by SwiftShader, all else by the processor.
+        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=executable, args=arguments)
         tab = browser.new_page(viewport={"width": 1280, "height": 800})
         tab.set_default_timeout(1000.0 * _PATIENCE_S)
         complaints, asked = [], []

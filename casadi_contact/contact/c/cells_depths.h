@@ -18,6 +18,7 @@ FUNCTION void patch_depths(int patch, const double *pose, const Frame *frame, in
       Distance at;
       distance_at(point, 1, &at);
       if (step == 0) first = at.g;
+      if (!any(first < 0.0)) break;
       d -= at.g / larger_of(-dot_of(at.slope, way), all(LEAST_COSINE));
     }
     d = pick(first < 0.0, d, -first);

@@ -10,11 +10,16 @@ export const BONE = [0.87, 0.86, 0.83];
 let sizes = new WeakMap(); // asking for one makes the browser lay out the page
 window.addEventListener("resize", () => (sizes = new WeakMap()));
 
+/** Width and height of a canvas on the page [CSS pixel]. */
+export function sizeOf(canvas) {
+  if (!sizes.has(canvas)) sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
+  return sizes.get(canvas);
+}
+
 /** The context of a canvas cleared to its size on the page, in CSS pixels; and that size. */
 export function cleared(canvas) {
   const density = window.devicePixelRatio || 1;
-  if (!sizes.has(canvas)) sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
-  const [width, height] = sizes.get(canvas);
+  const [width, height] = sizeOf(canvas);
   const [wide, high] = [Math.round(width * density), Math.round(height * density)];
   if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
   const context = canvas.getContext("2d");
@@ -30,3 +35,6 @@ export function colourOf(table, share) {
 }
 
 export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 * g)} ${Math.round(255 * b)})`;
+
+/** Colours as pixels of a picture (RGBA, the lowest byte first). */
+export const paintOf = (table) => new Uint32Array(Uint8Array.from(table.flatMap((colour) => [...colour.map((part) => Math.round(255 * part)), 255])).buffer);

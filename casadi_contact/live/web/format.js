@@ -20,3 +20,8 @@ export function shown(parameter, value) {
 export function stored(parameter, value) {
   return parameter.unit === "rad" ? value / DEGREES_PER_RADIAN : value;
 }
+
+/** Let an element say a text; the same text again costs nothing. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}

@@ -99,13 +99,14 @@ class ContactModel extends Model {
   }
 
   /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch: the
-   * model's own integrals where it has them, else sums over the points. */
+   * model's own integrals where it has them, else sums over the points, with the pressures there. */
   contact(pose) {
     const found = this.moments ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
-    return found.map(({ area, force, peak, moment }) => ({
+    return found.map(({ area, force, peak, moment, pressures }) => ({
       area,
       force,
       peak,
+      pressures,
       centre: force > 0 ? Array.from(moment, (part) => part / force) : null,
     }));
   }
@@ -121,7 +122,7 @@ class ContactModel extends Model {
 }
 
 function sums({ areas, points }, pressures) {
-  const found = { area: 0, force: 0, moment: [0, 0, 0], peak: 0 };
+  const found = { area: 0, force: 0, moment: [0, 0, 0], peak: 0, pressures };
   pressures.forEach((pressure, i) => {
     if (!(pressure > 0)) return;
     const force = pressure * areas[i];

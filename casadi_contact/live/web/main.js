@@ -2,7 +2,7 @@
 
 import { unpack } from "./assets.js";
 import { presets, sliders, targets } from "./controls.js";
-import { readable } from "./format.js";
+import { readable, say } from "./format.js";
 import { loadModels } from "./kernel.js";
 import { dot } from "./linear.js";
 import { PressureMap } from "./map.js";
@@ -34,8 +34,21 @@ function evaluated(models, content, pose) {
 }
 
 class Page {
-  constructor(content, models, surfaces, behind, moving) {
-    Object.assign(this, { content, models });
+  /** What the content alone shows, before anything is computed. */
+  constructor(content) {
+    this.content = content;
+    this.panel = new LoadsPanel(content, Boolean(content.surrogateLoads));
+    this.wanted = content.settle.start;
+    this.pose = Object.values(content.presets)[0] ?? content.cycle.poses[0];
+    this.moveSliders = sliders(byId("sliders"), content, (pose) => this.go(pose));
+    this.moveSliders(this.pose);
+    presets(byId("presets"), content, (pose) => this.go(pose));
+    targets(byId("settle"), content, (wanted) => this.settle(wanted));
+  }
+
+  begin(models, surfaces, behind, moving) {
+    const { content } = this;
+    this.models = models;
     models.contact.names = content.loads.map(({ name }) => name);
     if (models.surrogate) models.surrogate.names = content.surrogateLoads;
     this.model = models.surrogate ?? models.contact;
@@ -47,11 +60,6 @@ class Page {
     this.bodies = bodiesOn(byId("scene"), content, surfaces, behind, moving);
     this.map = new PressureMap(byId("map"), content, surfaces);
     this.section = new Section(byId("section"), content, surfaces, behind, moving);
-    this.panel = new LoadsPanel(content, Boolean(models.surrogate));
-    this.wanted = content.settle.start;
-    this.moveSliders = sliders(byId("sliders"), content, (pose) => this.go(pose));
-    presets(byId("presets"), content, (pose) => this.go(pose));
-    targets(byId("settle"), content, (wanted) => this.settle(wanted));
     const curves = content.sensitive.map((name) => {
       const k = content.loads.findIndex((load) => load.name === name);
       return { name, values: this.frameLoads.map((row) => row[k]) };
@@ -64,7 +72,8 @@ class Page {
       this.bodies.draw();
     });
     window.addEventListener("resize", () => this.draw());
-    this.go(Object.values(content.presets)[0] ?? content.cycle.poses[0]);
+    this.go(this.pose);
+    document.body.inert = false;
   }
 
   /** frame: of the cycle, where the pose is one of it. */
@@ -72,7 +81,6 @@ class Page {
     this.pose = Array.from(pose);
     this.frame = frame;
     this.state = evaluated(this.models, this.content, this.pose);
-    this.moveSliders(this.pose);
     this.later ??= requestAnimationFrame(() => {
       this.later = null;
       this.draw();
@@ -81,23 +89,23 @@ class Page {
 
   draw() {
     const { contacts } = this.state;
-    const pressures = contacts.map((_, patch) => this.models.contact.pressures(this.pose, patch));
+    const pressures = contacts.map((contact, patch) => contact.pressures ?? this.models.contact.pressures(this.pose, patch));
     const largest = Math.max(this.peak, ...contacts.map(({ peak }) => peak));
     if (this.bodies) {
       this.bodies.colour(pressures, largest);
       this.bodies.place(this.pose);
       this.bodies.draw();
     }
+    this.moveSliders(this.pose);
     this.map.draw(pressures, largest, contacts, this.trail);
     const at = this.planeAt(contacts);
     this.section.draw(this.pose, at);
-    byId("cut").textContent = `section at ${this.content.view.alongName} = ${readable(this.content.view.alongSign * at)} mm, through the centre of pressure`;
-    byId("figures").innerHTML = contacts
-      .map(({ area, peak }, patch) => {
-        const title = this.content.patches.length > 1 ? `${this.content.patches[patch].title}: ` : "";
-        return area > 0 ? `${title}peak ${readable(peak)} MPa, ${readable(area)} mm²` : `${title}no contact`;
-      })
-      .join("<br>");
+    say(byId("cut"), `section at ${this.content.view.alongName} = ${readable(this.content.view.alongSign * at)} mm, through the centre of pressure`);
+    const figures = contacts.map(({ area, peak }, patch) => {
+      const title = this.content.patches.length > 1 ? `${this.content.patches[patch].title}: ` : "";
+      return area > 0 ? `${title}peak ${readable(peak)} MPa, ${readable(area)} mm²` : `${title}no contact`;
+    });
+    say(byId("figures"), figures.join("\n"));
     this.panel.draw(this.state, this.largest);
     this.timeline.draw(this.frame !== null);
   }
@@ -126,6 +134,7 @@ class Page {
     byId("csv").addEventListener("click", () => download(`${content.scene}.csv`, text(csvOf(content, this.frameLoads))));
     byId("sto").addEventListener("click", () => download(`${content.scene}.sto`, text(stoOf(content, this.frameLoads))));
     byId("png").addEventListener("click", async () => {
+      this.bodies?.drawInFull(); // what was drawn before is no longer kept
       download(`${content.scene}.png`, await pictureOf(["scene", "map", "section"].map(byId)));
     });
     byId("opti").addEventListener("click", async () => {
@@ -142,7 +151,6 @@ class Page {
 }
 
 async function begin() {
-  const content = JSON.parse(byId("content").textContent);
   const arrays = await unpack(content.arrays, byId("arrays").textContent);
   const library = new TextDecoder().decode(arrays.library);
   document.head.append(Object.assign(document.createElement("script"), { textContent: library }));
@@ -153,6 +161,7 @@ async function begin() {
   });
   const surfaces = content.patches.map(({ name }) => ({
     ...triangles(name),
+    coarse: arrays[`${name}_coarse`],
     places: arrays[`${name}_places`],
     areas: arrays[`${name}_areas`],
   }));
@@ -162,7 +171,10 @@ async function begin() {
     surfaces,
     hasMoments: content.hasMoments,
   });
-  window.joint = new Page(content, models, surfaces, triangles("behind"), triangles("moving"));
+  page.begin(models, surfaces, triangles("behind"), triangles("moving"));
+  window.joint = page;
 }
 
+const content = JSON.parse(byId("content").textContent);
+const page = new Page(content);
 requestAnimationFrame(() => setTimeout(begin)); // the page is seen before it computes

@@ -1,6 +1,7 @@
 /** The pressure on the fixed surface seen from where the moving body lies, with the trail of the centre of pressure. */
 
-import { ACCENT, BONE, FAINT, INK, LINE, cleared, colourOf, css } from "./canvas.js";
+import { ACCENT, BONE, FAINT, INK, LINE, cleared, colourOf, css, paintOf } from "./canvas.js";
+import { Covered } from "./covered.js";
 import { dot } from "./linear.js";
 
 const SCALE_WIDTH = 10;
@@ -9,6 +10,7 @@ export class PressureMap {
   constructor(canvas, content, surfaces) {
     this.canvas = canvas;
     this.content = content;
+    this.paint = paintOf(content.colours);
     const { right, up } = content.view;
     this.surfaces = surfaces.map(({ points, corners }) => {
       const flat = new Float64Array((2 * points.length) / 3);
@@ -27,12 +29,29 @@ export class PressureMap {
   draw(pressures, largest, contacts, trail) {
     const { context, width, height } = cleared(this.canvas);
     const place = this.placed(width, height);
-    context.drawImage(this.bare(place), 0, 0, width, height);
-    pressures.forEach((values, patch) => this.patch(context, place, this.surfaces[patch], values, largest));
+    this.prepare(context, place, width, height, largest);
+    this.picture.data.set(this.bare);
+    const pixels = new Uint32Array(this.picture.data.buffer);
+    pressures.forEach((values, patch) => this.covered[patch].paint(pixels, values, this.paint, largest));
+    context.putImageData(this.picture, 0, 0);
     this.trail(context, place, trail);
     for (const { centre } of contacts) if (centre) mark(context, place(this.flat(centre)));
+  }
+
+  /** What stays the same from pose to pose: all but the pressure, and which points lie around each pixel. */
+  prepare(context, place, width, height, largest) {
+    const { width: wide, height: high } = this.canvas;
+    const resized = this.picture?.width !== wide || this.picture.height !== high;
+    if (!resized && this.largest === largest) return;
+    this.largest = largest;
+    this.surfaces.forEach((surface) => fill(context, place, surface));
     this.names(context, width, height);
     this.scale(context, width, height, largest);
+    this.picture = context.getImageData(0, 0, wide, high);
+    this.bare = this.picture.data.slice();
+    const density = wide / width;
+    const inPixels = (point) => place(point).map((part) => part * density);
+    if (resized) this.covered = this.surfaces.map((surface) => new Covered(surface, inPixels, wide, high));
   }
 
   flat(point) {
@@ -45,36 +64,6 @@ export class PressureMap {
     const factor = Math.min((width - 150) / (end - left), (height - 44) / (high - low));
     const centre = 0.5 * (width - 46);
     return ([x, y]) => [centre + factor * (x - 0.5 * (left + end)), 0.5 * height - factor * (y - 0.5 * (low + high))];
-  }
-
-  /** The surfaces without load, drawn anew only for another size of the canvas. */
-  bare(place) {
-    const { width, height } = this.canvas;
-    if (this.still?.width === width && this.still.height === height) return this.still;
-    this.still = Object.assign(document.createElement("canvas"), { width, height });
-    const context = this.still.getContext("2d");
-    context.scale(width / this.canvas.clientWidth, height / this.canvas.clientHeight);
-    context.fillStyle = context.strokeStyle = css(BONE);
-    for (const { flat, corners } of this.surfaces) {
-      context.beginPath();
-      for (let k = 0; k < corners.length; k += 3) outline(context, place, flat, corners.subarray(k, k + 3));
-      context.fill();
-      context.stroke();
-    }
-    return this.still;
-  }
-
-  patch(context, place, { flat, corners }, values, largest) {
-    for (let k = 0; k < corners.length; k += 3) {
-      const mean = (values[corners[k]] + values[corners[k + 1]] + values[corners[k + 2]]) / 3;
-      if (!(mean > 0)) continue;
-      context.beginPath();
-      outline(context, place, flat, corners.subarray(k, k + 3));
-      context.closePath();
-      context.fillStyle = context.strokeStyle = css(colourOf(this.content.colours, mean / largest));
-      context.fill();
-      context.stroke();
-    }
   }
 
   trail(context, place, trail) {
@@ -124,8 +113,15 @@ export class PressureMap {
   }
 }
 
-function outline(context, place, flat, triangle) {
-  triangle.forEach((i, j) => context[j ? "lineTo" : "moveTo"](...place([flat[2 * i], flat[2 * i + 1]])));
+/** A surface without load. */
+function fill(context, place, { flat, corners }) {
+  context.fillStyle = context.strokeStyle = css(BONE);
+  context.beginPath();
+  for (let k = 0; k < corners.length; k += 3) {
+    corners.subarray(k, k + 3).forEach((i, j) => context[j ? "lineTo" : "moveTo"](...place([flat[2 * i], flat[2 * i + 1]])));
+  }
+  context.fill();
+  context.stroke();
 }
 
 function mark(context, [x, y]) {

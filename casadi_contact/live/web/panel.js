@@ -1,7 +1,7 @@
 /** Loads in figures and bars, expected errors, gaps, and the light of validity. */
 
 import { ACCENT, FAINT, LINE, SECOND, cleared } from "./canvas.js";
-import { readable } from "./format.js";
+import { readable, say } from "./format.js";
 
 const VALID = 0.9;
 const LEARNED = 0.5;
@@ -33,15 +33,15 @@ export class LoadsPanel {
    * load over the cycle, where its bar ends. */
   draw({ contact, surrogate, errors, validity, gaps }, largest) {
     this.rows.forEach(({ row, bar }, k) => {
-      row.cells[1].textContent = readable(contact[k]);
+      say(row.cells[1], readable(contact[k]));
       if (surrogate) {
-        row.cells[2].textContent = readable(surrogate[k]);
-        row.cells[3].textContent = `± ${readable(errors[k])}`;
+        say(row.cells[2], readable(surrogate[k]));
+        say(row.cells[3], `± ${readable(errors[k])}`);
       }
       drawBar(bar, contact[k], surrogate?.[k], errors?.[k], largest[k]);
     });
     gaps.forEach((gap, patch) => {
-      this.gaps[patch].textContent = gap === null ? "in contact" : `${readable(gap)} mm`;
+      say(this.gaps[patch], gap === null ? "in contact" : `${readable(gap)} mm`);
     });
     showValidity(validity);
   }
@@ -74,7 +74,6 @@ function showValidity(validity) {
   const known = validity !== null && Number.isFinite(validity);
   light.dataset.state = !known ? "unknown" : validity >= VALID ? "good" : validity >= LEARNED ? "doubtful" : "outside";
   const word = { good: "learned", doubtful: "at the edge of what was learned", outside: "outside what was learned" };
-  light.querySelector("span").textContent = known
-    ? `validity ${validity.toFixed(2)}: ${word[light.dataset.state]}`
-    : "no surrogate: the contact model alone";
+  const text = known ? `validity ${validity.toFixed(2)}: ${word[light.dataset.state]}` : "no surrogate: the contact model alone";
+  say(light.querySelector("span"), text);
 }

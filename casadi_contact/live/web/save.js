@@ -1,5 +1,7 @@
 /** What is taken away from the page: tables of the cycle, a picture, and Python. */
 
+import { sizeOf } from "./canvas.js";
+
 const MM_PER_M = 1000;
 
 /** Poses and loads of the cycle, in the library's units: the poses are what cc's read_poses reads. */
@@ -45,20 +47,22 @@ export function optiOf(content, pose, wanted) {
   ].join("\n");
 }
 
-/** Several canvases, one beside or below the other, as one picture on white. */
+/** Several canvases, one beside or below the other, as one picture on white, as large as on the screen. */
 export function pictureOf([top, ...below]) {
+  const density = window.devicePixelRatio || 1;
+  const sizes = new Map([top, ...below].map((canvas) => [canvas, sizeOf(canvas).map((side) => Math.round(side * density))]));
+  const [wide, high] = sizes.get(top);
   const picture = document.createElement("canvas");
-  const heights = Math.max(...below.map((canvas) => canvas.height));
-  picture.width = Math.max(top.width, below.reduce((sum, canvas) => sum + canvas.width, 0));
-  picture.height = top.height + heights;
+  picture.width = Math.max(wide, below.reduce((sum, canvas) => sum + sizes.get(canvas)[0], 0));
+  picture.height = high + Math.max(...below.map((canvas) => sizes.get(canvas)[1]));
   const context = picture.getContext("2d");
   context.fillStyle = "#fff";
   context.fillRect(0, 0, picture.width, picture.height);
-  context.drawImage(top, 0, 0);
+  context.drawImage(top, 0, 0, wide, high);
   let x = 0;
   for (const canvas of below) {
-    context.drawImage(canvas, x, top.height);
-    x += canvas.width;
+    context.drawImage(canvas, x, high, ...sizes.get(canvas));
+    x += sizes.get(canvas)[0];
   }
   return new Promise((done) => picture.toBlob(done, "image/png"));
 }

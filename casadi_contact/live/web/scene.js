@@ -1,15 +1,17 @@
 /** The two bodies in 3-D: the fixed one coloured by pressure, the moving one as glass. Drawn by twgl. */
 
-import { BONE, colourOf } from "./canvas.js";
+import { BONE, sizeOf } from "./canvas.js";
 import { rotation } from "./linear.js";
+import { Pace } from "./pace.js";
 
-const VERTEX = `#version 300 es
-uniform mat4 world, viewProjection; uniform vec3 flat_colour; uniform float use_colour;
-in vec3 position, normal, colour; out vec3 n, c, p;
+const vertexShader = (colours) => `#version 300 es
+uniform mat4 world, view_projection; uniform vec3 bare, colours[${colours}]; uniform float largest;
+in vec3 position, normal; in float pressure; out vec3 n, c, p;
 void main() {
   vec4 at = world * vec4(position, 1.0);
-  n = mat3(world) * normal; p = at.xyz; c = mix(flat_colour, colour, use_colour);
-  gl_Position = viewProjection * at;
+  n = mat3(world) * normal; p = at.xyz;
+  c = pressure > 0.0 ? colours[int(${colours - 1}.0 * min(pressure / largest, 1.0) + 0.5)] : bare;
+  gl_Position = view_projection * at;
 }`;
 const FRAGMENT = `#version 300 es
 precision highp float;
@@ -28,16 +30,19 @@ const GLASS = 0.3;
 
 /** The view of the bodies on a canvas; null where the browser has no WebGL 2. */
 export function bodiesOn(canvas, content, fixed, behind, moving) {
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
+  // Without multisampling: several samples a pixel, drawn only where there is time for them, look the same (pace.js).
+  const gl = canvas.getContext("webgl2", { antialias: false, alpha: true });
   return gl ? new Bodies(gl, content, fixed, behind, moving) : null;
 }
 
 class Bodies {
   constructor(gl, content, fixed, behind, moving) {
     this.gl = gl;
-    this.content = content;
-    this.program = twgl.createProgramInfo(gl, [VERTEX, FRAGMENT]);
-    this.fixed = fixed.map((surface) => this.buffers(surface));
+    this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
+    this.always = { colours: content.colours.flat(), still: twgl.m4.identity() };
+    this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
+    // Larger triangles between some of the same points, for when time is short.
+    this.coarse = fixed.map(({ coarse }, k) => twgl.createBufferInfoFromArrays(gl, { indices: coarse }, this.fixed[k]));
     this.behind = this.buffers(behind);
     this.moving = this.buffers(moving);
     const lift = 0.06 * content.view.distance;
@@ -45,12 +50,16 @@ class Bodies {
     this.distance = content.view.distance;
     [this.yaw, this.pitch] = anglesOf(content.view.eye);
     this.opacity = GLASS;
+    this.pace = new Pace((density, inFull) => this.drawWith(density, inFull));
     this.turnedBy(gl.canvas);
   }
 
-  buffers({ points, normals, corners }) {
-    const colour = { numComponents: 3, data: new Float32Array(points.length), drawType: this.gl.DYNAMIC_DRAW };
-    return twgl.createBufferInfoFromArrays(this.gl, { position: points, normal: normals, colour, indices: corners });
+  /** pressures: of a surface that is coloured by them. */
+  buffers({ points, normals, corners }, pressures) {
+    const pressure = pressures
+      ? { numComponents: 1, data: pressures, drawType: this.gl.DYNAMIC_DRAW }
+      : { numComponents: 1, value: [0] };
+    return twgl.createBufferInfoFromArrays(this.gl, { position: points, normal: normals, pressure, indices: corners });
   }
 
   /** Drag turns, the wheel comes closer. */
@@ -71,12 +80,9 @@ class Bodies {
 
   /** Pressures of each patch; largest: where the colours end. */
   colour(pressures, largest) {
+    this.largest = largest;
     pressures.forEach((values, patch) => {
-      const colours = new Float32Array(3 * values.length);
-      values.forEach((value, i) => {
-        colours.set(value > 0 ? colourOf(this.content.colours, value / largest) : BONE, 3 * i);
-      });
-      twgl.setAttribInfoBufferFromArray(this.gl, this.fixed[patch].attribs.colour, colours);
+      twgl.setAttribInfoBufferFromArray(this.gl, this.fixed[patch].attribs.pressure, Float32Array.from(values));
     });
   }
 
@@ -86,41 +92,55 @@ class Bodies {
     this.world = [...column(0), ...column(1), ...column(2), ...pose.slice(0, 3), 1];
   }
 
+  /** As finely as time allows, and in full once all is at rest. */
   draw() {
-    const gl = this.gl;
-    twgl.resizeCanvasToDisplaySize(gl.canvas, window.devicePixelRatio || 1);
-    gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+    this.pace.draw();
+  }
+
+  drawInFull() {
+    this.pace.drawAt(0);
+  }
+
+  /** density: samples to a CSS pixel, each way; inFull: with all triangles. */
+  drawWith(density, inFull) {
+    const { gl } = this;
+    const { canvas } = gl;
+    const [width, height] = sizeOf(canvas).map((side) => Math.round(side * density));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE); // what faces away lies behind what does not
     gl.useProgram(this.program.program);
     const [c, s] = [Math.cos(this.pitch), Math.sin(this.pitch)];
     const way = [c * Math.sin(this.yaw), s, c * Math.cos(this.yaw)];
     const eye = this.target.map((part, k) => part + this.distance * way[k]);
     const camera = twgl.m4.lookAt(eye, this.target, [0, 1, 0]);
-    const lens = twgl.m4.perspective(0.5, gl.canvas.width / gl.canvas.height, 0.05 * this.distance, 4 * this.distance);
+    const lens = twgl.m4.perspective(0.5, width / height, 0.05 * this.distance, 4 * this.distance);
     const right = camera.slice(0, 3);
     const light = twgl.v3.normalize([0, 1, 2].map((k) => way[k] - 0.5 * right[k] + (k === 1 ? 0.5 : 0)));
-    const common = { viewProjection: twgl.m4.multiply(lens, twgl.m4.inverse(camera)), eye, light };
-    const still = twgl.m4.identity();
-    for (const body of this.fixed) this.show(body, { ...common, world: still, use_colour: 1, flat_colour: BONE, opacity: 1 });
-    this.show(this.behind, { ...common, world: still, use_colour: 0, flat_colour: BONE, opacity: 1 });
-    const steel = { ...common, world: this.world, use_colour: 0, flat_colour: STEEL, opacity: this.opacity };
+    const view_projection = twgl.m4.multiply(lens, twgl.m4.inverse(camera));
+    const { colours, still } = this.always;
+    twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
+    const fixed = { world: still, bare: BONE, opacity: 1 };
+    for (const body of [...(inFull ? this.fixed : this.coarse), this.behind]) this.show(body, fixed);
+    const steel = { world: this.world, bare: STEEL, opacity: this.opacity };
     if (this.opacity < 1) {
       gl.enable(gl.BLEND);
       gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
-      gl.enable(gl.CULL_FACE);
       gl.cullFace(gl.FRONT);
       this.show(this.moving, steel);
       gl.cullFace(gl.BACK);
       this.show(this.moving, steel);
-      gl.disable(gl.CULL_FACE);
       gl.depthMask(true);
       gl.disable(gl.BLEND);
     } else {
+      gl.disable(gl.CULL_FACE);
       this.show(this.moving, steel);
     }
+    gl.flush(); // it draws while the page goes on
   }
 
   show(buffers, uniforms) {

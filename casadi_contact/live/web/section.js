@@ -5,20 +5,25 @@ import { dot, rotation } from "./linear.js";
 
 const MARGIN_MM = 8;
 
-/** Segments [[x, y], [x, y]] in which triangles meet the plane n·p = height; axes: the two directions to draw along. */
-export function cut({ points, corners }, n, height, axes) {
+/** Height n·p of each point. */
+function heights({ points }, [x, y, z]) {
+  const found = new Float64Array(points.length / 3);
+  for (let i = 0, k = 0; i < found.length; i++, k += 3) found[i] = x * points[k] + y * points[k + 1] + z * points[k + 2];
+  return found;
+}
+
+/** Segments [[x, y], [x, y]] in which triangles meet the plane at a height; axes: the two directions to draw along. */
+export function cut({ points, corners }, heightOf, height, axes) {
   const segments = [];
-  const above = new Float64Array(points.length / 3);
-  const along = (axis, i) => axis[0] * points[3 * i] + axis[1] * points[3 * i + 1] + axis[2] * points[3 * i + 2];
-  for (let i = 0; i < above.length; i++) above[i] = along(n, i) - height;
+  const along = (axis, i) => dot(axis, points.subarray(3 * i, 3 * i + 3));
   for (let k = 0; k < corners.length; k += 3) {
-    const below = (above[corners[k]] < 0) + (above[corners[k + 1]] < 0) + (above[corners[k + 2]] < 0);
-    if (below === 0 || below === 3) continue;
+    const first = heightOf[corners[k]] < height;
+    if (first === heightOf[corners[k + 1]] < height && first === heightOf[corners[k + 2]] < height) continue;
     const ends = [];
     for (let j = 0; j < 3; j++) {
       const [a, b] = [corners[k + j], corners[k + ((j + 1) % 3)]];
-      if (above[a] < 0 === above[b] < 0) continue;
-      const share = above[a] / (above[a] - above[b]);
+      if (heightOf[a] < height === heightOf[b] < height) continue;
+      const share = (heightOf[a] - height) / (heightOf[a] - heightOf[b]);
       ends.push(axes.map((axis) => along(axis, a) * (1 - share) + along(axis, b) * share));
     }
     segments.push(ends);
@@ -28,14 +33,13 @@ export function cut({ points, corners }, n, height, axes) {
 
 export class Section {
   constructor(canvas, content, fixed, behind, moving) {
-    Object.assign(this, { canvas, view: content.view, fixed: [...fixed, behind], moving });
-    this.bounds = [content.view.right, content.view.toward].map((axis) =>
-      fixed.reduce(([low, high], { points }) => {
-        for (let i = 0; i < points.length; i += 3) {
-          const at = dot(axis, points.subarray(i, i + 3));
-          [low, high] = [Math.min(low, at), Math.max(high, at)];
-        }
-        return [low, high];
+    Object.assign(this, { canvas, view: content.view, moving });
+    const { up, right, toward } = this.view;
+    this.fixed = [...fixed, behind].map((part) => ({ part, heights: heights(part, up) }));
+    this.bounds = [right, toward].map((axis) =>
+      fixed.reduce(([low, high], part) => {
+        const along = heights(part, axis);
+        return [along.reduce((a, b) => Math.min(a, b), low), along.reduce((a, b) => Math.max(a, b), high)];
       }, [Infinity, -Infinity]),
     );
   }
@@ -48,13 +52,13 @@ export class Section {
     const R = rotation(pose);
     const inBody = (axis) => [0, 1, 2].map((k) => R[0][k] * axis[0] + R[1][k] * axis[1] + R[2][k] * axis[2]);
     const shift = [right, toward].map((axis) => dot(axis, pose));
-    const body = cut(this.moving, inBody(up), at - dot(up, pose), [right, toward].map(inBody));
+    const body = cut(this.moving, heights(this.moving, inBody(up)), at - dot(up, pose), [right, toward].map(inBody));
     const moved = body.map((ends) => ends.map(([x, y]) => [x + shift[0], y + shift[1]]));
     context.save();
     context.beginPath();
     context.rect(0, 18, width, height - 22);
     context.clip();
-    for (const part of this.fixed) lines(context, place, cut(part, up, at, [right, toward]), INK, 1.6);
+    lines(context, place, this.fixed.flatMap(({ part, heights: of }) => cut(part, of, at, [right, toward])), INK, 1.6);
     lines(context, place, moved, ACCENT, 1.6);
     context.restore();
     this.names(context, width);

@@ -1,17 +1,19 @@
 /** The loads over the cycle, and a scrubber through it. */
 
-import { FAINT, INK, LINE, cleared } from "./canvas.js";
+import { FAINT, LINE, cleared, sizeOf } from "./canvas.js";
 import { readable } from "./format.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
-const LEFT = 58;
+const [LEFT, RIGHT] = [58, 8];
 const FRAMES_PER_SECOND = 30;
+const EARLY_MS = 4; // what is due in less than half a frame of any screen is due now
 
 export class Timeline {
   /** curves: [{name, values}] over the frames; moved(frame) when the scrubber moves. */
   constructor(content, curves, moved) {
     Object.assign(this, { content, curves, moved, frame: 0, playing: null });
     this.canvas = document.getElementById("curves");
+    this.cursor = document.getElementById("cursor");
     this.scrubber = document.getElementById("frame");
     this.button = document.getElementById("play");
     this.count = content.cycle.poses.length;
@@ -34,10 +36,10 @@ export class Timeline {
 
   play() {
     this.button.textContent = "❚❚";
-    let last = performance.now();
+    let due = performance.now();
     const step = (now) => {
-      if (now - last >= 1000 / FRAMES_PER_SECOND) {
-        last = now;
+      if (now >= due - EARLY_MS) {
+        due = Math.max(due + 1000 / FRAMES_PER_SECOND, now);
         this.go((this.frame + 1) % this.count);
       }
       this.playing = requestAnimationFrame(step);
@@ -54,26 +56,30 @@ export class Timeline {
   /** current: false where the pose is no longer that of the frame. */
   draw(current) {
     if (this.count < 2) return;
+    const [width] = sizeOf(this.canvas);
+    if (width !== this.width) this.drawCurves();
+    this.width = width;
+    const x = LEFT + ((width - LEFT - RIGHT) * this.frame) / (this.count - 1);
+    this.cursor.style.transform = `translateX(${x}px)`;
+    this.cursor.style.opacity = current ? 0.9 : 0.25;
+  }
+
+  drawCurves() {
     const { context, width, height } = cleared(this.canvas);
     const values = this.curves.flatMap(({ values }) => values).concat(0);
     const [low, high] = [Math.min(...values), Math.max(...values)];
-    const x = (frame) => LEFT + ((width - LEFT - 8) * frame) / (this.count - 1);
+    const x = (frame) => LEFT + ((width - LEFT - RIGHT) * frame) / (this.count - 1);
     const y = (value) => 8 + ((height - 16) * (high - value)) / (high - low || 1);
     context.fillStyle = FAINT;
     context.textAlign = "right";
     for (const value of [low, high]) context.fillText(`${readable(value)} N`, LEFT - 8, y(value) + 4);
     context.strokeStyle = LINE;
-    line(context, [[LEFT, y(0)], [width - 8, y(0)]]);
+    line(context, [[LEFT, y(0)], [width - RIGHT, y(0)]]);
     this.curves.forEach(({ values: of }, k) => {
       context.strokeStyle = COLOURS[k % COLOURS.length];
       context.lineWidth = 1.5;
       line(context, of.map((value, frame) => [x(frame), y(value)]));
     });
-    context.lineWidth = 1;
-    context.strokeStyle = INK;
-    context.globalAlpha = current ? 0.9 : 0.25;
-    line(context, [[x(this.frame), 4], [x(this.frame), height - 4]]);
-    context.globalAlpha = 1;
   }
 }
 
