@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.geometry.mesh_elements import DOWN
+from casadi_contact.geometry.projection import DOWN
 from casadi_contact.proposal.frame import Frame
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import Meeting

@@ -11,6 +11,7 @@ from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.projection import DOWN, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
 from casadi_contact.shapes.shape import Geometry
@@ -27,13 +28,21 @@ _NEAR_OPEN_EDGE = 1.5  # cells
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box.
 
-    Where the scene states `pressing`, only those that face the moving body.
+    Where the scene states `pressing` or `cup_centre`, only those that face the moving body.
     """
     mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
-    if "pressing" not in geometry or reaching:
+    if reaching or not {"pressing", "cup_centre"} & set(geometry):
         return mesh
-    facing = mesh.area_vectors_mm2 @ geometry["pressing"] < 0.0
-    return mesh.part(facing)
+    inwards = np.array([geometry.get("pressing", DOWN)])
+    if "cup_centre" in geometry:
+        inwards = mesh.corners_mm.mean(axis=1) - geometry["cup_centre"]
+    return mesh.part((mesh.area_vectors_mm2 * inwards).sum(axis=1) < 0.0)
+
+
+def patch_projection(geometry: Geometry, patch: str) -> Projection:
+    """What a patch's elements and cells are laid out by: rays along `pressing`, or from the middle of a cup."""
+    mesh = patch_mesh(geometry, patch, reaching=True)
+    return projection_of(geometry.get("pressing", DOWN), geometry.get("cup_centre"), mesh)
 
 
 def check_patches(geometry: Geometry) -> None:
@@ -108,8 +117,8 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         beside[tuple(at_end)] = False
         rows = np.nonzero(lacking & ~beside)
         here, normal, width = centres[rows], normals[rows], np.sqrt(areas[rows])
-        sideways = step * _along(centres, areas, axis)
-        tangent = sideways - (normal @ sideways)[:, None] * normal
+        sideways = step * _along(cells, axis, rows)
+        tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent
         distance, slope = field(beyond)
@@ -124,9 +133,13 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
     return cut
 
 
-def _along(centres: Array, areas: Array, axis: int) -> Array:
-    """Unit vector (3,) from a cell's centre to that of its neighbour along an axis of the grid, all in all."""
+def _along(cells: Cells, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
+    """Directions (n, 3) in which the grid runs along an axis at cells by their rows: to or from the neighbour there,
+    or, of a cell that has none, as between all cells together."""
+    centres, _, areas = cells
     both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)
-    steps = np.diff(centres, axis=axis)[both]
-    mean = steps.sum(axis=0) if len(steps) else np.eye(3)[2 * axis]
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-300))
+    steps = np.where(both[..., None], np.diff(centres, axis=axis), 0.0)
+    summed = sum(np.pad(steps, [side if each == axis else (0, 0) for each in range(3)]) for side in ((0, 1), (1, 0)))
+    found, mean = np.asarray(summed)[rows], steps.sum(axis=(0, 1))
+    found[~found.any(axis=1)] = mean if mean.any() else np.eye(3)[2 * axis]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
