@@ -48,6 +48,8 @@ def first_tables(
     pressing = direction_of(joint, frame, meeting)
     if pressing != list(DOWN):
         geometry["pressing"] = pressing
+    if not joint.pressing:
+        geometry["cup_centre"] = frame.points(regions.centre_mm[None], "fixed")[0].round(2).tolist()
     geometry["start_pose"] = _start_pose(meeting, frame)
     if placement:
         geometry["placement"] = placement

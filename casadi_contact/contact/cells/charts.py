@@ -3,7 +3,8 @@
 A surface lies at the height h(u, v) along the lines of a projection (`geometry.projection`). A mesh is seen from where
 the moving body comes: from above, u = x and v = z, along the scene's `pressing`, or from a cup's middle. It is the zero
 of its distance field on each line. Beyond its edge, where the cells of the rim still need corners, it goes on as the
-quadric h(u, v) through the points around. A spherical cup is seen from its centre; a plane is its own chart.
+quadric h(u, v) through the points around, and so it does where the mesh turns over a sharp edge at its rim, which
+cubics cannot follow. A spherical cup is seen from its centre; a plane is its own chart.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
@@ -29,6 +31,7 @@ from casadi_contact.scenes import Scene
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 _STEPS = 6  # of Newton's method along the rays
+_SHARPEST = 1.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell
 _AROUND_MM = 2.5  # reach of the quadric that continues a surface
 _FEWEST = 12  # points that it goes through
 
@@ -136,16 +139,20 @@ class MeshChart:
         present = areas > 0.0
         lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
         heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
-        self._heights, self._present = heights.reshape(areas.shape), present
+        self._heights = heights.reshape(areas.shape)
+        edge = present & self._sharp(points.reshape(-1, 3)).reshape(areas.shape)
+        ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
+        self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
         self._origin, self._step = np.array([u[0], v[0]]), np.array([u[1] - u[0], v[1] - v[0]])
         return present
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """From the distance field where the four points of `present` around are on the mesh, continued elsewhere."""
+        """From the distance field where the four points of `present` around are on the mesh and not on its rim's edge,
+        continued elsewhere."""
         place = (np.stack([u, v], 1) - self._origin) / self._step
-        first = np.clip(np.floor(place).astype(int), 0, np.array(self._present.shape) - 2)
+        first = np.clip(np.floor(place).astype(int), 0, np.array(self._smooth.shape) - 2)
         corners = [(first[:, 0] + a, first[:, 1] + b) for a in (0, 1) for b in (0, 1)]
-        known = np.all([self._present[corner] for corner in corners], axis=0)
+        known = np.all([self._smooth[corner] for corner in corners], axis=0)
         height = np.mean([self._heights[corner] for corner in corners], axis=0)
         jet = np.zeros((len(u), 6))
         jet[known], found = self._jets(self._projection.lines(u[known], v[known]), height[known])
@@ -173,11 +180,18 @@ class MeshChart:
         h_ab /= along[:, None, None]
         return np.column_stack([h, h_a, h_ab[:, 0, 0], h_ab[:, 0, 1], h_ab[:, 1, 1]]), fine
 
+    def _sharp(self, points: Array) -> np.ndarray:
+        """True (m,) for points where the surface is bent outwards more sharply than `_SHARPEST`."""
+        _, slope, bend = field_derivatives(self._field.parameters, points)
+        size = np.linalg.norm(slope, axis=1)[:, None, None]
+        across = np.eye(3) - slope[:, :, None] * slope[:, None, :] / size**2
+        return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > _SHARPEST)
+
     def _continued(self, u: Array, v: Array) -> Array:
         """h and its derivatives (m, 6) of a quadric through the points on the mesh around (u, v)."""
-        at = np.argwhere(self._present)
+        at = np.argwhere(self._smooth)
         there = self._origin + at * self._step
-        heights = self._heights[self._present]
+        heights = self._heights[self._smooth]
         tree = cKDTree(there)
         jets = np.empty((len(u), 6))
         for k, point in enumerate(np.stack([u, v], 1)):
