@@ -122,10 +122,10 @@ def _posterior(pair: Pair, regions: Regions, told: list[str], untold: list[str])
     ends = pair.moving.vertices_mm - pair.moving.vertices_mm.mean(axis=0)
     width = np.ptp(pair.moving.vertices_mm[:, regions.axis])
     middle = 0.5 * (pair.moving.vertices_mm[:, regions.axis].max() + pair.moving.vertices_mm[:, regions.axis].min())
-    band = np.abs(pair.moving.vertices_mm[:, regions.axis] - middle) < max(_NOTCH_MM, 0.06 * width)
+    band = np.abs(pair.moving.vertices_mm[:, regions.axis] - middle) < max(pair.scale * _NOTCH_MM, 0.06 * width)
     ahead = float(ends[band, flat].mean()) if band.any() else 0.0
     posterior = -np.sign(ahead or -1.0) * np.eye(3)[flat]
-    if abs(ahead) > _CLEARLY_MM:
+    if abs(ahead) > pair.scale * _CLEARLY_MM:
         told.append(
             f"posterior is the file's {axis_name(posterior)}: the moving body's condyles are joined at its other end"
         )
@@ -170,7 +170,7 @@ def _offsets(
 
 def _middle(pair: Pair, meeting: Meeting, regions: Regions) -> Array:
     """The mean over the patches of what is near at touch; along the axis they part on, the cut between them [mm]."""
-    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, REACH_MM)
+    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
     patch = regions.patch_of(pair.points_mm)
     middles = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
     middle = np.mean(middles, axis=0)
