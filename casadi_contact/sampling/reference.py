@@ -129,8 +129,8 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps). Frames left over begin once more between the frames that converged, then in the pose of
-    the nearest one, and then in that start pose turned about the patches' anchors to what is measured.
+    for a model without gaps). Frames left over begin once more in that start pose, turned about the patches' anchors to
+    what is measured, then between the frames that converged, and then in the pose of the nearest one.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
@@ -154,7 +154,7 @@ def reference_poses(
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
-    for anew in (_interpolate, _nearest, partial(_turned, model, begin)):
+    for anew in (partial(_turned, model, begin), _interpolate, _nearest):
         if report.converged.all():
             break
         starts = scene.pose_space.onto(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))

@@ -81,6 +81,20 @@ def test_a_button_rests_on_both_facets_of_its_groove(height):
     np.testing.assert_allclose(frame.directions(meeting.pressing), [1.0, 0.0, 0.0], atol=0.02)
 
 
+def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
+    """Balls of 4 mm in dishes of 6, 4 mm from the middle: in between the gap is less than a knee's in one place."""
+    (ball, faces), out = cap_mesh(4.0, 0.5, 0.8), np.array([0.0, 0.0, 4.0])
+    condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
+
+    def dishes(x, z):
+        return 6.0 - np.sqrt(6.0**2 - np.minimum(x**2 + (np.abs(z) - 4.0) ** 2, 16.0))
+
+    moving = checked_mesh("condyles", condyles[0] + np.array([0.0, 9.0, 0.0]), condyles[1])
+    _, regions, joint, _ = seen(moving, checked_mesh("dishes", *sheet_mesh(14.0, 0.5, dishes)))
+    np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=0.5)
+    assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
+
+
 def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():
     normals = rotation(np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3)))[:, :, 1]
     centre = np.array([3.0, -2.0, 1.0])
