@@ -8,7 +8,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.mesh import TriangleMesh
-from casadi_contact.geometry.projection import LEAST_UPWARD, Projection
+from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
 from casadi_contact.geometry.rays import RayCaster
 
 _LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
@@ -33,17 +33,15 @@ def grid_on_mesh(
     step = (high - low) / grid
     u, v = (low[axis] + (np.arange(count) + 0.5) * step[axis] for axis, count in enumerate(grid))
     lines = projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
-    up, seen_from = lines.ups, axis_name(projection.frame[1])
+    up, seen_from, cure = lines.ups, projection.seen_from, _cure(mesh, projection)
     starts, down = lines.starts + top * up, -up
     caster = RayCaster(mesh)
     distance, face = caster.first_hits(starts, down)
     if not (face >= 0).any():
-        raise ValueError(
-            f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {_cure(mesh)}"
-        )
+        raise ValueError(f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {cure}")
     if caster.leaves(down, face).sum() > 0.5 * (face >= 0).sum():
         raise ValueError(
-            f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {_cure(mesh)}"
+            f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {cure}"
         )
     met = np.flatnonzero(np.isfinite(distance) & ~caster.leaves(down, face))
     centres, normals, areas = starts.copy(), up.copy(), np.zeros(len(starts))
@@ -60,7 +58,7 @@ def grid_on_mesh(
     centres[met[kept]], normals[met[kept]] = on[kept], normal[kept]
     areas[met[kept]] = step.prod() * projection.spread(h[kept]) / upward[kept]
     if not kept.any():
-        raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {_cure(mesh)}")
+        raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {cure}")
     return centres.reshape(*grid, 3), normals.reshape(*grid, 3), areas.reshape(grid)
 
 
@@ -71,16 +69,10 @@ def facing_axis(mesh: TriangleMesh) -> str | None:
     return axis_name(net) if np.linalg.norm(net) > _LEAST_NET_AREA * np.linalg.norm(area, axis=1).sum() else None
 
 
-def axis_name(direction: Array) -> str:
-    """The signed axis nearest to a direction: "-y"."""
-    axis = int(np.abs(direction).argmax())
-    return f"{'-' if direction[axis] < 0.0 else '+'}{'xyz'[axis]}"
-
-
-def _cure(mesh: TriangleMesh) -> str:
+def _cure(mesh: TriangleMesh, projection: Projection) -> str:
     facing = facing_axis(mesh)
-    if facing is None:
-        return "check geometry.axes and geometry.pressing"
+    if facing is None or not isinstance(projection, ParallelProjection):
+        return projection.cure
     return f"its surface faces {facing}: turn it to the moving body with geometry.axes, or set geometry.pressing"
 
 

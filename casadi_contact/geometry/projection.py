@@ -39,8 +39,12 @@ class Projection(Protocol):
     """What a grid of elements and a chart of cells are laid out by."""
 
     @property
-    def frame(self) -> Array:
-        """Rows (3, 3): directions of u, against pressing, of v."""
+    def seen_from(self) -> str:
+        """Where rays come from, in words."""
+
+    @property
+    def cure(self) -> str:
+        """What to do where rays do not meet the surface."""
 
     def lines(self, u: Array, v: Array) -> Lines:
         """The lines of points (m,), (m,) of the plane."""
@@ -67,6 +71,12 @@ class ParallelProjection:
     """Along the second row of a frame (3, 3), over the plane of the other two."""
 
     frame: Array
+    cure = "check geometry.axes and geometry.pressing"
+
+    @property
+    def seen_from(self) -> str:
+        """The axis nearest to against `pressing`."""
+        return axis_name(self.frame[1])
 
     def lines(self, u: Array, v: Array) -> Lines:
         """All alike but for where they begin."""
@@ -99,6 +109,12 @@ class CentralProjection:
     frame: Array
     centre_mm: Array
     radius_mm: float
+    cure = "expected the middle of a cup's curvature [mm], in its hollow"
+
+    @property
+    def seen_from(self) -> str:
+        """The cup's middle."""
+        return f"geometry.cup_centre = {self.centre_mm.tolist()}"
 
     def lines(self, u: Array, v: Array) -> Lines:
         """With k = √(1 - (u² + v²)/4R²): e = (1 - 2(1 - k²))·up - k·(u, v)/R."""
@@ -141,6 +157,12 @@ def grid_frame(pressing: Sequence[float]) -> Array:
     return np.array([first, up, np.cross(first, up)]) + 0.0
 
 
+def axis_name(direction: Array) -> str:
+    """The signed axis nearest to a direction: "-y"."""
+    axis = int(np.abs(direction).argmax())
+    return f"{'-' if direction[axis] < 0.0 else '+'}{'xyz'[axis]}"
+
+
 def _facing(mesh: TriangleMesh, centre_mm: Array) -> Array:
     """Corners (n, 3), from the middle of a cup, of the triangles that face it."""
     corners, area = mesh.corners_mm - centre_mm, mesh.area_vectors_mm2
@@ -149,7 +171,6 @@ def _facing(mesh: TriangleMesh, centre_mm: Array) -> Array:
     faces = np.einsum("nk,nk->n", middle, area) < -LEAST_UPWARD * size
     if not faces.any():
         raise ValueError(
-            f"mesh {mesh.name}: none of it faces geometry.cup_centre = {centre_mm.tolist()}, expected the middle of a "
-            "cup's curvature [mm], in its hollow"
+            f"mesh {mesh.name}: none of it faces geometry.cup_centre = {centre_mm.tolist()}, {CentralProjection.cure}"
         )
     return np.asarray(corners[faces].reshape(-1, 3))

@@ -10,8 +10,8 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import axes_rotation
-from casadi_contact.geometry.mesh_elements import axis_name
 from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.projection import axis_name
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import REACH_MM, Meeting
 from casadi_contact.proposal.pair import Pair

@@ -16,10 +16,10 @@ from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
 from casadi_contact.shapes.shape import Geometry
 
-_LEAST_AREA_MM2 = 4.0  # of a patch: a smaller spot is no joint's
+_LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no joint's
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
-_BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
+_ABOVE_MM, _BELOW_MM, _LARGEST_SHELL_MM = 0.5, 1e-3, 25.0
 _ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
 _ALONG_EDGE = 9  # points of each open edge
 _NEAR_OPEN_EDGE = 1.5  # cells
@@ -53,13 +53,12 @@ def check_patches(geometry: Geometry) -> None:
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
         inside[patch] = np.all((centres >= low) & (centres < high), axis=1)
-        if (found := area[inside[patch]].sum()) < _LEAST_AREA_MM2:
-            sides = (high - low)[np.isfinite(high - low)]
-            metres = bool(len(sides)) and sides.max() < 1.0
-            cure = "are its bounds in m? They are in mm" if metres else f"the mesh reaches {mesh.extent}: check them"
+        found, thin = area[inside[patch]].sum(), (high - low).min() < _LEAST_SIDE_MM
+        if found < _LEAST_AREA_MM2 or thin:
+            cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
             raise ValueError(
                 f"scene: geometry.patches.{patch} holds {found:.2g} mm² of the mesh {mesh.name} within its bounds, "
-                f"expected {_LEAST_AREA_MM2:g} mm² at least: {cure}"
+                f"expected {_LEAST_AREA_MM2:g} mm² at least, and bounds {_LEAST_SIDE_MM:g} mm apart: {cure}"
             )
     for one, other in itertools.combinations(inside, 2):
         if (shared := area[inside[one] & inside[other]].sum()) > 0.0:
@@ -74,21 +73,36 @@ def check_side(geometry: Geometry, patch: str, cells: Cells) -> None:
     moving body is nearer to the shell's other side, and everything near it faces away."""
     centres, normals = (values[cells[2] > 0.0] for values in cells[:2])
     position = np.array(geometry.get("start_pose", np.zeros(6)))
-    R = rotation(position[3:])
-    distance, slope = body_field(geometry, "moving")((centres - position[:3]) @ R)
-    near = np.abs(distance) < _NEAR_MM
-    away = np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0
-    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or away[near].mean() < _MOSTLY:
-        return
+    R, field = rotation(position[3:]), body_field(geometry, "moving")
+    distance, slope = field((centres - position[:3]) @ R)
     mesh = body_mesh(geometry, "fixed")
-    through, _ = RayCaster(mesh).first_hits(centres[near] - _BELOW_MM * normals[near], -normals[near])
-    behind = centres[near] - np.minimum(through, _LARGEST_SHELL_MM)[:, None] * normals[near]
-    nearer = body_field(geometry, "moving")((behind - position[:3]) @ R)[0] < distance[near]
-    if (nearer & (through < _LARGEST_SHELL_MM)).mean() > _MOSTLY:
-        raise ValueError(
-            f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
-            f"body in its start pose: say where to it presses, as geometry.pressing = {_opposite(normals[near])}"
-        )
+    far_side, shell = _far_side(mesh, centres, normals)
+    seen = (far_side - position[:3]) @ R
+    behind, around = field(seen)[0], body_mesh(geometry, "moving").vertices_mm
+    # Farther from an open mesh than its field reaches its inside is unknown.
+    reached = np.all((seen > around.min(axis=0) - _NEAR_MM) & (seen < around.max(axis=0) + _NEAR_MM), axis=1)
+    near = (np.abs(distance) < _NEAR_MM) | (reached & (np.abs(behind) < _NEAR_MM))
+    turned_away = shell & (behind < distance) & (np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0)
+    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or turned_away[near].mean() < _MOSTLY:
+        return
+    cure = f"where to it presses, as geometry.pressing = {_opposite(normals[near])}"
+    raise ValueError(
+        f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
+        f"body in its start pose: say {'where its hollow is' if 'cup_centre' in geometry else cure}"
+    )
+
+
+def _far_side(mesh: TriangleMesh, centres: Array, normals: Array) -> tuple[Array, np.ndarray]:
+    """Where lines (n, 3) from elements into the body come out of it again, and whether they do within a shell (n,).
+
+    Flat triangles lie a little below the smooth surface of the elements, or above: rays meet them first from outside.
+    """
+    caster, above = RayCaster(mesh), centres + _ABOVE_MM * normals
+    down = caster.first_hits(above, -normals)[0] + _BELOW_MM
+    inside = above - np.where(np.isfinite(down), down, _ABOVE_MM)[:, None] * normals
+    through, face = caster.first_hits(inside, -normals)
+    shell = (through < _LARGEST_SHELL_MM) & caster.leaves(-normals, face)
+    return inside - np.where(shell, through, 0.0)[:, None] * normals, shell
 
 
 def _opposite(normals: Array) -> list[float]:
