@@ -53,8 +53,11 @@ def frame_of(
     right one. axes: those of a scene's geometry, where they are known."""
     told: list[str] = []
     untold: list[str] = []
-    if axes is not None:
-        axes_rotation(list(axes))
+    if axes is not None and len(_side_by_side([tuple(axes)], regions)) == 0:
+        raise ValueError(
+            f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
+            f"{'xyz'[regions.axis or 0]}, expected it as the third axis, z"
+        )
     mirror = "z" if side == "left" and joint.kind != "other" else ""
     if joint.kind != "other":
         told.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")
@@ -69,10 +72,9 @@ def frame_of(
 def _axes(
     pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: str, told: list[str], untold: list[str]
 ) -> tuple[str, ...]:
-    candidates, wanted = _all_axes(), {1: -meeting.pressing}
+    candidates, wanted = _side_by_side(_all_axes(), regions), {1: -meeting.pressing}
     if joint.kind == "patella":
         wanted = {0: meeting.pressing}
-        candidates = [axes for axes in candidates if abs(axes_rotation(axes)[2, regions.axis or 0]) > 0.5]
         told.append(f"the moving body presses along the file's {axis_name(meeting.pressing)}: posterior (+x)")
         untold.append("which way along the groove is superior: kept as in the file where it can be (--axes)")
     elif joint.kind == "hip":
@@ -90,6 +92,13 @@ def _axes(
     elif joint.kind == "other":
         untold.append("what x and z stand for: kept as in the file where they can be (--axes)")
     return _best(candidates, wanted)
+
+
+def _side_by_side(candidates: list[tuple[str, ...]], regions: Regions) -> list[tuple[str, ...]]:
+    """The axes whose z is the file's along which patches lie beside each other, if there are several."""
+    if regions.axis is None:
+        return candidates
+    return [axes for axes in candidates if abs(axes_rotation(list(axes))[2, regions.axis]) > 0.5]
 
 
 def _all_axes() -> list[tuple[str, ...]]:

@@ -51,7 +51,7 @@ def first_tables(
     pressing = direction_of(joint, frame, meeting)
     if pressing != list(DOWN):
         geometry["pressing"] = pressing
-    if not joint.pressing:
+    if not joint.pressing and regions.hollow:
         geometry["cup_centre"] = frame.points(regions.centre_mm[None], "fixed")[0].round(2).tolist()
     geometry["start_pose"] = _start_pose(meeting, frame)
     if placement:
