@@ -9,6 +9,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.projection import DOWN
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
@@ -39,7 +40,8 @@ def rest_loads(scene: Scene, joint: Joint, size_n: float) -> dict[str, float]:
     """Loads that press every patch with a force of this size along the scene's direction of pressing."""
     if joint.pressing:
         return dict.fromkeys(scene.sensitive_loads, size_n * (-1.0 if joint.pressing[0] == "-" else 1.0))
-    pressing = np.array(scene.geometry["pressing"]) / np.linalg.norm(scene.geometry["pressing"])
+    pressing = np.array(scene.geometry.get("pressing", DOWN))
+    pressing /= np.linalg.norm(pressing)
     return {name: float(size_n * pressing["xyz".index(name[1])]) for name in scene.sensitive_loads}
 
 
