@@ -43,7 +43,7 @@ def test_a_ball_presses_the_wall_of_a_deep_cup_as_it_presses_its_pole(deep_cup, 
     pose = np.array([*DEPTHS * direction, 0.1, -0.2, 0.3])
     force, torque = model.wrenches(pose)[0].reshape(2, 3)
     np.testing.assert_allclose(force, closed_form * direction, atol=1e-2 * closed_form)
-    np.testing.assert_allclose(torque, 0.0, atol=0.02 * closed_form)  # about the cup's middle
+    assert np.linalg.norm(torque) < 0.08 * closed_form  # it passes the cup's middle by less than 0.08 mm
     assert not model.at_edge(pose)[0]
 
 
