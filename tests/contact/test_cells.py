@@ -7,7 +7,7 @@ import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
 from casadi_contact.contact.cells.choice import cell_foundation
-from casadi_contact.geometry.mesh_elements import grid_frame
+from casadi_contact.geometry.projection import grid_frame
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
