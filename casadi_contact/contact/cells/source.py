@@ -12,6 +12,7 @@ from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions, share_products
 from casadi_contact.contact.cells.patches import CellPatch
+from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
@@ -88,6 +89,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
         "TOUCH": quadrature.TOUCH_MM,
         "FADE": patches[0].fade_n,
+        "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
         "BOW_REACH": BOW_REACH_MM,
     }

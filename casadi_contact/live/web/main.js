@@ -154,13 +154,11 @@ async function begin() {
   const surfaces = content.patches.map(({ name }) => ({
     ...triangles(name),
     places: arrays[`${name}_places`],
-    areas: arrays[`${name}_areas`],
   }));
   const models = await loadModels(arrays.kernel, {
     loads: content.loads.length,
     surrogateLoads: content.surrogateLoads?.length,
     surfaces,
-    hasMoments: content.hasMoments,
   });
   window.joint = new Page(content, models, surfaces, triangles("behind"), triangles("moving"));
 }
