@@ -9,6 +9,7 @@ import csv
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -130,12 +131,22 @@ def _draw(
     if model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
 
-    def given(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-        return model, model
-
-    given.__qualname__ = type(model).__qualname__  # what the samples file says they were drawn from
     with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
-        sample(project, cycles, tell, here, models=given)
+        sample(project, cycles, tell, here, models=_Given(model))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A user's own model, to settle on and to evaluate samples on; samples are named after its class."""
+
+    model: DrawnModel
+
+    @property
+    def stands_for(self) -> type:
+        return type(self.model)
+
+    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return self.model, self.model
 
 
 @alone
@@ -180,9 +191,9 @@ def _on_device(models: ModelPair, device: str) -> ModelPair:
     if models is not elastic_foundations:
         raise ValueError(f"got device {device!r} with another contact model, expected the elements' (--model elements)")
     arrays_for(device)
-    from casadi_contact.bridges.torch_foundation import foundations_on  # imports torch
+    from casadi_contact.bridges.torch_foundation import FoundationsOn  # imports torch
 
-    return foundations_on(device)
+    return FoundationsOn(device)
 
 
 @alone

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,10 +10,11 @@ from pathlib import Path
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.candidates import (
     EF_FAMILY,
+    FOUNDATION_FAMILY,
     MX_SUFFIX,
-    foundation_candidates,
     own_name,
     surrogate_candidates,
+    untrained_candidates,
 )
 from casadi_contact.benchmark.front_file import Point
 from casadi_contact.benchmark.sizes import Sized, chart_surrogates, on_disk, sized_path, train_sizes
@@ -25,12 +27,19 @@ TIMED_AGAIN = "timed again for these loads"
 SHARE = "estimated by the share of networks"
 ALL_LOADS = "of all loads"
 
+# How a foundation of a resolution is made, by a word in it.
+_RESOLUTIONS = {
+    "rays": "cc.PolarFoundation({scene}, cc.contact.Rays({numbers}))",
+    "cells": "cc.CellFoundation({scene}, cc.contact.Cells({numbers}))",
+    "points": "cc.CupFoundation({scene}, {numbers})",
+}
+
 
 def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[str]) -> dict[str, tuple[float, str]]:
     """Microseconds per pose of each model for some loads only, and how they were found.
 
-    EF grids and surrogates on disk are timed again on a reference cycle, in one run on one thread, surrogates with
-    just the networks that the loads need. A surrogate not on disk is estimated by the share of its
+    What learns nothing and surrogates on disk are timed again on a reference cycle, in one run on one thread,
+    surrogates with just the networks that the loads need. A surrogate not on disk is estimated by the share of its
     networks; any other model keeps its measured time for all loads.
     """
     poses = motion_at_hand(project).poses[0]
@@ -88,15 +97,17 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
+    if name.startswith(f"{FOUNDATION_FAMILY} "):
+        kind = next(kind for kind in _RESOLUTIONS if kind in name)
+        numbers = ", ".join(re.findall(r"[\d.]+", name))
+        return _RESOLUTIONS[kind].format(scene=f"cc.load_scene({scene!r})", numbers=numbers)
     maker = f"casadi_contact.benchmark.peers.peer_candidates(samples, gflop=..., names={list(loads)!r})"
     return f"{maker}, the one named {name!r}"
 
 
 def _candidates(project: Project, names: set[str], loads: Sequence[str]) -> Iterator[Candidate]:
     """The named models that are at hand, surrogates reduced to the loads."""
-    for candidate in foundation_candidates(project.scene):
-        if candidate.name in names:
-            yield candidate
+    yield from untrained_candidates(project.scene, loads, names)
     for name in names:
         path = surrogate_file(project, name, loads)
         if path is not None:

@@ -1,9 +1,10 @@
-"""What stands on the chart: elastic foundations, the preset's own surrogates, the ladder of sizes, and peers."""
+"""What stands on the chart: contact models without training, surrogates, the ladder of sizes, and peers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from functools import cache, partial
 
 import casadi as ca
@@ -15,25 +16,42 @@ from casadi_contact.benchmark.front_file import SIZE
 from casadi_contact.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.benchmark.timing import time_batch, time_mapped, time_single_calls
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, SymbolicContact, foundation, foundation_ladder
 from casadi_contact.conventions import Array
 from casadi_contact.project import Project, project_surrogates, read_motion
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, TwoStageSurrogate, load_surrogate
+from casadi_contact.structures import Surrogate, TwoStageSurrogate, load_surrogate, ready_surrogates
 
-EF_FAMILY = "EF"
+EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
 _GLOBAL_PEERS = ("polynomial", "Kriging", "radial basis")
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 
-def foundation_candidates(scene: Scene) -> Iterator[Candidate]:
-    """EF grids up to the teacher's, timed as one batch of poses, which is their cheapest form."""
+def untrained_candidates(
+    scene: Scene, loads: Sequence[str] | None = None, names: Collection[str] | None = None
+) -> Iterator[Candidate]:
+    """What learns nothing: grids of elements, and `cc.foundation` with coarser and finer ones. names: just these."""
+    yield from (candidate for candidate in _element_candidates(scene) if names is None or candidate.name in names)
+    if names is not None and not any(name.startswith(FOUNDATION_FAMILY) for name in names):
+        return
+    made: set[str] = set()
+    for make in (partial(foundation_ladder, scene), lambda: iter([foundation(scene)])):
+        try:
+            for model in make():
+                name = f"{FOUNDATION_FAMILY} {model.resolution}"
+                if name not in made and (names is None or name in names):
+                    made.add(name)
+                    yield _symbolic_candidate(name, FOUNDATION_FAMILY, model, loads)
+        except ValueError as error:  # of a shape without one, or where none is good enough
+            yield Candidate(FOUNDATION_FAMILY, FOUNDATION_FAMILY, None, failure=" ".join(str(error).split()))
+
+
+def _element_candidates(scene: Scene) -> Iterator[Candidate]:
+    """EF grids up to the teacher's, laid both ways, timed as one batch of poses, which is their cheapest form."""
     teacher = scene.grids["teacher"]
-    grids = {
-        grid for grid in (*GRIDS, scene.grids["coarse"], scene.grids["fine"]) if math.prod(grid) < math.prod(teacher)
-    }
-    for grid in sorted({*grids, teacher}):
+    grids = {*GRIDS, *(grid[::-1] for grid in GRIDS), scene.grids["coarse"], scene.grids["fine"]}
+    for grid in sorted({*(grid for grid in grids if math.prod(grid) < math.prod(teacher)), teacher}, key=math.prod):
         model = ElasticFoundation(scene, grid)
         batch = partial(time_batch, model)
         yield Candidate(
@@ -54,32 +72,46 @@ def surrogate_candidates(
     optimiser does. Without a compiler the kernel is a graph too, and its remark says so."""
     record = surrogate.record
     for compiled, suffix in ((True, ""), (False, MX_SUFFIX))[: 2 if graph else 1]:
-        function = surrogate.function(loads, compiled=compiled)
-        yield Candidate(
-            name=f"{name}{suffix}",
-            family=f"{surrogate.structure}{suffix}",
-            model=surrogate,
-            time_value=partial(time_single_calls, function),
-            time_jacobian=partial(time_single_calls, function.jacobian()),
-            time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
-            time_batch=_batch_stopwatch(surrogate, loads, compiled=compiled),
+        family = f"{surrogate.structure}{suffix}"
+        yield replace(
+            _symbolic_candidate(f"{name}{suffix}", family, surrogate, loads, compiled=compiled),
             samples=sum(record.get("samples", {}).values()),
             training_seconds=round(sum(record.get("seconds", {}).values()), 1),
             parameters=sum(network.parameter_count for network in surrogate.networks.values()),
-            remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
         )
 
 
-def _batch_stopwatch(surrogate: Surrogate, loads: Sequence[str] | None, *, compiled: bool) -> Stopwatch:
+def _symbolic_candidate(
+    name: str, family: str, model: SymbolicContact, loads: Sequence[str] | None, *, compiled: bool = True
+) -> Candidate:
+    """A model with CasADi functions, called through their buffers."""
+    function = model.function(loads, compiled=compiled)
+    return Candidate(
+        name=name,
+        family=family,
+        model=model,
+        time_value=partial(time_single_calls, function),
+        time_jacobian=partial(time_single_calls, function.jacobian()),
+        time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
+        time_batch=_batch_stopwatch(model, loads, compiled=compiled),
+        remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
+    )
+
+
+def _batch_stopwatch(model: SymbolicContact, loads: Sequence[str] | None, *, compiled: bool) -> Stopwatch:
     @cache
     def of(count: int) -> ca.Function:
-        return surrogate.function(loads, compiled=compiled, batch=count)
+        return model.function(loads, compiled=compiled, batch=count)
 
     return lambda poses: time_mapped(of(len(poses)), poses)
 
 
 def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]:
-    """Name on the chart, sweep, surrogate: the preset's own, then the sized ones that are on disk."""
+    """Name on the chart, sweep, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
+    for name in ready_surrogates():
+        shipped = load_surrogate(name)
+        if shipped.scene.digest == project.scene.digest:
+            yield name, SIZE, shipped
     for structure, surrogate in project_surrogates(project).items():
         yield own_name(project, structure), SIZE, surrogate
     for sized in chart_surrogates(project.preset.chart, project.scene):

@@ -12,10 +12,10 @@ from pathlib import Path
 from casadi_contact.benchmark.candidate import Candidate, Stopwatch
 from casadi_contact.benchmark.candidates import (
     charted_surrogates,
-    foundation_candidates,
     own_name,
     peer_candidates,
     surrogate_candidates,
+    untrained_candidates,
 )
 from casadi_contact.benchmark.evaluate import converged_elements, grid_text
 from casadi_contact.benchmark.front_file import FILE_NAME, SIZE, TIMES, Front, Point, write_front
@@ -57,7 +57,7 @@ def measure_project(
     own = project_surrogates(project)  # before an hour of training, not after it: raises if there is none
     train_sizes(project, update=update, executor=executor)
     sweeps: dict[str, str] = {}
-    candidates = list(foundation_candidates(project.scene))
+    candidates = list(untrained_candidates(project.scene))
     for name, sweep, surrogate in charted_surrogates(project):
         graph = name in (own_name(project, structure) for structure in own)
         for candidate in surrogate_candidates(name, surrogate, graph=graph):

@@ -1,4 +1,4 @@
-"""Measured fronts that come with the library: the shipped surrogates and elastic foundations of a scene.
+"""Measured fronts that come with the library: the shipped surrogates of a scene and what needs no training.
 
 ``python -m casadi_contact.benchmark.shipped knee`` measures the one of the knee anew and writes it into this package.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.candidates import foundation_candidates, surrogate_candidates
+from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
 from casadi_contact.benchmark.front_file import Front, read_front, write_front
 from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.walking import unseen_walking
@@ -40,7 +40,7 @@ def measured_front(scene: Scene) -> Front:
 
 
 def _candidates(scene: Scene) -> Iterator[Candidate]:
-    yield from foundation_candidates(scene)
+    yield from untrained_candidates(scene)
     for name in ready_surrogates():
         surrogate = load_surrogate(name)
         if surrogate.scene.digest == scene.digest:

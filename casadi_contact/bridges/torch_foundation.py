@@ -8,6 +8,7 @@ the elements of a pose are made in a fixed order. Untested on a GPU.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -21,7 +22,6 @@ from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import Array, pose_or_poses, rotation
 from casadi_contact.geometry import MovingSurface
 from casadi_contact.sampling import SamplingSettings, elastic_foundations
-from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.training.arrays import torch_arrays
 
@@ -31,16 +31,19 @@ _MOST_POSES = 1 << 17
 _CPU_BYTES = 1 << 26
 
 
-def foundations_on(device: str) -> ModelPair:
+@dataclass(frozen=True)
+class FoundationsOn:
     """`sampling.elastic_foundations` evaluated on a torch device: the same contact model, so samples name it alike."""
 
-    def pair(scene: Scene, settings: SamplingSettings) -> tuple[TorchFoundation, TorchFoundation]:
-        grids = (settings.settle_grid, settings.teacher_grid)
-        settle, teacher = (TorchFoundation(scene, grid, device=device) for grid in grids)
-        return settle, teacher
+    device: str
+    stands_for = staticmethod(elastic_foundations)
 
-    pair.__module__, pair.__qualname__ = elastic_foundations.__module__, elastic_foundations.__qualname__
-    return pair
+    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[TorchFoundation, TorchFoundation]:
+        """On the settings' settle grid and teacher grid."""
+        settle, teacher = (
+            TorchFoundation(scene, grid, device=self.device) for grid in (settings.settle_grid, settings.teacher_grid)
+        )
+        return settle, teacher
 
 
 class TorchFoundation(ElasticFoundation):

@@ -1,7 +1,7 @@
 """Contact models: pose of the moving body in, loads on the fixed body out."""
 
 from casadi_contact.contact.cells import CellFoundation, Cells
-from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.choice import foundation, foundation_ladder
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
@@ -23,5 +23,6 @@ __all__ = [
     "Rays",
     "SymbolicContact",
     "foundation",
+    "foundation_ladder",
     "symbolic",
 ]

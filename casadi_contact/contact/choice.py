@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import CELL_SHAPES
-from casadi_contact.contact.cells.choice import cell_foundation
+from casadi_contact.contact.cells.choice import SIZES_MM as CELL_SIZES_MM
+from casadi_contact.contact.cells.choice import cell_foundation, square_cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.cup.choice import CANDIDATES as CUP_POINTS
 from casadi_contact.contact.cup.choice import cup_foundation
 from casadi_contact.contact.cup.cup import CUP_SHAPE
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.kept import keep_record, kept_record
 from casadi_contact.contact.kernel_source import C_LAWS
+from casadi_contact.contact.polar.choice import CANDIDATES as POLAR_RAYS
 from casadi_contact.contact.polar.choice import polar_foundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.patches import POLAR_SHAPES
@@ -56,6 +59,19 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     if kept:
         keep_record(scene, model.record)
     return model
+
+
+def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
+    """Foundations of a scene from coarse to fine, to compare with the one that `foundation` takes.
+
+    None for a shape that has none.
+    """
+    if scene.shape == CUP_SHAPE:
+        yield from (CupFoundation(scene, points) for points in CUP_POINTS[::2])
+    elif scene.shape in POLAR_SHAPES:
+        yield from (PolarFoundation(scene, rays) for rays in POLAR_RAYS[::2])
+    elif scene.shape in CELL_SHAPES:
+        yield from (CellFoundation(scene, square_cells(size_mm)) for size_mm in CELL_SIZES_MM[::2])
 
 
 def _as_recorded(scene: Scene, record: Mapping[str, Any], *, compiled: bool) -> CompiledFoundation:

@@ -54,6 +54,14 @@ class CompiledFoundation(ContactFunctions):
                 f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, which is slower"
             )
 
+    @property
+    @abstractmethod
+    def resolution(self) -> str:
+        """How finely it integrates, in words: "12 rays × 3 points"."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scene.name}, {self.resolution})"
+
     @abstractmethod
     def _patch_source(self) -> str:
         """C that defines ``patch_loads`` (see ``c/foundation.h``)."""

@@ -68,7 +68,11 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
 
 def family_name(family: str) -> str:
     """A family as the legend calls it."""
-    known = {"EF": "elastic foundation (EF)", **{name: kind.title for name, kind in STRUCTURES.items()}}
+    known = {
+        "EF": "elastic foundation (EF), elements",
+        "foundation": "EF, rays or cells",
+        **{name: kind.title for name, kind in STRUCTURES.items()},
+    }
     return known.get(family, family)
 
 

@@ -93,7 +93,9 @@ def teacher_of(samples: Samples) -> WrenchModel | None:
 
 
 def _full_name(models: ModelPair) -> str:
-    return f"{models.__module__}.{models.__qualname__}"
+    """The name of what makes the models, or of what it says that it stands for."""
+    named = getattr(models, "stands_for", models)
+    return f"{named.__module__}.{named.__qualname__}"
 
 
 def draw_samples(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.network import Network, Regression
-from casadi_contact.training.arrays import TorchArrays, arrays_for
+from casadi_contact.training.arrays import torch_arrays
 from casadi_contact.training.batch import Batch, Member
 from casadi_contact.training.fit import Fit, Progress, Run
 from casadi_contact.training.levenberg_marquardt import State
@@ -52,8 +52,7 @@ def fit_batches(
     A network that grows, or begins again, goes on in the batch of its new shape. CPU seconds are shared out evenly.
     Raises ValueError as `fit.fit` does, and for a device that cannot be had.
     """
-    arrays = arrays_for(device)
-    assert isinstance(arrays, TorchArrays)
+    arrays = torch_arrays(device)
     with ExitStack() as stack:
         runs = {
             r.name: stack.enter_context(

@@ -16,7 +16,7 @@ from problems.assembly_poses.problem import build
 from problems.assembly_poses.report import report
 from problems.assembly_poses.solve import solve
 from problems.assembly_poses.starts import solve_from_random_starts
-from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 
 NAME = "assembly_poses"
 app = new_app()
@@ -47,8 +47,7 @@ def run(
     }
     tried = solve_from_random_starts(assembly, given, result, starts) if starts else None
     report(problem, result, verdicts, out, tried)
-    codes = [verdict.exit_code for verdict in verdicts.values()]
-    end_with(list(verdicts.values())[codes.index(2 if 2 in codes else max(codes))], NAME, out)
+    end_with(worst(verdicts.values()), NAME, out)
 
 
 def main() -> None:

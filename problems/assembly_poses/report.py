@@ -14,7 +14,7 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.assembly_poses.problem import AssemblyPoses
 from problems.assembly_poses.solve import AssemblyResult
-from problems.common.outcome import print_outcome
+from problems.common.outcome import print_outcome, solver_record
 from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
 from problems.pose_estimation.starts import RandomStarts
 
@@ -45,9 +45,7 @@ def report(
         "frames": len(result.converged),
         "converged": int(result.converged.sum()),
         "largest_residual_N": float(result.residual_n.max()),
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
     }
     if starts is not None:
         summary["random_starts"] = {"frames_reached": starts.frames_reached, "iterations": starts.iterations}

@@ -19,6 +19,7 @@ from casadi_contact.verification import Verdict, judge, own_model
 from problems.calibration.measurement import in_fixed_body
 from problems.calibration.problem import Calibration
 from problems.calibration.solve import CalibrationResult
+from problems.common.outcome import solver_record
 from problems.common.records import DIGITS, rms_and_largest, write_summary
 
 _SAME = 1e-3  # standard deviations: starts that end closer together found the same estimate
@@ -114,9 +115,7 @@ def _summary(
         "not_identifiable_together": result.uncertainty.tied,
         "noise_for_one_percent": needed_noise(problem, result),
         "misfit": result.misfit,
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "random_starts": {"tried": len(others), "same": same},
         "load_error": {
             name: rms_and_largest(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,11 @@ def run_command(app: typer.Typer, name: str) -> None:
         app(prog_name=f"python -m problems.{name}")
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
         sys.exit(f"{name.rpartition('.')[2]}: {printable(short(str(error), 2000))}")
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """The first that is not solved (2), else the first that differs (3), else the first."""
+    return min(verdicts, key=lambda verdict: verdict.exit_code or 4)
 
 
 def end_with(verdict: Verdict, name: str, out: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import groupby
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from rich.console import Console
@@ -11,16 +11,8 @@ from rich.console import Console
 from casadi_contact.verification import Verdict
 
 
-class Outcome(Protocol):
-    """What the results of problems that IPOPT solves have in common; converged and reason are (n,)."""
-
-    @property
-    def converged(self) -> np.ndarray:
-        """True (n,) where a row is solved."""
-
-    @property
-    def reason(self) -> np.ndarray:
-        """Why a row is not solved, or what else there is to say of it, (n,); empty where nothing."""
+class SolverWork(Protocol):
+    """What IPOPT says of itself in the result of every problem that it solves."""
 
     @property
     def ipopt_status(self) -> str:
@@ -33,6 +25,23 @@ class Outcome(Protocol):
     @property
     def seconds(self) -> float:
         """Time of the solution with its start."""
+
+
+class Outcome(SolverWork, Protocol):
+    """The result of a problem of many rows; converged and reason are (n,)."""
+
+    @property
+    def converged(self) -> np.ndarray:
+        """True (n,) where a row is solved."""
+
+    @property
+    def reason(self) -> np.ndarray:
+        """Why a row is not solved, or what else there is to say of it, (n,); empty where nothing."""
+
+
+def solver_record(work: SolverWork) -> dict[str, Any]:
+    """IPOPT's part of a summary."""
+    return {"ipopt_status": work.ipopt_status, "ipopt_iterations": work.iterations, "seconds": work.seconds}
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:

@@ -14,6 +14,7 @@ from casadi_contact.conventions import ANATOMY, Array
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
+from problems.common.outcome import solver_record
 from problems.common.records import DIGITS, write_summary
 from problems.design.problem import LAXITY_PUSHES, Design
 from problems.design.solve import DesignResult, DishState
@@ -54,9 +55,7 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
     write_columns(out / "design.csv", columns, digits=DIGITS)
     summary: dict[str, Any] = {
         "bounds_mm": {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm},
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "ef_agrees": same,
         **{name: _record(state) for name, state in states.items()},
         **{f"{name}_on_ef": _record(state) for name, state in checked.items()},

@@ -12,7 +12,7 @@ import typer
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.verification import judge, own_model
-from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.diagnosis import diagnose
@@ -111,9 +111,7 @@ def run(
     verdict = judge(contact_model, result.poses, result.converged, own_model(contact_model.scene), CONTACT_LOADS)
     patellar = patella_verdict(problem, result)
     report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind, patellar)
-    for each in (verdict, patellar):
-        if each is not None:
-            end_with(each, NAME, out)
+    end_with(worst(each for each in (verdict, patellar) if each is not None), NAME, out)
 
 
 def main() -> None:

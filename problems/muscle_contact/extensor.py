@@ -19,12 +19,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly import Assembly, Contact, Settling, load_assembly
+from casadi_contact.assembly import Assembly, Contact, load_assembly
 from casadi_contact.assembly.frames import placed, relative_pose
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import pose_steps
 from problems.muscle_contact.knee_coordinates import COORDINATES
+from problems.patella.follow import follow
 
 FEMUR, PATELLA = "femur", "patella"
 SETTLED_N = 0.01
@@ -73,7 +74,10 @@ class Extensor:
         """Loads on the femur (n,) by coordinate [N, N·m], and the largest force left on the patella (n,) [N], for poses
         in the tibia (n, 6) and tensions (n,)."""
         function = self.assembly.forces()
-        forces = [np.asarray(function(_pair(*row[:2]), row[2])) for row in zip(femur, patella, tension_n, strict=True)]
+        forces = [
+            np.asarray(function(np.column_stack(row[:2]), row[2]))
+            for row in zip(femur, patella, tension_n, strict=True)
+        ]
         on_femur, on_patella = np.moveaxis(np.array(forces), 2, 0)
         named = dict(zip(COORDINATES, (_UNITS * on_femur).T, strict=True))
         return named, np.abs(_IN_NEWTONS * on_patella).max(axis=1)
@@ -81,7 +85,9 @@ class Extensor:
     def loads(self, femur: Array, patella: Array) -> dict[str, Array]:
         """Loads (n,) by the assembly's names: patellofemoral contact, and the tension of each ligament."""
         function = self.assembly.function()
-        found = np.array([np.asarray(function(_pair(*row))).ravel() for row in zip(femur, patella, strict=True)])
+        found = np.array(
+            [np.asarray(function(np.column_stack(row))).ravel() for row in zip(femur, patella, strict=True)]
+        )
         return dict(zip(self.assembly.load_names, found.T, strict=True))
 
     def contact_poses(self, femur: Array, patella: Array) -> Array:
@@ -91,20 +97,15 @@ class Extensor:
     def settled(self, femur: Array, tension_n: Array) -> Array:
         """Poses of the patella in the tibia (n, 6) under tensions (n,) on the femur (n, 6), frame after frame in the
         order of flexion. Raises ValueError where it finds no equilibrium."""
-        begin, order = self.assembly.start_poses(), np.argsort(femur[:, 5])
-        nearest = int(np.abs(femur[order, 5] - begin[0, 5]).argmin())
-        settle, found = Settling(self.assembly, {PATELLA: POSE_NAMES}), np.empty((len(femur), 6))
-        for way in (order[nearest:], order[: nearest + 1][::-1]):
-            patella = begin[1]
-            for k in way:
-                held = settle(np.stack([femur[k], patella]), tensions=[float(tension_n[k])], tolerance=SETTLED_N)
-                if not held.converged:
-                    raise ValueError(
-                        f"assembly {self.assembly.name}: the patella finds no equilibrium at "
-                        f"{-np.degrees(femur[k, 5]):.0f} degrees of flexion, expected a groove that reaches so far"
-                    )
-                patella = found[k] = held.poses[1]
-        return found
+        order = np.argsort(femur[:, 5])
+        ride = follow(self.assembly, femur[order], tension_n[order], tolerance_n=SETTLED_N)
+        if not ride.converged.all():
+            flexion = -np.degrees(femur[order[~ride.converged][0], 5])
+            raise ValueError(
+                f"assembly {self.assembly.name}: the patella finds no equilibrium at {flexion:.0f} degrees of flexion, "
+                f"expected a groove that reaches so far"
+            )
+        return np.asarray(ride.poses[np.argsort(order), 1])
 
     def arms(self, femur: Array) -> dict[str, Array]:
         """What a newton of the quadriceps does to the femur by coordinate (n,) [N, N·m], on poses (n, 6): settled under
@@ -177,7 +178,3 @@ def load_extensor(name_or_path: str, contact_model: SymbolicContact) -> Extensor
     if np.any(groove.moving_frame):
         raise ValueError(f"assembly {assembly.name}: {groove.name} has a moving_frame, expected the patella's own")
     return Extensor(replace(assembly, contacts=[groove]))
-
-
-def _pair(femur: Array, patella: Array) -> Array:
-    return np.column_stack([femur, patella])

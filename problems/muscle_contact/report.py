@@ -18,7 +18,7 @@ from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome, print_verdict
+from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, assembly_columns, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.muscle_contact.cocontraction import SOLEUS_N
 from problems.muscle_contact.extensor import PatellaResult
@@ -115,9 +115,7 @@ def report(
         "frames": len(walk),
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "overloaded_frames": np.flatnonzero(result.overloaded).tolist(),
         "slack_frames": {
             name: np.flatnonzero(frames).tolist()

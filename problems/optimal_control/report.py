@@ -16,7 +16,7 @@ from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, n
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
-from problems.common.outcome import print_reasons, print_verdict
+from problems.common.outcome import print_reasons, print_verdict, solver_record
 from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
 from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
@@ -59,9 +59,7 @@ def report(
         "degree": problem.degree,
         "variables": problem.nlp["x"].numel(),
         "constraints": problem.nlp["g"].numel(),
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "errors": {
             what: {name: rms_and_largest(error[:, column]) for column, name in enumerate(problem.model.load_names)}
             for what, error in off.items()

@@ -15,7 +15,7 @@ from casadi_contact.assembly import Assembly, Settling
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.verification import Verdict, judge, own_model
 
-TOLERANCE_N = 1e-4  # left on the patella, torques over 25 mm
+TOLERANCE_N = 1e-4
 SAME_N = 0.01
 ASIDE_MM, ASIDE_RAD = 2.0, 0.05
 
@@ -45,11 +45,19 @@ class Ride:
         return judge(model, self.contact_poses(name), self.converged, own_model(model.scene))
 
 
-def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | None = None) -> Ride:
+def follow(
+    assembly: Assembly,
+    femur: Array,
+    tension_n: Array,
+    start: Array | None = None,
+    *,
+    tolerance_n: float = TOLERANCE_N,
+) -> Ride:
     """Settle the patella in every frame.
 
     femur: poses (n, 6) in the tibia. tension_n: pull of the quadriceps (n,). start: poses (n, 6) of the patella, each
-    frame's own. Raises ValueError for wrong shapes, slack quadriceps, and an assembly of other bodies.
+    frame's own. tolerance_n: what may be left on the patella, torques over 25 mm [N]. Raises ValueError for wrong
+    shapes, slack quadriceps, and an assembly of other bodies.
     """
     femur, tension_n = as_poses(femur), np.asarray(tension_n, dtype=float)
     if assembly.bodies != ("femur", "patella") or len(assembly.pulls) != 1:
@@ -67,11 +75,11 @@ def follow(assembly: Assembly, femur: Array, tension_n: Array, start: Array | No
     for frame, neighbour in outwards(first, len(femur)):
         if start is None and neighbour is not None:
             poses[frame, 1] = poses[neighbour, 1]
-        held = settle(poses[frame], tensions=[float(tension_n[frame])], tolerance=TOLERANCE_N)
+        held = settle(poses[frame], tensions=[float(tension_n[frame])], tolerance=tolerance_n)
         residual[frame] = held.residual
         poses[frame] = held.poses if held.converged else poses[frame]
     loads = np.array([np.asarray(function(pair.T)).ravel() for pair in poses])
-    return Ride(assembly, poses, loads, residual, residual <= TOLERANCE_N)
+    return Ride(assembly, poses, loads, residual, residual <= tolerance_n)
 
 
 def loads_apart_n(assembly: Assembly, loads: Array, others: Array) -> Array:

@@ -18,7 +18,7 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome, print_verdict
+from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
 from problems.pose_estimation.problem import Cycle, PoseEstimation
@@ -97,9 +97,7 @@ def report(
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "errors": errors,
         "ef_grids": grids,
         "structure": getattr(problem.model, "structure", kind),

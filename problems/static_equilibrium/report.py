@@ -16,7 +16,7 @@ from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.outcome import print_outcome, print_verdict
+from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult, on_model
@@ -75,9 +75,7 @@ def report(
         "rows": len(result.poses),
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
-        "ipopt_status": result.ipopt_status,
-        "ipopt_iterations": result.iterations,
-        "seconds": result.seconds,
+        **solver_record(result),
         "ef_off_max": {
             name: dict(zip(WRENCH_NAMES, difference.max(axis=0).tolist(), strict=True))
             for name, difference in off.items()

@@ -68,13 +68,28 @@ def test_everything_planned_is_measured(project, measured):
         "patch tiny (CasADi MX)",
         *(sized.name for sized in chart_surrogates(TINY.chart, cc.load_scene("knee"))),
     ]
-    assert {"EF 20×15", "EF 40×30", "EF 80×40"} <= set(names)
+    assert {"EF 20×15", "EF 15×20", "EF 40×30", "EF 80×40"} <= set(names)
     for point in measured.points:
         assert not point.failure
         assert 0.0 < point.value.low_us <= point.value.median_us <= point.value.high_us
         assert (point.hessian is None) == (point.family == "EF")
         assert set(point.load_rms) == set(measured.loads)
         assert point.domain_force_rms_n["D1"] < 1000.0
+
+
+def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measured, walking):
+    poses, converged = walking
+    points = [point for point in measured.points if point.family == "foundation"]
+    assert cc.foundation(project.scene).resolution in " ".join(point.name for point in points)
+    errors = [point.force_rms_n for point in points if point.name != points[-1].name]
+    assert len(errors) > 1
+    assert errors == sorted(errors, reverse=True)
+    for point in points:
+        line = at_hand.python_line(str(project.folder.parent / "knee.toml"), point.name, measured.loads, None)
+        model = eval(line, {"cc": cc})
+        assert model.resolution in point.name
+        rms = np.sqrt(np.mean((model(poses) - converged) ** 2, axis=0))
+        np.testing.assert_allclose([point.load_rms[load] for load in model.load_names], rms, rtol=1e-4)
 
 
 @pytest.fixture(scope="module")

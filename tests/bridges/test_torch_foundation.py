@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch", reason="a foundation on a device needs the 
 
 from casadi_contact import pipeline  # noqa: E402
 from casadi_contact.bridges import torch_surfaces  # noqa: E402
-from casadi_contact.bridges.torch_foundation import TorchFoundation, foundations_on  # noqa: E402
+from casadi_contact.bridges.torch_foundation import FoundationsOn, TorchFoundation  # noqa: E402
 from casadi_contact.contact import ElasticFoundation  # noqa: E402
 from casadi_contact.dataset import write_samples  # noqa: E402
 from casadi_contact.presets import Effort, Preset  # noqa: E402
@@ -99,7 +99,7 @@ def test_samples_are_drawn_as_on_the_processor(device, tmp_path):
     )
     motion, _ = reference_motion(ElasticFoundation(scene, (28, 18)), reference_motion_cycles(scene, ()), settings)
     drawn = []
-    for name, models in (("here", elastic_foundations), ("there", foundations_on(device))):
+    for name, models in (("here", elastic_foundations), ("there", FoundationsOn(device))):
         with ThreadPoolExecutor(1) as executor:
             path = tmp_path / f"{name}.h5"
             drawn.append(draw_samples(scene, motion, path, settings=settings, executor=executor, models=models))

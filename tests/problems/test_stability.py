@@ -25,6 +25,7 @@ from problems.studies.stability import (
     starts,
     time_steps,
 )
+from problems.studies.stability.differences import by_differences
 from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, FOUNDATION, METHODS, PATCH, TWO_STAGE
 from problems.studies.stability.peers import KRIGING, PEERS
 from problems.studies.stability.picture import draw
@@ -149,9 +150,7 @@ def test_central_differences_of_a_smooth_model_err_with_the_step_squared(bench):
     patch = bench.models[PATCH]
     true = patch.jacobian(poses)[1]
     errors = [
-        derivative_steps.relative_error(
-            derivative_steps.by_differences(patch, poses, step, central=True), true, patch.load_names
-        )
+        derivative_steps.relative_error(by_differences(patch, poses, step, central=True), true, patch.load_names)
         for step in (1e-3, 2e-3, 1e-9)
     ]
     assert errors[1] == pytest.approx(4.0 * errors[0], rel=0.05)

@@ -19,7 +19,7 @@ class Cells:
     along_v: int = 3
 
     def __str__(self) -> str:
-        return f"cells of {self.u_mm:.3g}×{self.v_mm:.3g} mm, {self.along_u}×{self.along_v} sub-points"
+        return f"cells of {self.u_mm:.3g}×{self.v_mm:.3g} mm with {self.along_u}×{self.along_v} sub-points"
 
 
 def hermite_functions(cells: Cells) -> Array:

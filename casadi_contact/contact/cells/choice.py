@@ -115,6 +115,11 @@ def _largest(misses: Callable[[Cells], float], most: float) -> Cells | None:
     return _sized(SIZES_MM[u], SIZES_MM[v])
 
 
+def square_cells(size_mm: float) -> Cells:
+    """Cells as long as wide."""
+    return _sized(size_mm, size_mm)
+
+
 def _sized(u_mm: float, v_mm: float) -> Cells:
     """Cells with sub-points about `_SUB_POINT_MM` apart."""
     u, v = (max(3, round(size / _SUB_POINT_MM)) for size in (u_mm, v_mm))

@@ -41,8 +41,10 @@ class CellFoundation(CompiledPressures):
         self.cells = cells
         self.patches = cell_patches(scene, cells)
 
-    def __repr__(self) -> str:
-        return f"CellFoundation({self.scene.name}, {self.cells})"
+    @property
+    def resolution(self) -> str:
+        """Size of the cells, and sub-points of each."""
+        return str(self.cells)
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Mean pressure of every cell in one pose (6,), patch by patch."""

@@ -33,8 +33,10 @@ class CupFoundation(CompiledPressures):
         self.cup = cup_of(scene)
         self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
 
-    def __repr__(self) -> str:
-        return f"CupFoundation({self.scene.name}, {self.points} points)"
+    @property
+    def resolution(self) -> str:
+        """Points of the quadrature."""
+        return f"{self.points} points"
 
     def _patch_source(self) -> str:
         return cup_source(self.cup, self.points)

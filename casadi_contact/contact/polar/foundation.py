@@ -33,8 +33,10 @@ class PolarFoundation(CompiledPressures):
         self.patches = smooth_patches(scene)
         self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
 
-    def __repr__(self) -> str:
-        return f"PolarFoundation({self.scene.name}, {self.rays})"
+    @property
+    def resolution(self) -> str:
+        """Rays of a patch, and Gauss points on each of their two pieces."""
+        return str(self.rays)
 
     def _patch_source(self) -> str:
         return polar_source(self.patches, self.rays)

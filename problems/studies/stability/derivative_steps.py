@@ -13,22 +13,12 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array
 from casadi_contact.quantities import newton_scales
+from problems.studies.stability.differences import by_differences
 from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, EF_FINE, Bench
 from problems.studies.stability.table import Line
 
 STEPS_MM = 10.0 ** np.arange(-11.0, 0.5, 0.5)
 SHOWN_MM = (1e-9, 1e-7, 1e-5, 1e-3, 1e-1)
-
-
-def by_differences(model: Any, poses: Array, step_mm: float, *, central: bool) -> Array:
-    """d loads / d pose (n, L, 6) by central or one-sided differences."""
-    columns = []
-    here = None if central else model(poses)
-    for axis in np.diag(step_mm / POSE_IN_MM):
-        after = model(poses + axis)
-        before = model(poses - axis) if here is None else here
-        columns.append((after - before) / (axis.sum() * (2.0 if central else 1.0)))
-    return np.stack(columns, axis=-1)
 
 
 def relative_error(jacobian: Array, true: Array, load_names: tuple[str, ...]) -> float:

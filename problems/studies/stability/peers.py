@@ -20,10 +20,11 @@ from casadi_contact.benchmark.peers.radial_basis import best_kernel as radial_ke
 from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.model import root_of_normal
-from casadi_contact.conventions import POSE_IN_MM, Array, as_poses
+from casadi_contact.conventions import Array, as_poses
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
 from casadi_contact.scenes import Scene
+from problems.studies.stability.differences import by_differences
 from problems.studies.stability.walking_samples import walking_samples
 
 POLYNOMIAL, KRIGING, RADIAL_BASIS = "polynomial", "Kriging", "radial basis"
@@ -57,9 +58,7 @@ class PeerModel:
         if own is not None:
             slopes = [own(pose).copy() for pose in poses]
             return self(poses), np.array(slopes).reshape(len(poses), len(self.load_names), 6)
-        steps = np.diag(_STEP_MM / POSE_IN_MM)
-        columns = [(self(poses + step) - self(poses - step)) / (2.0 * step.sum()) for step in steps]
-        return self(poses), np.stack(columns, axis=-1)
+        return self(poses), by_differences(self, poses, _STEP_MM, central=True)
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """s (n, P) and ds/dpose (n, P, 6)."""
