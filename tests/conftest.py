@@ -30,6 +30,9 @@ def _one_thread():
 
 @pytest.fixture(scope="session", autouse=True)
 def _kernel_cache(tmp_path_factory):
-    os.environ["CASADI_CONTACT_CACHE"] = str(tmp_path_factory.mktemp("kernels"))
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"  # compiled once for all workers
+    folder.mkdir(mode=0o700, exist_ok=True)
+    os.environ["CASADI_CONTACT_CACHE"] = str(folder)
     yield
     del os.environ["CASADI_CONTACT_CACHE"]

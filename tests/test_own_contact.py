@@ -94,7 +94,7 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     assert {"samples", "patch root_contact"} <= seen
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
     samples = project.samples()
-    assert samples.provenance["models"] == "casadi_contact.pipeline.CallableModel"
+    assert samples.provenance["models"] == "casadi_contact.contact.model.CallableModel"
     assert (samples.select("D5").wrenches == 0.0).all()
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
     check_surrogate(project)

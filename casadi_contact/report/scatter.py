@@ -13,9 +13,9 @@ from casadi_contact.report.style import family_styles
 Measured = tuple[Point, Timing, float]
 
 
-def draw_speed_accuracy(front: Front) -> Any:
-    """Time per pose against RMS error on the unseen walking sequence, for force and for torque."""
-    figure, axes = two_panels(front, "time per pose against error")
+def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
+    """Time per pose against RMS error, for force and for torque; measured: on what (unseen walking if left out)."""
+    figure, axes = two_panels(front, title, measured)
     shown = []
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
         shown.append(_scatter(axis, front, "value", error))

@@ -1,0 +1,140 @@
+"""Whole solutions against error: pose estimation of a cycle by each contact model of a scene, timed in turn in one run.
+
+The error is that of the loads at the poses found, against a converged elastic foundation there. Run
+``python -m problems.studies.solve_time --help``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.benchmark.evaluate import converged_elements, grid_text
+from casadi_contact.benchmark.front_file import Front, Point, write_front
+from casadi_contact.benchmark.timing import compare, one_thread
+from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact, symbolic
+from casadi_contact.dataset.errors import load_errors
+from casadi_contact.files import writable_folder
+from casadi_contact.machine import machine_record
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.report.figure import save
+from casadi_contact.report.scatter import draw_speed_accuracy
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.structures import load_surrogate, ready_surrogates
+from problems.common.command import RESULTS, new_app, run_command
+from problems.pose_estimation.problem import Cycle, build
+from problems.pose_estimation.solve import solve
+
+NAME = "solve_time"
+app = new_app()
+
+
+def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
+    """Time of the whole solution [µs a frame], start and settling included, and RMS errors of the loads there.
+
+    Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
+    coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails.
+    """
+    grid = converged_elements(scene)
+    truth, frames = ElasticFoundation(scene, grid), len(cycle.time_s)
+    points: dict[str, Point] = {}
+    measurements: dict[str, Callable[[], float]] = {}
+    with one_thread():
+        for candidate in _candidates(scene):
+            points[candidate.name] = point = _point(candidate, cycle, truth)
+            if candidate.model is not None and not point.failure:
+                measurements[candidate.name] = partial(_seconds_a_frame, _symbolic(candidate), cycle, frames)
+        timings = compare(measurements, repeats)
+    header = {
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "loads": " ".join(scene.load_names),
+        "cycle": cycle.name,
+        "frames": str(frames),
+        "reference": f"EF {grid_text(grid)}",
+        "threads": "1",
+        **machine_record(),
+    }
+    return Front(header, tuple(replace(point, value=timings.get(name)) for name, point in points.items()))
+
+
+def draw(front: Front) -> object:
+    """Time a frame against errors in force and torque."""
+    header = front.header
+    measured = f"{header['frames']} frames of {header['cycle']}, loads at the poses found against {header['reference']}"
+    return draw_speed_accuracy(front, "whole solution of pose estimation, time a frame against error", measured)
+
+
+def _candidates(scene: Scene) -> Iterator[Candidate]:
+    grids = (None, scene.grids["coarse"], scene.grids["fine"])
+    yield from (each for each in untrained_candidates(scene) if getattr(each.model, "grid", None) in grids)
+    for name in ready_surrogates():
+        surrogate = load_surrogate(name)
+        if surrogate.scene.digest == scene.digest:
+            yield from surrogate_candidates(name, surrogate)
+
+
+def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Point:
+    """A model's errors at the poses that it finds."""
+    point = Point(candidate.name, candidate.family, failure=candidate.failure)
+    if candidate.model is None:
+        return point
+    result = solve(build(_symbolic(candidate), cycle))
+    solved = int(result.converged.sum())
+    if solved < len(result.converged):
+        return replace(point, failure=f"{solved} of {len(result.converged)} frames solved")
+    errors = load_errors(truth.load_names, candidate.model(result.poses), truth(result.poses))
+    rms = {load: error["rms"] for load, error in errors.items()}
+    return replace(point, load_rms=rms, samples=candidate.samples, remark=f"{result.iterations} IPOPT iterations")
+
+
+def _symbolic(candidate: Candidate) -> SymbolicContact:
+    return symbolic(cast(ContactModel, candidate.model))
+
+
+def _seconds_a_frame(model: SymbolicContact, cycle: Cycle, frames: int) -> float:
+    began = time.perf_counter()
+    solve(build(model, cycle))
+    return (time.perf_counter() - began) / frames
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml")] = "knee",
+    cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the scene's own if left out")] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="solutions by each model")] = 3,
+    out: Annotated[Path, typer.Option(help="folder for solve_time.csv and .png")] = RESULTS / NAME,
+) -> None:
+    """Chart whole solve time against error."""
+    writable_folder(out)
+    joint = load_scene(scene)
+    measured = reference_motion_cycles(joint, [] if cycle is None else [cycle])[0]
+    front = measured_front(joint, measured, repeats)
+    write_front(out / f"{NAME}.csv", front)
+    save(draw(front), out, NAME)
+    table = Table("model", "ms a frame", "force [N]", "torque [N·mm]", "")
+    for point in front.points:
+        ms = "" if point.value is None else f"{1e-3 * point.value.median_us:.3g}"
+        table.add_row(
+            point.name, ms, f"{point.force_rms_n:.3g}", f"{point.torque_rms_nmm:.3g}", point.failure or point.remark
+        )
+    Console().print(table)
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, f"studies.{NAME}")
+
+
+if __name__ == "__main__":
+    main()
