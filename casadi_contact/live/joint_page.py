@@ -16,7 +16,6 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.files import write_text
 from casadi_contact.live.arrays import packed
 from casadi_contact.live.contact_model import page_contact
@@ -122,7 +121,7 @@ def _arrays(
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in named.items():
         arrays[f"{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
-        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
+        arrays[f"{name}_places"] = surface.places
     return arrays
 
 
@@ -162,7 +161,6 @@ def _content(
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), extent),
         "colours": _colours(),
-        "hasMoments": isinstance(contact, CompiledPressures),
     }
 
 

@@ -77,36 +77,33 @@ class Model {
   }
 }
 
-/** The contact model, which has pressures as well; surfaces: of each patch, with places and areas (mm²). */
+/** The contact model, which has pressures as well; surfaces: of each patch, with places. */
 class ContactModel extends Model {
-  constructor(exports, memory, loads, surfaces, hasMoments) {
+  constructor(exports, memory, loads, surfaces) {
     super(exports, memory, "contact", loads, surfaces.length);
     this.exports = exports;
-    this.surfaces = surfaces.map(({ places, areas, points }) => {
-      const offset = memory.place(places.length);
-      return { points, areas, places: offset, given: places, pressures: memory.place(areas.length) };
+    this.surfaces = surfaces.map(({ places }) => {
+      const [offset, count] = [memory.place(places.length), places.length / 6];
+      return { count, places: offset, given: places, pressures: memory.place(count) };
     });
-    this.moments = hasMoments ? [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)] : null;
+    this.moments = [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)];
     for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
   }
 
   /** Pressure [MPa] at the points of a patch. */
   pressures(pose, patch) {
-    const { places, areas, pressures } = this.surfaces[patch];
+    const { places, count, pressures } = this.surfaces[patch];
     this.set(pose);
-    this.exports.foundation_pressures(this.pose, patch, areas.length, places, pressures);
-    return this.memory.at(pressures, areas.length).slice();
+    this.exports.foundation_pressures(this.pose, patch, count, places, pressures);
+    return this.memory.at(pressures, count).slice();
   }
 
-  /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch: the
-   * model's own integrals where it has them, else sums over the points, with the pressures there. */
+  /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch. */
   contact(pose) {
-    const found = this.moments ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
-    return found.map(({ area, force, peak, moment, pressures }) => ({
+    return this.integrals(pose).map(({ area, force, peak, moment }) => ({
       area,
       force,
       peak,
-      pressures,
       centre: force > 0 ? Array.from(moment, (part) => part / force) : null,
     }));
   }
@@ -121,27 +118,14 @@ class ContactModel extends Model {
   }
 }
 
-function sums({ areas, points }, pressures) {
-  const found = { area: 0, force: 0, moment: [0, 0, 0], peak: 0, pressures };
-  pressures.forEach((pressure, i) => {
-    if (!(pressure > 0)) return;
-    const force = pressure * areas[i];
-    found.area += areas[i];
-    found.force += force;
-    found.peak = Math.max(found.peak, pressure);
-    for (let k = 0; k < 3; k++) found.moment[k] += force * points[3 * i + k];
-  });
-  return found;
-}
-
 /** The models of a page's module; surrogate is null where there is none. */
-export async function loadModels(bytes, { loads, surrogateLoads, surfaces, hasMoments }) {
+export async function loadModels(bytes, { loads, surrogateLoads, surfaces }) {
   const { instance } = await WebAssembly.instantiate(bytes, {});
   const exports = instance.exports;
   exports._initialize?.();
   const memory = new Memory(exports);
   return {
-    contact: new ContactModel(exports, memory, loads, surfaces, hasMoments),
+    contact: new ContactModel(exports, memory, loads, surfaces),
     surrogate: surrogateLoads ? new Model(exports, memory, "surrogate", surrogateLoads, surfaces.length) : null,
   };
 }
