@@ -82,8 +82,8 @@ class ContactModel extends Model {
   constructor(exports, memory, loads, surfaces) {
     super(exports, memory, "contact", loads, surfaces.length);
     this.exports = exports;
-    this.surfaces = surfaces.map(({ places }) => {
-      const [offset, count] = [memory.place(places.length), places.length / 6];
+    this.surfaces = surfaces.map(({ places, points }) => {
+      const [offset, count] = [memory.place(places.length), points.length / 3];
       return { count, places: offset, given: places, pressures: memory.place(count) };
     });
     this.moments = [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)];
