@@ -139,3 +139,16 @@ def test_a_contact_source_is_loaded_once_and_says_what_it_is():
     assert source == ContactSource(surrogate="knee")
     assert source.load() is ContactSource(surrogate="knee").load()
     assert (source.kind, ContactSource(scene="knee").kind) == ("surrogate", "foundation")
+
+
+def test_where_no_foundation_is_good_enough_elements_take_its_place_and_the_user_is_told(tmp_path):
+    strict = tmp_path / "strict.toml"
+    tolerances = "\n".join(f"{load} = 1e-12" for load in cc.load_scene("hip").load_names)
+    strict.write_text(f'format = 1\nname = "strict"\nlike = "hip"\n[tolerances]\n{tolerances}\n', "utf-8")
+    with pytest.warns(RuntimeWarning, match=r"scene strict: .* expected less: .*; solved here on ElasticFoundation"):
+        model = ContactSource(scene=str(strict)).load()
+    cycle = few_frames(scene_cycles(model.scene)[0])
+    result = pose_estimation.solve(pose_estimation.build(model, cycle))
+    assert result.converged.all(), result.reason
+    elements = cc.ElasticFoundation(model.scene, model.scene.grids["fine"])
+    np.testing.assert_array_equal(model(result.poses), elements(result.poses))
