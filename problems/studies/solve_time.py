@@ -89,7 +89,7 @@ def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Poin
     point = Point(candidate.name, candidate.family, failure=candidate.failure)
     if candidate.model is None:
         return point
-    result = solve(build(_symbolic(candidate), cycle))
+    result = solve(build(_symbolic(candidate), cycle, compiled=True))
     solved = int(result.converged.sum())
     if solved < len(result.converged):
         return replace(point, failure=f"{solved} of {len(result.converged)} frames solved")
@@ -104,7 +104,7 @@ def _symbolic(candidate: Candidate) -> SymbolicContact:
 
 def _seconds_a_frame(model: SymbolicContact, cycle: Cycle, frames: int) -> float:
     began = time.perf_counter()
-    solve(build(model, cycle))
+    solve(build(model, cycle, compiled=True))
     return (time.perf_counter() - began) / frames
 
 

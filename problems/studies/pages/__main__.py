@@ -1,9 +1,10 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
-The folder of result files holds, as far as measured: speed_accuracy.csv (``casadi-contact chart``), evaluation.json
+The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
+``python -m casadi_contact.benchmark.shipped knee``), sizes.csv (``casadi-contact chart``), solve_time.csv and
+muscle_settings.json (``python -m problems.studies.solve_time`` and ``.muscle_settings``), evaluation.json
 (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the
-problems), muscle_settings.json and stability.json (``python -m problems.studies.muscle_settings``, ``.stability``). A
-page is written for each that is there.
+problems), and stability.json (``python -m problems.studies.stability``). A page is written for each that is there.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from problems.studies.pages.surrogates import (
     domains_page,
     draw_speed_accuracy,
     kernel_speed_page,
+    solve_time_page,
     speed_accuracy_page,
 )
 
@@ -32,6 +34,10 @@ def pages(data: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     if (path := data / "speed_accuracy.csv").is_file():
         found["speed-accuracy.md"] = speed_accuracy_page(path)
+    if (path := data / "sizes.csv").is_file():
+        found["sizes.md"] = speed_accuracy_page(path, "Sizes, samples and training")
+    if (path := data / "solve_time.csv").is_file():
+        found["solve-time.md"] = solve_time_page(path)
     if (path := data / "evaluation.json").is_file():
         found["domains.md"] = domains_page(path)
     if (path := data / "kernel_speed.json").is_file():
@@ -61,8 +67,9 @@ def run(
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
         print(f"written {out / name}")
-    if "speed-accuracy.md" in found:
-        draw_speed_accuracy(data / "speed_accuracy.csv", out)
+    for name in ("speed_accuracy.csv", "sizes.csv"):
+        if (data / name).is_file():
+            draw_speed_accuracy(data / name, out)
     if readme is not None:
         write_headline(readme, headline(data))
         print(f"numbers in {readme}")

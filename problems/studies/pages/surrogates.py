@@ -9,7 +9,7 @@ from typing import Any
 
 from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Point, read_front
 from casadi_contact.conventions import load_unit
-from casadi_contact.files import replacing
+from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
 from problems.studies.pages.markdown import machine, number, page, table
 
@@ -22,39 +22,48 @@ _CHARTS = {
 }
 
 
-def speed_accuracy_page(path: Path) -> str:
-    """Charts (see `draw_speed_accuracy`) and table of a ``speed_accuracy.csv``."""
+def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
+    """Charts (see `draw_speed_accuracy`) and table of a front; pictures lie in a folder of its file's name."""
     front = read_front(path)
     sweeps = {p.sweep for p in front.points if not p.failure}
     needs = {"error_by_samples": SAMPLES, "error_by_training_time": SECONDS}
-    pictures = [f"![{what}]({x}.png)" for x, what in _CHARTS.items() if needs.get(x, SIZE) in sweeps]
+    by_domain = any(point.domain_force_rms_n for point in front.models)
+    shown = [x for x in _CHARTS if needs.get(x, SIZE) in sweeps and (by_domain or x != "error_by_domain")]
+    pictures = {x: f"![{_CHARTS[x]}]({path.stem}/{x}.png)" for x in shown}
     header = front.header
+    command = f"python -m casadi_contact.benchmark.shipped {header['scene']}"
+    if "preset" in header:
+        command = f"casadi-contact chart {header['scene']} --preset {header['preset']}"
     intro = (
         f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
         f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
-        f"the time per pose. `casadi-contact chart {header['scene']} --preset {header.get('preset', 'standard')}` "
-        "measures this table and draws the charts."
+        f"the time per pose. `{command}` measures this table."
     )
     compared = [p for p in front.points if p.sweep == SIZE and not p.failure]
     swept = [p for p in front.points if p.sweep != SIZE and not p.failure]
-    parts = [intro, machine(header), *pictures[:2], "## All sizes", _front_table(compared)]
+    first = [pictures[x] for x in ("speed_accuracy", "gradient_hessian_time")]
+    parts = [intro, machine(header), *first, "## All models", _front_table(compared)]
     remarks = sorted({p.remark for p in compared if p.remark})
     if remarks:
         parts.append(f"Remarks of the file: {'; '.join(remarks)}.")
     if swept:
-        parts += ["## One size with fewer samples and less training", _front_table(swept), *pictures[3:]]
+        series = [pictures[x] for x in needs if x in pictures]
+        parts += ["## One size with fewer samples and less training", _front_table(swept), *series]
     failed = [f"- {p.name}: {p.failure}" for p in front.points if p.failure]
     if failed:
         parts += ["## Not measured", "\n".join(failed)]
-    return page("Speed and accuracy", *parts, "## By domain", *pictures[2:3])
+    if by_domain:
+        parts += ["## By domain", pictures["error_by_domain"]]
+    return page(title, *parts)
 
 
 def draw_speed_accuracy(path: Path, out: Path) -> None:
-    """Draw the charts of a ``speed_accuracy.csv`` as PNG into the folder."""
+    """Draw the charts of a ``speed_accuracy.csv`` as PNG into the folder of its name."""
+    writable_folder(out / path.stem)
     with TemporaryDirectory() as folder:
         for drawn in draw_charts(read_front(path), Path(folder)):
             if drawn.suffix == ".png":
-                with replacing(out / drawn.name) as beside:
+                with replacing(out / path.stem / drawn.name) as beside:
                     beside.write_bytes(drawn.read_bytes())
 
 
@@ -67,6 +76,28 @@ def _front_table(points: list[Point]) -> str:
         rows.append([point.name, *times, number(point.force_rms_n), number(point.torque_rms_nmm), *trained])
     columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "trained [s]"]
     return table(["model", *columns], rows)
+
+
+def solve_time_page(path: Path) -> str:
+    """Table of a ``solve_time.csv``, with the picture beside it."""
+    front = read_front(path)
+    header = front.header
+    rows = []
+    for point in front.points:
+        if point.value is None:
+            rows.append([point.name, "", "", "", point.failure])
+            continue
+        errors = [number(point.force_rms_n), number(point.torque_rms_nmm)]
+        rows.append([point.name, number(1e-3 * point.value.median_us), *errors, point.remark])
+    intro = (
+        f"Pose estimation of the cycle {header['cycle']} by every contact model of the scene `{header['scene']}`, "
+        "solved whole, start and settling included, several times in turn in one run on one thread: medians. RMS "
+        f"errors are of the loads at the poses found, against {header['reference']}. `python -m "
+        f"problems.studies.solve_time {header['scene']}` measures this."
+    )
+    columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", ""]
+    picture = "![Time of the whole solution against error](solve_time.png)"
+    return page("Whole solve time", intro, machine(header), picture, table(columns, rows))
 
 
 def domains_page(path: Path) -> str:
