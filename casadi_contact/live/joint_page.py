@@ -16,7 +16,6 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.files import write_text
 from casadi_contact.live.arrays import packed
 from casadi_contact.live.contact_model import page_contact
@@ -162,7 +161,6 @@ def _content(
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), extent),
         "colours": _colours(),
-        "hasMoments": isinstance(contact, CompiledPressures),
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi_contact.contact import CellFoundation, CupFoundation, PolarFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.live.webassembly import webassembly
 from casadi_contact.structures import Surrogate
@@ -14,11 +13,7 @@ from casadi_contact.transcription.kernel.source import c_text
 
 CONTACT, SURROGATE = "contact", "surrogate"
 _FUNCTIONS = ("loads", "jacobian", "roots", "trust")
-_PRESSURES = (  # of each kind of model: depths at points, and its integrals of pressure where it has them
-    (PolarFoundation, ("polar_depths.h", "depths.h", "polar_pressures.h", "pressures.h")),
-    (CupFoundation, ("cup_depths.h", "depths.h", "cup_pressures.h", "pressures.h")),
-    (CellFoundation, ("cells_depths.h", "depths.h")),
-)
+_DEPTHS = ((PolarFoundation, "polar_depths.h"), (CupFoundation, "cup_depths.h"), (CellFoundation, "cells_depths.h"))
 
 
 def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> bytes:
@@ -29,11 +24,12 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
     exported = contact.exported()
     files: dict[str, str | bytes] = _files(exported, CONTACT)
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
-    more = next(texts for kind, texts in _PRESSURES if isinstance(contact, kind))
-    names += ["foundation_pressures", "foundation_pressure"]
-    if isinstance(contact, CompiledPressures):
-        names.append("foundation_moments")
-    files[f"{CONTACT}.c"] = "\n".join([exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in more)])
+    depths = next(name for kind, name in _DEPTHS if isinstance(contact, kind))
+    names.append("foundation_pressures")
+    if exported.pressure_names:
+        names.append(f"{CONTACT}_pressures")
+    texts = [exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in (depths, "depths.h"))]
+    files[f"{CONTACT}.c"] = "\n".join(texts)
     if exported.data:
         files[DATA_FILE] = exported.data
     if surrogate is not None:

@@ -1,6 +1,7 @@
 /** The contact models in WebAssembly. Poses are (tx, ty, tz [mm], rx, ry, rz [rad]); loads in N and N·mm. */
 
 const DOUBLE = 8;
+const PRESSURES = 7; // of a patch: area, mean, peak, centre of pressure (3), penetration
 
 /** Memory of a module from its heap's base on, handed out once. */
 class Memory {
@@ -79,14 +80,14 @@ class Model {
 
 /** The contact model, which has pressures as well; surfaces: of each patch, with places and areas (mm²). */
 class ContactModel extends Model {
-  constructor(exports, memory, loads, surfaces, hasMoments) {
+  constructor(exports, memory, loads, surfaces) {
     super(exports, memory, "contact", loads, surfaces.length);
     this.exports = exports;
     this.surfaces = surfaces.map(({ places, areas, points }) => {
       const offset = memory.place(places.length);
       return { points, areas, places: offset, given: places, pressures: memory.place(areas.length) };
     });
-    this.moments = hasMoments ? [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)] : null;
+    this.outputs = exports.contact_pressures ? memory.place(PRESSURES * surfaces.length) : null;
     for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
   }
 
@@ -101,47 +102,41 @@ class ContactModel extends Model {
   /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch: the
    * model's own integrals where it has them, else sums over the points, with the pressures there. */
   contact(pose) {
-    const found = this.moments ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
-    return found.map(({ area, force, peak, moment, pressures }) => ({
-      area,
-      force,
-      peak,
-      pressures,
-      centre: force > 0 ? Array.from(moment, (part) => part / force) : null,
-    }));
+    return this.outputs ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
   }
 
   integrals(pose) {
     this.set(pose);
-    this.exports.foundation_moments(1n, this.pose, ...this.moments);
+    this.call("pressures", this.pose, this.outputs);
     return this.surfaces.map((_, patch) => {
-      const [area, force, x, y, z, depth] = this.memory.at(this.moments[0] + 6 * DOUBLE * patch, 6);
-      return { area, force, moment: [x, y, z], peak: this.exports.foundation_pressure(depth) };
+      const [area, mean, peak, ...centre] = this.memory.at(this.outputs + PRESSURES * DOUBLE * patch, 6);
+      return { area, force: area * mean, peak, centre: mean > 0 ? centre : null };
     });
   }
 }
 
 function sums({ areas, points }, pressures) {
-  const found = { area: 0, force: 0, moment: [0, 0, 0], peak: 0, pressures };
+  const found = { area: 0, force: 0, peak: 0, pressures };
+  const moment = [0, 0, 0];
   pressures.forEach((pressure, i) => {
     if (!(pressure > 0)) return;
     const force = pressure * areas[i];
     found.area += areas[i];
     found.force += force;
     found.peak = Math.max(found.peak, pressure);
-    for (let k = 0; k < 3; k++) found.moment[k] += force * points[3 * i + k];
+    for (let k = 0; k < 3; k++) moment[k] += force * points[3 * i + k];
   });
-  return found;
+  return { ...found, centre: found.force > 0 ? moment.map((part) => part / found.force) : null };
 }
 
 /** The models of a page's module; surrogate is null where there is none. */
-export async function loadModels(bytes, { loads, surrogateLoads, surfaces, hasMoments }) {
+export async function loadModels(bytes, { loads, surrogateLoads, surfaces }) {
   const { instance } = await WebAssembly.instantiate(bytes, {});
   const exports = instance.exports;
   exports._initialize?.();
   const memory = new Memory(exports);
   return {
-    contact: new ContactModel(exports, memory, loads, surfaces, hasMoments),
+    contact: new ContactModel(exports, memory, loads, surfaces),
     surrogate: surrogateLoads ? new Model(exports, memory, "surrogate", surrogateLoads, surfaces.length) : null,
   };
 }
