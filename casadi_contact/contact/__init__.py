@@ -2,6 +2,7 @@
 
 from casadi_contact.contact.cells import CellFoundation, Cells
 from casadi_contact.contact.choice import foundation, foundation_ladder
+from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.contact.model import CallableModel, ContactModel
@@ -17,6 +18,7 @@ __all__ = [
     "ContactModel",
     "CupFoundation",
     "ElasticFoundation",
+    "NotGoodEnoughError",
     "PolarFoundation",
     "PressureSummary",
     "RayCastFoundation",

@@ -92,9 +92,13 @@ def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Mod
     raise not_good_enough(model, errors)
 
 
-def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> ValueError:
+class NotGoodEnoughError(ValueError):
+    """No foundation of a scene meets its tolerances."""
+
+
+def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodEnoughError:
     """The finest of a scene's models is not good enough."""
-    return ValueError(
+    return NotGoodEnoughError(
         f"scene {errors.scene.name}: {model} is wrong by up to {errors.worst}, expected less: relax the scene's "
         "tolerances, or take cc.ElasticFoundation"
     )

@@ -121,7 +121,7 @@ def _arrays(
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in named.items():
         arrays[f"{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
-        arrays[f"{name}_places"], arrays[f"{name}_areas"] = surface.places, surface.triangles.point_areas_mm2
+        arrays[f"{name}_places"] = surface.places
     return arrays
 
 

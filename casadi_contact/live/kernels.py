@@ -25,9 +25,7 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
     files: dict[str, str | bytes] = _files(exported, CONTACT)
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
     depths = next(name for kind, name in _DEPTHS if isinstance(contact, kind))
-    names.append("foundation_pressures")
-    if exported.pressure_names:
-        names.append(f"{CONTACT}_pressures")
+    names += [f"{CONTACT}_pressures", "foundation_pressures"]
     texts = [exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in (depths, "depths.h"))]
     files[f"{CONTACT}.c"] = "\n".join(texts)
     if exported.data:

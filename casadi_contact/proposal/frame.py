@@ -10,8 +10,8 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import axes_rotation
-from casadi_contact.geometry.mesh_elements import axis_name
 from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.projection import axis_name
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import REACH_MM, Meeting
 from casadi_contact.proposal.pair import Pair
@@ -53,8 +53,11 @@ def frame_of(
     right one. axes: those of a scene's geometry, where they are known."""
     told: list[str] = []
     untold: list[str] = []
-    if axes is not None:
-        axes_rotation(list(axes))
+    if axes is not None and len(_side_by_side([tuple(axes)], regions)) == 0:
+        raise ValueError(
+            f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
+            f"{'xyz'[regions.axis or 0]}, expected it as the third axis, z"
+        )
     mirror = "z" if side == "left" and joint.kind != "other" else ""
     if joint.kind != "other":
         told.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")
@@ -69,10 +72,9 @@ def frame_of(
 def _axes(
     pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: str, told: list[str], untold: list[str]
 ) -> tuple[str, ...]:
-    candidates, wanted = _all_axes(), {1: -meeting.pressing}
+    candidates, wanted = _side_by_side(_all_axes(), regions), {1: -meeting.pressing}
     if joint.kind == "patella":
         wanted = {0: meeting.pressing}
-        candidates = [axes for axes in candidates if abs(axes_rotation(axes)[2, regions.axis or 0]) > 0.5]
         told.append(f"the moving body presses along the file's {axis_name(meeting.pressing)}: posterior (+x)")
         untold.append("which way along the groove is superior: kept as in the file where it can be (--axes)")
     elif joint.kind == "hip":
@@ -90,6 +92,13 @@ def _axes(
     elif joint.kind == "other":
         untold.append("what x and z stand for: kept as in the file where they can be (--axes)")
     return _best(candidates, wanted)
+
+
+def _side_by_side(candidates: list[tuple[str, ...]], regions: Regions) -> list[tuple[str, ...]]:
+    """The axes whose z is the file's along which patches lie beside each other, if there are several."""
+    if regions.axis is None:
+        return candidates
+    return [axes for axes in candidates if abs(axes_rotation(list(axes))[2, regions.axis]) > 0.5]
 
 
 def _all_axes() -> list[tuple[str, ...]]:
@@ -122,10 +131,10 @@ def _posterior(pair: Pair, regions: Regions, told: list[str], untold: list[str])
     ends = pair.moving.vertices_mm - pair.moving.vertices_mm.mean(axis=0)
     width = np.ptp(pair.moving.vertices_mm[:, regions.axis])
     middle = 0.5 * (pair.moving.vertices_mm[:, regions.axis].max() + pair.moving.vertices_mm[:, regions.axis].min())
-    band = np.abs(pair.moving.vertices_mm[:, regions.axis] - middle) < max(_NOTCH_MM, 0.06 * width)
+    band = np.abs(pair.moving.vertices_mm[:, regions.axis] - middle) < max(pair.scale * _NOTCH_MM, 0.06 * width)
     ahead = float(ends[band, flat].mean()) if band.any() else 0.0
     posterior = -np.sign(ahead or -1.0) * np.eye(3)[flat]
-    if abs(ahead) > _CLEARLY_MM:
+    if abs(ahead) > pair.scale * _CLEARLY_MM:
         told.append(
             f"posterior is the file's {axis_name(posterior)}: the moving body's condyles are joined at its other end"
         )
@@ -170,7 +179,7 @@ def _offsets(
 
 def _middle(pair: Pair, meeting: Meeting, regions: Regions) -> Array:
     """The mean over the patches of what is near at touch; along the axis they part on, the cut between them [mm]."""
-    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, REACH_MM)
+    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
     patch = regions.patch_of(pair.points_mm)
     middles = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
     middle = np.mean(middles, axis=0)

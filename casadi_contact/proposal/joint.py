@@ -64,10 +64,10 @@ def joint_of(pair: Pair, meeting: Meeting, regions: Regions, kind: str | None = 
     count = len(regions.cuts_mm) + 1
     if kind is None:
         if count == 1:
-            kind = "hip" if meeting.concentration < _CUP else "other"
+            kind = "hip" if meeting.concentration < _CUP and regions.hollow else "other"
         else:
             kind = "patella" if _angle_deg(pair, regions) > _GROOVE_DEG else "knee"
-            kind = kind if count == 2 else "other"
+            kind = kind if count == 2 and pair.scale == 1.0 else "other"  # as large as a knee
     expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
     if count != expected:
         raise ValueError(

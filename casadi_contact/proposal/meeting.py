@@ -30,9 +30,10 @@ def meeting_of(pair: Pair) -> Meeting:
     """Find it from the pose zero if the bodies just touch there, else by dropping the moving body onto the fixed one
     along each axis, both ways. Raises ValueError where they meet nowhere."""
     distance = pair.distances(np.eye(3), np.zeros(3))[0]
-    near = pair.near(np.eye(3), np.zeros(3), REACH_MM)
+    reach = pair.scale * REACH_MM
+    near = pair.near(np.eye(3), np.zeros(3), reach)
     share = pair.areas_mm2[near].sum() / pair.areas_mm2.sum()
-    if distance.min() > -_DEEPEST_MM and share > _LEAST_SHARE:
+    if distance.min() > -pair.scale * _DEEPEST_MM and share > _LEAST_SHARE:
         pressing, concentration = _pressing(pair, near)
         return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
@@ -44,7 +45,7 @@ def meeting_of(pair: Pair) -> Meeting:
             touched = pair.dropped(np.eye(3), start, direction)
             if touched is None:
                 continue
-            near = pair.near(np.eye(3), touched, REACH_MM) & (pair.normals @ direction < 0.0)
+            near = pair.near(np.eye(3), touched, reach) & (pair.normals @ direction < 0.0)
             size = float(pair.areas_mm2[near].sum())
             if size > 1.2 * best:  # an earlier one, along y and as in the files, unless another is clearly better
                 best, found = size, Meeting(False, direction, touched, _pressing(pair, near)[1])

@@ -11,6 +11,7 @@ from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import TriangleMesh
 
 _SPACING_MM = 1.5
+_FULL_SIZE_MM = 40.0  # across: a fixed surface smaller than this, of a finger, is looked at on a smaller scale
 _MOST_POINTS = 6000
 _FACING = 0.5  # cos of the angle between a fixed normal and the direction to the moving body, at least
 _AHEAD = 0.7  # cos of the angle to the direction of moving
@@ -21,13 +22,17 @@ _TOUCH_STEPS = 100
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field."""
+    """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
+
+    scale: of this joint's size to that of large ones, 1 at most: what the lengths of this room are multiplied by.
+    """
 
     points_mm: Array
     normals: Array
     areas_mm2: Array
     field: DistanceField
     moving: TriangleMesh
+    scale: float
 
     @classmethod
     def of(cls, moving: TriangleMesh, fixed: TriangleMesh) -> Pair:
@@ -36,7 +41,8 @@ class Pair:
         vectors = fixed.area_vectors_mm2[chosen] * (len(fixed.faces) / len(chosen))
         areas = np.linalg.norm(vectors, axis=1)
         points = fixed.corners_mm[chosen].mean(axis=1)
-        return cls(points, vectors / areas[:, None], areas, build_field(moving, _SPACING_MM), moving)
+        scale = min(1.0, float(np.ptp(fixed.vertices_mm, axis=0).max()) / _FULL_SIZE_MM)
+        return cls(points, vectors / areas[:, None], areas, build_field(moving, scale * _SPACING_MM), moving, scale)
 
     def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
         """Signed distances (n,) [mm] of the fixed points from the moving body and their gradients (n, 3), fixed frame,

@@ -20,14 +20,14 @@ from casadi_contact.proposal.joint import Joint, joint_of
 from casadi_contact.proposal.meeting import meeting_of
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import regions_of
-from casadi_contact.proposal.rest import gap_slope, motion, rest_pose
+from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
 _TOLERANCE = 0.01  # of the largest load
-_LARGEST_N = 1500.0  # of a patch, in a made-up motion
+_LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
 _SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
@@ -84,17 +84,18 @@ def propose(
         tables["geometry"]["shell"] = "outer" if regions.round else "whole"
     closed = [shells["fixed"], np.inf if regions.round else shells["moving"]]  # an outer side alone is no thin shell
     if (thinnest := min(closed)) < THIN_MM:
-        tables["geometry"]["spacing"] = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
+        finest = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
+        tables["geometry"]["spacing"] = min(finest, tables["geometry"].get("spacing", finest))
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
     direction = direction_of(joint, frame, meeting)
     pose, reason = rest_pose(model, joint, direction)
     if reason:
-        untold.append(f"a pose at rest under 300 N a patch: {reason}")
+        untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
-    tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_N)
+    tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
     poses, _ = _reference(tables, cycles=_TEST_CYCLES)
     tables["tolerances"] = _tolerances(model, poses)
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])

@@ -9,23 +9,26 @@ import numpy as np
 from scipy import ndimage
 
 from casadi_contact.conventions import Array, rotation
+from casadi_contact.geometry.projection import LEAST_UPWARD
 from casadi_contact.proposal.meeting import REACH_MM, Meeting
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 
 _SPOT_MM = 1.0  # as near as two bodies that touch side by side; farther, the middle of a groove would count
 _TURNS_DEG = (-15.0, 0.0, 15.0)  # about each axis
 _BIN_MM = 1.0
-_SMOOTH_MM = 2.0
+_SMOOTH_BINS = 2.0
 _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
+_HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """weight (n,): how often each fixed point was near, times its area. axis: of the files, along which patches lie
-    beside each other (None for one patch); cuts_mm: between neighbouring patches, rising. centre_mm (3,): of the moving
-    body's curvature where the bodies meet. anchors_mm (patches, 3): that of each patch, on the moving body's file.
-    round: whether the moving body bulges where it touches, away from its anchors."""
+    """weight (n,): how often each fixed point was near, times its area and that of all that was near with it. axis: of
+    the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
+    rising. centre_mm (3,): of the moving body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
+    patch, on the moving body's file. round: whether the moving body bulges where it touches, away from its anchors.
+    hollow: whether the fixed body is a cup about the centre."""
 
     weight: Array
     axis: int | None
@@ -33,6 +36,7 @@ class Regions:
     centre_mm: Array
     anchors_mm: Array
     round: bool
+    hollow: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -43,24 +47,27 @@ class Regions:
 
 def regions_of(pair: Pair, meeting: Meeting) -> Regions:
     """Turn the moving body a little about every axis, let it touch, and note what comes near."""
-    near = pair.near(np.eye(3), meeting.translation_mm, REACH_MM)
+    near = pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
     pivot = centre_of_normals(pair.points_mm[near], pair.normals[near], pair.areas_mm2[near])
     touched = []
     for angles in itertools.product(np.radians(_TURNS_DEG), repeat=3):
         R = rotation(angles)
         t = pair.touching(R, pivot - R @ (pivot - meeting.translation_mm), meeting.pressing)
-        near = np.flatnonzero(pair.near(R, t, _SPOT_MM))
+        near = np.flatnonzero(pair.near(R, t, pair.scale * _SPOT_MM))
         touched.append((near, (pair.points_mm[near] - t) @ R, pair.distances(R, t)[1][near] @ R))
     weight = np.zeros(len(pair.points_mm))
     for near, _, _ in touched:
-        weight[near] += pair.areas_mm2[near]
+        weight[near] += pair.areas_mm2[near] * pair.areas_mm2[near].sum()  # what a corner touches tells little
     across = [axis for axis in range(3) if axis != int(np.abs(meeting.pressing).argmax())]
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
     for axis in across:
-        depth, cuts = _valleys(pair.points_mm[:, axis], weight, pair.areas_mm2 * (pair.normals @ meeting.pressing < 0))
+        there = pair.areas_mm2 * (pair.normals @ meeting.pressing < 0)
+        depth, cuts = _valleys(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
-    found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)), round=True)
+    seen = np.einsum("nk,nk->n", _unit(pivot - pair.points_mm), pair.normals) > LEAST_UPWARD
+    hollow = float(weight @ seen) > _HOLLOW * float(weight.sum())
+    found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)), round=True, hollow=hollow)
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
     anchors = [
@@ -76,16 +83,15 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def _valleys(coordinate: Array, weight: Array, there: Array) -> tuple[float, tuple[float, ...]]:
+def _valleys(coordinate: Array, weight: Array, there: Array, bin_mm: float) -> tuple[float, tuple[float, ...]]:
     """How deep the deepest valley is (share of its lower peak) and where the valleys lie [mm], of the share of the
     surface that comes near along a coordinate. Where there is no surface, nothing comes near."""
     low, high = coordinate[weight > 0.0].min(), coordinate[weight > 0.0].max()
-    edges = np.arange(low, high + _BIN_MM, _BIN_MM)
+    edges = np.arange(low, high + bin_mm, bin_mm)
     if len(edges) < 4:
         return 1.0, ()
     near, whole = (
-        ndimage.gaussian_filter1d(np.histogram(coordinate, edges, weights=w)[0], _SMOOTH_MM / _BIN_MM)
-        for w in (weight, there)
+        ndimage.gaussian_filter1d(np.histogram(coordinate, edges, weights=w)[0], _SMOOTH_BINS) for w in (weight, there)
     )
     share = near / np.maximum(whole, 0.1 * whole.max())
     middles, cuts, depth = 0.5 * (edges[1:] + edges[:-1]), [], 1.0

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.geometry.mesh_elements import DOWN
+from casadi_contact.geometry.distance_field import SPACING_MM
+from casadi_contact.geometry.projection import DOWN
 from casadi_contact.proposal.frame import Frame
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import Meeting
@@ -21,7 +22,7 @@ MATERIALS: Mapping[str, Mapping[str, Any]] = {
     # Both layers together, as of Smith et al. 2018 (OpenSim JAM).
     "cartilage": {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": "linear"},
 }
-REFERENCE_LOAD_N = 1000.0
+REFERENCE_LOAD_N, _BOUNDARY_N = 1000.0, 5.0  # of a large joint; smaller ones carry less, as their areas are
 _BOX_MARGIN_MM = 8.0
 _BOX_SHARE = 0.7  # of the fixed mesh's extent: a patch that reaches farther is not bounded
 _ROUGH_GRID = (60, 60)
@@ -45,9 +46,13 @@ def first_tables(
         placement |= {body: placed} if placed else {}
     geometry: dict[str, Any] = {body: str(path.resolve()) for body, path in files.items()}
     geometry |= {"units": units, "axes": list(frame.axes), "elements": "grid"}
+    if pair.scale < 1.0:
+        geometry["spacing"] = round(pair.scale * SPACING_MM, 2)
     pressing = direction_of(joint, frame, meeting)
     if pressing != list(DOWN):
         geometry["pressing"] = pressing
+    if not joint.pressing and regions.hollow:
+        geometry["cup_centre"] = frame.points(regions.centre_mm[None], "fixed")[0].round(2).tolist()
     geometry["start_pose"] = _start_pose(meeting, frame)
     if placement:
         geometry["placement"] = placement
@@ -57,15 +62,15 @@ def first_tables(
         "name": name,
         "shape": "mesh",
         "geometry": geometry,
-        "material": dict(material),
+        "material": {**material, "thickness": round(pair.scale * material["thickness"], 1)},
         "grids": {grid: list(_ROUGH_GRID) for grid in ("fine", "coarse", "settle", "teacher")},
         "loads": {
             "names": joint.loads,
             "sensitive": joint.sensitive,
             "sensitive_pose": joint.sensitive_pose,
-            "reference_load": REFERENCE_LOAD_N,
+            "reference_load": round(REFERENCE_LOAD_N * pair.scale**2, 1),
             "gap_slope": 5.0,
-            "boundary_load": 5.0,
+            "boundary_load": round(_BOUNDARY_N * pair.scale**2, 2),
         },
         "tolerances": dict.fromkeys(joint.loads, 1.0),
     }
@@ -104,7 +109,8 @@ def _patches(pair: Pair, regions: Regions, joint: Joint, frame: Frame) -> dict[s
         near = points[(regions.weight > 0.0) & (numbers == number)]
         box: dict[str, Any] = {}
         for a, letter in enumerate("xyz"):
-            ends = [float(near[:, a].min()) - _BOX_MARGIN_MM, float(near[:, a].max()) + _BOX_MARGIN_MM]
+            margin = pair.scale * _BOX_MARGIN_MM
+            ends = [float(near[:, a].min()) - margin, float(near[:, a].max()) + margin]
             ends = [max(ends[0], float(low[a]) - 1.0), min(ends[1], float(high[a]) + 1.0)]
             bounded = ends[1] - ends[0] < _BOX_SHARE * (high[a] - low[a])
             if a == axis:

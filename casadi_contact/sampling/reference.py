@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +16,7 @@ from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.statics import SettleReport, first_touch, settle
+from casadi_contact.statics import SettleReport, first_touch, settle, turned_about_anchors
 
 
 class Cycle(Protocol):
@@ -128,8 +129,8 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps). Frames left over begin once more between the frames that converged, and then in the pose
-    of the nearest one.
+    for a model without gaps). Frames left over begin once more in that start pose, turned about the patches' anchors to
+    what is measured, then between the frames that converged, and then in the pose of the nearest one.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
@@ -143,7 +144,8 @@ def reference_poses(
     free = tuple(name for name in scene.pose_space.free_names if name not in measured)
     targets = [_on_frames(cycle, frames) for cycle in cycles]
     wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
-    poses = np.tile(scene.start_pose if start is None else start, (len(cycles) * frames, 1))
+    begin = np.asarray(scene.start_pose if start is None else start)
+    poses = np.tile(begin, (len(cycles) * frames, 1))
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     poses = scene.pose_space.onto(poses)
@@ -152,10 +154,10 @@ def reference_poses(
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
-    for from_others in (_interpolate, _nearest):
+    for anew in (partial(_turned, model, begin), _interpolate, _nearest):
         if report.converged.all():
             break
-        starts = from_others(poses.reshape(shape).copy(), report).reshape(-1, 6)
+        starts = scene.pose_space.onto(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
         starts[:, given] = poses[:, given]
         poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n)
         report = _report(cycles, settled)
@@ -182,6 +184,12 @@ def _nearest(poses: Array, report: ReferenceReport) -> Array:
     for cycle, converged in zip(poses, report.converged, strict=True):
         solved, left = np.flatnonzero(converged), np.flatnonzero(~converged)
         cycle[left] = cycle[solved[np.abs(left[:, None] - solved).argmin(axis=1)]]
+    return poses
+
+
+def _turned(model: ContactModel, start: Array, poses: Array, report: ReferenceReport) -> Array:
+    """The poses of frames that did not converge replaced by a start pose turned as they are, about the anchors."""
+    poses[~report.converged] = turned_about_anchors(model, start, poses[~report.converged])
     return poses
 
 

@@ -51,16 +51,15 @@ class Mesh(Shape):
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
-        from casadi_contact.geometry.mesh_elements import DOWN, grid_on_mesh
+        from casadi_contact.geometry.mesh_elements import grid_on_mesh
         from casadi_contact.shapes.mesh_bodies import body_field, patch_box
-        from casadi_contact.shapes.mesh_patches import check_patches, check_side, patch_mesh
+        from casadi_contact.shapes.mesh_patches import check_patches, check_side, patch_mesh, patch_projection
 
         check_patches(geometry)
-        field, pressing = body_field(geometry, "fixed"), geometry.get("pressing", DOWN)
-        found = []
+        field, found = body_field(geometry, "fixed"), []
         for patch in geometry["patches"]:
             mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
-            found.append(grid_on_mesh(mesh, field, grid, box, pressing))
+            found.append(grid_on_mesh(mesh, field, grid, box, patch_projection(geometry, patch)))
         for patch, cells in zip(geometry["patches"], found, strict=True):
             check_side(geometry, patch, cells)
         return found

@@ -6,6 +6,7 @@
     units = "m"                           # of both files, "m" or "mm"
     axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
     pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
+    cup_centre = [0.0, 10.0, 5.0]         # of a deep cup, in the fixed body's frame [mm]: rays run from here instead
     start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
     shell = "outer"                       # of a moving mesh that is a thin closed shell: only its side away from the
                                           # anchors counts; or "whole": overlaps stay far below its thickness
@@ -47,7 +48,7 @@ SHELLS = ("outer", "whole")
 MOST_SPOTS = 64
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
-_LISTS = {"pressing": 3, "start_pose": 6}
+_LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
 _KNOWN = (
     *(*_NEEDED, "axes", "elements", "spacing", "open_edges", "shell", "placement"),
     *(*_LISTS, *_DIGESTS.values()),

@@ -11,14 +11,15 @@ from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.projection import DOWN, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
 from casadi_contact.shapes.shape import Geometry
 
-_LEAST_AREA_MM2 = 4.0  # of a patch: a smaller spot is no joint's
+_LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no joint's
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
-_BELOW_MM, _LARGEST_SHELL_MM = 1e-3, 25.0
+_ABOVE_MM, _BELOW_MM, _LARGEST_SHELL_MM = 0.5, 1e-3, 25.0
 _ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
 _ALONG_EDGE = 9  # points of each open edge
 _NEAR_OPEN_EDGE = 1.5  # cells
@@ -27,13 +28,21 @@ _NEAR_OPEN_EDGE = 1.5  # cells
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box.
 
-    Where the scene states `pressing`, only those that face the moving body.
+    Where the scene states `pressing` or `cup_centre`, only those that face the moving body.
     """
     mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
-    if "pressing" not in geometry or reaching:
+    if reaching or not {"pressing", "cup_centre"} & set(geometry):
         return mesh
-    facing = mesh.area_vectors_mm2 @ geometry["pressing"] < 0.0
-    return mesh.part(facing)
+    inwards = np.array([geometry.get("pressing", DOWN)])
+    if "cup_centre" in geometry:
+        inwards = mesh.corners_mm.mean(axis=1) - geometry["cup_centre"]
+    return mesh.part((mesh.area_vectors_mm2 * inwards).sum(axis=1) < 0.0)
+
+
+def patch_projection(geometry: Geometry, patch: str) -> Projection:
+    """What a patch's elements and cells are laid out by: rays along `pressing`, or from the middle of a cup."""
+    mesh = patch_mesh(geometry, patch, reaching=True)
+    return projection_of(geometry.get("pressing", DOWN), geometry.get("cup_centre"), mesh)
 
 
 def check_patches(geometry: Geometry) -> None:
@@ -44,13 +53,12 @@ def check_patches(geometry: Geometry) -> None:
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
         inside[patch] = np.all((centres >= low) & (centres < high), axis=1)
-        if (found := area[inside[patch]].sum()) < _LEAST_AREA_MM2:
-            sides = (high - low)[np.isfinite(high - low)]
-            metres = bool(len(sides)) and sides.max() < 1.0
-            cure = "are its bounds in m? They are in mm" if metres else f"the mesh reaches {mesh.extent}: check them"
+        found, thin = area[inside[patch]].sum(), (high - low).min() < _LEAST_SIDE_MM
+        if found < _LEAST_AREA_MM2 or thin:
+            cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
             raise ValueError(
                 f"scene: geometry.patches.{patch} holds {found:.2g} mm² of the mesh {mesh.name} within its bounds, "
-                f"expected {_LEAST_AREA_MM2:g} mm² at least: {cure}"
+                f"expected {_LEAST_AREA_MM2:g} mm² at least, and bounds {_LEAST_SIDE_MM:g} mm apart: {cure}"
             )
     for one, other in itertools.combinations(inside, 2):
         if (shared := area[inside[one] & inside[other]].sum()) > 0.0:
@@ -65,21 +73,36 @@ def check_side(geometry: Geometry, patch: str, cells: Cells) -> None:
     moving body is nearer to the shell's other side, and everything near it faces away."""
     centres, normals = (values[cells[2] > 0.0] for values in cells[:2])
     position = np.array(geometry.get("start_pose", np.zeros(6)))
-    R = rotation(position[3:])
-    distance, slope = body_field(geometry, "moving")((centres - position[:3]) @ R)
-    near = np.abs(distance) < _NEAR_MM
-    away = np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0
-    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or away[near].mean() < _MOSTLY:
-        return
+    R, field = rotation(position[3:]), body_field(geometry, "moving")
+    distance, slope = field((centres - position[:3]) @ R)
     mesh = body_mesh(geometry, "fixed")
-    through, _ = RayCaster(mesh).first_hits(centres[near] - _BELOW_MM * normals[near], -normals[near])
-    behind = centres[near] - np.minimum(through, _LARGEST_SHELL_MM)[:, None] * normals[near]
-    nearer = body_field(geometry, "moving")((behind - position[:3]) @ R)[0] < distance[near]
-    if (nearer & (through < _LARGEST_SHELL_MM)).mean() > _MOSTLY:
-        raise ValueError(
-            f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
-            f"body in its start pose: say where to it presses, as geometry.pressing = {_opposite(normals[near])}"
-        )
+    far_side, shell = _far_side(mesh, centres, normals)
+    seen = (far_side - position[:3]) @ R
+    behind, around = field(seen)[0], body_mesh(geometry, "moving").vertices_mm
+    # Farther from an open mesh than its field reaches its inside is unknown.
+    reached = np.all((seen > around.min(axis=0) - _NEAR_MM) & (seen < around.max(axis=0) + _NEAR_MM), axis=1)
+    near = (np.abs(distance) < _NEAR_MM) | (reached & (np.abs(behind) < _NEAR_MM))
+    turned_away = shell & (behind < distance) & (np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0)
+    if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or turned_away[near].mean() < _MOSTLY:
+        return
+    cure = f"where to it presses, as geometry.pressing = {_opposite(normals[near])}"
+    raise ValueError(
+        f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
+        f"body in its start pose: say {'where its hollow is' if 'cup_centre' in geometry else cure}"
+    )
+
+
+def _far_side(mesh: TriangleMesh, centres: Array, normals: Array) -> tuple[Array, np.ndarray]:
+    """Where lines (n, 3) from elements into the body come out of it again, and whether they do within a shell (n,).
+
+    Flat triangles lie a little below the smooth surface of the elements, or above: rays meet them first from outside.
+    """
+    caster, above = RayCaster(mesh), centres + _ABOVE_MM * normals
+    down = caster.first_hits(above, -normals)[0] + _BELOW_MM
+    inside = above - np.where(np.isfinite(down), down, _ABOVE_MM)[:, None] * normals
+    through, face = caster.first_hits(inside, -normals)
+    shell = (through < _LARGEST_SHELL_MM) & caster.leaves(-normals, face)
+    return inside - np.where(shell, through, 0.0)[:, None] * normals, shell
 
 
 def _opposite(normals: Array) -> list[float]:
@@ -108,8 +131,8 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         beside[tuple(at_end)] = False
         rows = np.nonzero(lacking & ~beside)
         here, normal, width = centres[rows], normals[rows], np.sqrt(areas[rows])
-        sideways = step * _along(centres, areas, axis)
-        tangent = sideways - (normal @ sideways)[:, None] * normal
+        sideways = step * _along(cells, axis, rows)
+        tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent
         distance, slope = field(beyond)
@@ -124,9 +147,13 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
     return cut
 
 
-def _along(centres: Array, areas: Array, axis: int) -> Array:
-    """Unit vector (3,) from a cell's centre to that of its neighbour along an axis of the grid, all in all."""
+def _along(cells: Cells, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
+    """Directions (n, 3) in which the grid runs along an axis at cells by their rows: to or from the neighbour there,
+    or, of a cell that has none, as between all cells together."""
+    centres, _, areas = cells
     both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)
-    steps = np.diff(centres, axis=axis)[both]
-    mean = steps.sum(axis=0) if len(steps) else np.eye(3)[2 * axis]
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-300))
+    steps = np.where(both[..., None], np.diff(centres, axis=axis), 0.0)
+    summed = sum(np.pad(steps, [side if each == axis else (0, 0) for each in range(3)]) for side in ((0, 1), (1, 0)))
+    found, mean = np.asarray(summed)[rows], steps.sum(axis=(0, 1))
+    found[~found.any(axis=1)] = mean if mean.any() else np.eye(3)[2 * axis]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

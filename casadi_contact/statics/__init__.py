@@ -4,7 +4,7 @@ from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.relax import relax
 from casadi_contact.statics.sensitive import SensitiveDirections, sensitive_directions
 from casadi_contact.statics.settle import SettleReport, settle
-from casadi_contact.statics.touch import first_touch
+from casadi_contact.statics.touch import first_touch, turned_about_anchors
 
 __all__ = [
     "Equilibrium",
@@ -14,4 +14,5 @@ __all__ = [
     "relax",
     "sensitive_directions",
     "settle",
+    "turned_about_anchors",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, rotation
 
 _ABOVE_MM = 1000.0
 _TOUCH_MM = 1e-3
@@ -46,4 +46,12 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
             break
         poses[:, :3] += step[:, None] * along
         since_free += step
+    return poses
+
+
+def turned_about_anchors(model: ContactModel, start: Array, poses: Array) -> Array:
+    """Poses (n, 6) that keep their rotations, moved so that the middle of the patches' anchors lies where it does in a
+    start pose (6,): a body whose origin is far from where it touches leaves its socket when that is turned about."""
+    middle, poses = model.scene.anchors_mm.mean(axis=0), poses.copy()
+    poses[:, :3] = start[:3] + (rotation(start[3:]) - rotation(poses[:, 3:])) @ middle
     return poses

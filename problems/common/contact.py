@@ -10,9 +10,11 @@ import typer
 
 import casadi_contact as cc
 from casadi_contact.assembly.file import whole_wrench
-from casadi_contact.contact import SymbolicContact
+from casadi_contact.contact import NotGoodEnoughError, SymbolicContact, symbolic
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
+from casadi_contact.scenes import Scene
+from casadi_contact.transcription.kernel import warn_once
 
 SurrogateOption = Annotated[
     str | None, typer.Option("--surrogate", help="a ready surrogate or the path of a .h5 file; knee if left out")
@@ -59,8 +61,18 @@ class ContactSource:
 def _load(source: ContactSource) -> SymbolicContact:
     if source.scene is None:
         return cc.load_surrogate(str(source.surrogate))
-    model = cc.foundation(source.scene)
+    model = _untrained(cc.load_scene(source.scene))
     if model.scene.sensitive_pose:
         return model
     found = found_sensitive_pose(model, reference_motion_cycles(model.scene, ()))
-    return cc.foundation(model.scene.with_sensitive_pose(found))
+    return _untrained(model.scene.with_sensitive_pose(found))
+
+
+def _untrained(scene: Scene) -> SymbolicContact:
+    """The foundation of a scene; where none is good enough, and the user is told so, its fine grid of elements."""
+    try:
+        return cc.foundation(scene)
+    except NotGoodEnoughError as error:
+        elements = cc.ElasticFoundation(scene, scene.grids["fine"])
+        warn_once(f"{error}; solved here on {elements}, slower and with differenced second derivatives")
+        return symbolic(elements)

@@ -7,7 +7,7 @@ import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
 from casadi_contact.contact.cells.choice import cell_foundation
-from casadi_contact.geometry.mesh_elements import grid_frame
+from casadi_contact.geometry.projection import grid_frame
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
@@ -57,6 +57,10 @@ def test_at_the_brink_of_contact_loads_fade_out_and_never_pull():
     assert (np.diff(loads) >= 0.0).all()
     assert loads[0] < -5.0
     assert loads[-1] == 0.0
+    pressed, apart = model.pressures(np.vstack([at(29.98), at(30.03)]))[0]
+    assert (pressed[[0, 1, 2, 6]] > 0.0).all()
+    assert not apart[[0, 1, 2, 6]].any()
+    assert np.isnan(apart[3:6]).all()
 
 
 def test_the_resultant_in_a_cup_passes_through_its_centre_and_its_force_is_a_fine_grid_s():
@@ -84,6 +88,10 @@ def test_two_spots_on_a_mesh_carry_what_a_fine_element_grid_says(ball_mesh):
     assert loaded[:, 0].min() < -0.5 * TWO_BUMPS_MM
     assert loaded[:, 0].max() > 0.5 * TWO_BUMPS_MM
     assert not (np.abs(loaded[:, 0]) < 0.25 * TWO_BUMPS_MM).any()
+    found, wanted = model.summary(poses), fine.summary(poses)
+    np.testing.assert_allclose(found.area_mm2, wanted.area_mm2, rtol=0.03)
+    np.testing.assert_allclose(found.largest_mpa, wanted.largest_mpa, rtol=0.03)
+    np.testing.assert_allclose(found.centre_mm, wanted.centre_mm, atol=0.1)
     elements = fine.pressure_maps(poses[0])[0]
     pressed = float(elements.pressures_mpa @ elements.areas_mm2)
     assert float(spots.pressures_mpa @ spots.areas_mm2) == pytest.approx(pressed, rel=0.02)

@@ -92,6 +92,20 @@ def test_many_poses_over_the_reach_lose_no_contact_to_culling(pair):
     np.testing.assert_allclose(compiled(many), plain(many), atol=1e-9 * scale)
 
 
+def test_deep_contact_at_the_edge_of_the_body_is_not_lost_to_culling(pair):
+    """Where the grid of its distances ends, too; an open mesh has its edge, and jumps of the distance, there."""
+    compiled, plain, poses = pair
+    deep = np.repeat(poses[:1], 30, axis=0)
+    if compiled.scene.shape == "mesh":
+        deep[:, 5] = np.linspace(-0.6, 0.6, 30)
+        deep[:, 1] -= np.geomspace(0.2, 4.0, 30)[np.random.default_rng(0).permutation(30)]
+    else:
+        deep[:, 2] += np.linspace(0.0, 3.0, 30)
+    scale = np.abs(plain(deep)).max(axis=1, keepdims=True)
+    assert scale.max() > 5000.0
+    np.testing.assert_allclose((compiled(deep) - plain(deep)) / scale, 0.0, atol=1e-9)
+
+
 def test_a_saved_function_evaluates_alike_in_another_process(tmp_path):
     """All that it needs, tables included, lies in its library."""
     model = cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE)

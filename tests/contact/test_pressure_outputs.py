@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Rays
+from casadi_contact.contact import Cells, Rays
 from casadi_contact.contact.pressure import layer_modulus
 from tests.contact.test_cup import PLACES, placed
 from tests.contact.test_elastic_foundation import at
@@ -13,6 +13,9 @@ from tests.contact.test_polar import KNEE
 from tests.support.compiler import needs_compiler
 
 GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
+ON_PLANE = [1.0, 29.8, -2.0, 0.1, 0.2, 0.3]
+IN_CUP = [1.0, -0.5, -23.6, 0.1, 0.2, 0.3]
+FINE = Cells(0.6, 0.6)
 LIFTED = [2.0, 27.4, 0.3, 0.01, 0.02, -0.9]  # off laterally
 
 
@@ -57,6 +60,8 @@ MODELS = {
     "knee": (lambda c: cc.PolarFoundation(cc.load_scene("knee"), Rays(24, 4), compiled=c), [KNEE, LIFTED]),
     "groove": (lambda c: cc.PolarFoundation(cc.load_scene("patellofemoral"), Rays(24, 4), compiled=c), [GROOVE]),
     "hip": (lambda c: cc.CupFoundation(cc.load_scene("hip"), 24, compiled=c), None),
+    "plane": (lambda c: cc.CellFoundation(cc.load_scene("sphere_on_plane"), FINE, compiled=c), [ON_PLANE]),
+    "cup": (lambda c: cc.CellFoundation(cc.load_scene("glenohumeral"), FINE, compiled=c), [IN_CUP]),
 }
 
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
 from casadi_contact.proposal.frame import frame_of
-from casadi_contact.proposal.joint import joint_of
+from casadi_contact.proposal.joint import Joint, joint_of
 from casadi_contact.proposal.meeting import meeting_of
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 from casadi_contact.proposal.regions import regions_of
+from casadi_contact.proposal.rest import rest_loads
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
 from tests.support.shared_data import shared_file
 
@@ -79,6 +81,25 @@ def test_a_button_rests_on_both_facets_of_its_groove(height):
     assert regions.axis == 2
     np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=1.0)
     np.testing.assert_allclose(frame.directions(meeting.pressing), [1.0, 0.0, 0.0], atol=0.02)
+
+
+def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
+    """Balls of 4 mm in dishes of 6, 4 mm from the middle: in between the gap is less than a knee's in one place."""
+    (ball, faces), out = cap_mesh(4.0, 0.5, 0.8), np.array([0.0, 0.0, 4.0])
+    condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
+
+    def dishes(x, z):
+        return 6.0 - np.sqrt(6.0**2 - np.minimum(x**2 + (np.abs(z) - 4.0) ** 2, 16.0))
+
+    moving = checked_mesh("condyles", condyles[0] + np.array([0.0, 9.0, 0.0]), condyles[1])
+    _, regions, joint, _ = seen(moving, checked_mesh("dishes", *sheet_mesh(14.0, 0.5, dishes)))
+    np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=0.5)
+    assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
+
+
+def test_a_force_that_turns_presses_down_where_the_scene_names_no_other_way():
+    loads = rest_loads(cc.load_scene("hip"), Joint("other", ("contact",), ""), 100.0)
+    assert loads == {"Fx": 0.0, "Fy": -100.0, "Fz": 0.0}
 
 
 def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import rotation
+from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.sampling import SamplingSettings, reference_motion, reference_poses
+from casadi_contact.scenes import load_scene
 from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
 
 SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
@@ -99,3 +102,24 @@ def test_measured_cycles_have_a_pose_in_every_frame():
         measured.append(Cycle(file.stem, t["time_s"], t["rotation_ry_rad"], t["flexion_rz_rad"], loads))
     _, report = reference_poses(ElasticFoundation(knee(), (80, 40)), measured)
     assert report.converged.all(), str(report)
+
+
+def test_a_body_whose_origin_lies_far_from_its_joint_is_found_in_its_socket_however_it_is_turned(tmp_path):
+    """The ball's centre lies 30 mm from the origin: turned about that by a radian it would begin beside the dish."""
+    from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+
+    (ball, faces), arm = cap_mesh(12.0, 1.5, 1.8), np.array([0.0, 30.0, 0.0])
+    write_obj(tmp_path / "ball.obj", ball + arm, faces)
+    dish = sheet_mesh(18.0, 1.0, lambda x, z: 12.8 - np.sqrt(12.8**2 - np.minimum(x**2 + z**2, 90.0)))
+    write_obj(tmp_path / "dish.obj", *dish)
+    said = f"start_pose = [0.0, -18.0, 0.0, 0.0, 0.0, 0.0]\n[geometry.patches.contact]\nanchor = {arm.tolist()}"
+    text = mesh_scene_text("ball.obj", "dish.obj", extra=said, grid=(30, 30))
+    (tmp_path / "scene.toml").write_text(text)
+    time_s = np.linspace(0.0, 1.0, 5)
+    turned = {"rx": 0.0 * time_s, "ry": 0.2 * time_s, "rz": -0.8 - 0.4 * time_s}
+    wanted = {"Fx": 0.0 * time_s, "Fy": -300.0 + 0.0 * time_s, "Fz": 0.0 * time_s}
+    model = ElasticFoundation(load_scene(tmp_path / "scene.toml"))
+    poses, report = reference_poses(model, [JointCycle("turned", time_s, turned, wanted)], frames=5)
+    assert report.converged.all()
+    centres = poses[0, :, :3] + rotation(poses[0, :, 3:]) @ arm
+    np.testing.assert_allclose(centres[:, [0, 2]], 0.0, atol=0.05)

@@ -32,6 +32,7 @@ BALL = cap_mesh(20.0, 3.0, 0.5)
     [
         ("[geometry.patches.a]\nx = [-6, 1]\n[geometry.patches.b]\nx = [0, 6]", "a and b share .* carry load twice"),
         ("[geometry.patches.a]\nx = [-0.006, 0.006]\nz = [-0.006, 0.006]", r"holds 0 mm².*are its bounds in m\?"),
+        ("[geometry.patches.a]\nx = [-0.05, 0.05]", r"a holds .*are its bounds in m\?"),
         ("[geometry.patches.a]\nx = [6.0, 6.4]\nz = [6.0, 6.4]", r"a holds 0\.\d+ mm².*expected 4 mm² at least"),
     ],
 )
@@ -62,6 +63,10 @@ def test_a_grid_on_the_back_of_a_cup_is_refused_and_one_on_its_inside_carries_lo
     head, cup = ball_mesh(16.0, 2.5), shell_mesh(16.4, 20.0, 2.0, 1.2, POLE)
     with pytest.raises(ValueError, match=r"faces away from the moving body.*pressing = \[0\.0, 1\.0, 0\.0\]"):
         cc.ElasticFoundation(scene_of(tmp_path, head, cup))
+    thick = shell_mesh(16.4, 26.0, 2.0, 1.9, POLE)
+    for extra in ("", "cup_centre = [0.0, 60.0, 0.0]"):
+        with pytest.raises(ValueError, match=r"faces away from the moving body.*say where"):
+            cc.ElasticFoundation(scene_of(tmp_path, head, thick, extra))
     inside = cc.ElasticFoundation(scene_of(tmp_path, head, cup, "pressing = [0.0, 1.0, 0.0]"))
     assert inside([0.0, 0.6, 0.0, 0.0, 0.0, 0.0])[1] > 100.0
 

@@ -26,9 +26,9 @@ typedef struct {
 } Distance;
 
 #if BODY_FIELD
-/* Of the field at a node; the first two rows: of nodes far outside of the body, and deep in it */
+/* Of the field at a node */
 typedef struct {
-  float g, slope[3], bow, unused[3];
+  float g, slope[3], bow, clearance, unused[2];
 } Tangent;
 
 /* Weights of the four nodes around shares t of a cubic B-spline's cell, and their derivatives in units of the cell. */
@@ -118,23 +118,26 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
 
 #ifdef FIELD_TANGENTS
 /* The boxes, BLOCK of them from `first`, that the body may come within TOUCH of: by value, slope and bow of the field
- * at the nodes nearest to their middles (see contact/cells/tangents.py), without a look at the spline. */
+ * at the nodes nearest to their middles, or by what is clear around these (see contact/cells/tangents.py), without a
+ * look at the spline. */
 INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const Frame *frame) {
-  const int counts[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
+  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, rows[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
   const Lanes size = singles_at(boxes->size + first), beyond = singles_at(boxes->beyond + first);
-  Lanes middle[3], half[3], q[3], away[3], slope[3], tangent[4], way, least, bow, node = all(0.0);
+  Lanes middle[3], half[3], q[3], away[3], away_within[3], slope[3], tangent[4], way, least, bow, clear, node = all(0.0);
   Four row[BLOCK];
   for (int i = 0; i < 3; i++) middle[i] = singles_at(boxes->middle[i] + first);
   to_place(middle, pose, frame, q);
   for (int i = 0; i < 3; i++) {
-    const Lanes place = (q[i] - field_origin[i]) * (1.0 / TANGENT_SPACING);
-    const Lanes nearest = nearest_whole(smaller_of(larger_of(place, all(0.0)), all(counts[i] - 1.0)));
-    away[i] = (place - nearest) * TANGENT_SPACING;
-    node = node * counts[i] + nearest;
+    const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    const Lanes within = smaller_of(larger_of(place, all(1.0)), all(counts[i] - 2.0));
+    const Lanes nearest = smaller_of(nearest_whole(within * (FIELD_SPACING / TANGENT_SPACING)), all(rows[i] - 1.0));
+    away[i] = place * FIELD_SPACING - nearest * TANGENT_SPACING;
+    away_within[i] = within * FIELD_SPACING - nearest * TANGENT_SPACING;
+    node = node * rows[i] + nearest;
   }
   for (int l = 0; l < BLOCK; l++) {
     const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(int)node[l]];
-    row[l] = four_singles_at(&at->g), bow[l] = at->bow;
+    row[l] = four_singles_at(&at->g), bow[l] = at->bow, clear[l] = at->clearance;
   }
   to_columns(row, tangent);
   way = root(dot_of(away, away)) + size;
@@ -144,8 +147,7 @@ INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const F
     for (int i = 0; i < 3; i++) half[i] = singles_at(boxes->half[side][i] + first);
     least -= size_of(dot_of(slope, half));
   }
-  least = pick(way > BOW_REACH, tangent[0] - STEEPEST * way, least);
-  return (least <= TOUCH) & (size >= 0.0);
+  return ((way > BOW_REACH) | (least <= TOUCH)) & (root(dot_of(away_within, away_within)) + size >= clear) & (size >= 0.0);
 }
 #endif
 #elif BODY_ROUND

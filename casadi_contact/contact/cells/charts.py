@@ -1,10 +1,10 @@
 """Charts of fixed surfaces: points, normals and their derivatives over coordinates (u, v) [mm].
 
-A mesh is seen from where the moving body comes: from above, u = x and v = z, or along the scene's `pressing` in the
-axes of `grid_frame`. It is the zero of its distance field over each point. Beyond its edge, where the cells of the rim
-still need corners, it goes on as the quadric through the points around. A spherical cup is laid out
-about its pole so that areas keep their size (Lambert's azimuthal map): u² + v² = (2R·sin(θ/2))² at the angle θ. A
-plane is its own chart.
+A surface lies at the height h(u, v) along the lines of a projection (`geometry.projection`). A mesh is seen from where
+the moving body comes: from above, u = x and v = z, along the scene's `pressing`, or from a cup's middle. It is the zero
+of its distance field on each line. Beyond its edge, where the cells of the rim still need corners, it goes on as the
+quadric h(u, v) through the points around, and so it does where the mesh turns over a sharp edge at its rim, which
+cubics cannot follow. A spherical cup is seen from its centre; a plane is its own chart.
 """
 
 from __future__ import annotations
@@ -13,16 +13,25 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.field_derivatives import field_derivatives
-from casadi_contact.geometry.mesh_elements import DOWN, grid_frame, grid_on_mesh, grid_range
+from casadi_contact.geometry.mesh_elements import grid_on_mesh
+from casadi_contact.geometry.projection import (
+    DOWN,
+    LEAST_UPWARD,
+    CentralProjection,
+    Lines,
+    ParallelProjection,
+    grid_frame,
+)
 from casadi_contact.scenes import Scene
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 _STEPS = 6  # of Newton's method along the rays
-_LEAST_UPWARD = 0.2  # of n against them, as for elements
+_SHARPEST = 1.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell
 _AROUND_MM = 2.5  # reach of the quadric that continues a surface
 _FEWEST = 12  # points that it goes through
 
@@ -82,7 +91,8 @@ class PlaneChart:
 
     def surface(self, u: Array, v: Array) -> Surface:
         """Flat."""
-        return _height_surface(u, v, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
+        lines = ParallelProjection(grid_frame(DOWN)).lines(u, v)
+        return _surface_at(lines, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
 
 
 class CupChart:
@@ -90,113 +100,121 @@ class CupChart:
 
     def __init__(self, scene: Scene) -> None:
         g = scene.geometry
-        self.radius, self.centre = float(g["cup_radius"]), np.asarray(g["cup_centre"], dtype=float)
-        self.rim = 2.0 * self.radius * np.sin(0.5 * np.deg2rad(g["cup_half_angle_deg"]))
+        radius, pole = float(g["cup_radius"]), np.asarray(g["cup_pole"], dtype=float)
+        pole /= np.linalg.norm(pole)
+        first = np.cross(np.eye(3)[np.abs(pole).argmin()], pole)
+        first /= np.linalg.norm(first)
+        frame = np.array([first, -pole, np.cross(pole, first)])
+        self._projection = CentralProjection(frame, np.asarray(g["cup_centre"], dtype=float), radius)
+        self.rim = 2.0 * radius * np.sin(0.5 * np.deg2rad(g["cup_half_angle_deg"]))
         self.low, self.high = np.full(2, -self.rim), np.full(2, self.rim)
-        pole = np.asarray(g["cup_pole"], dtype=float)
-        self.pole = pole / np.linalg.norm(pole)
-        least = np.eye(3)[np.abs(self.pole).argmin()]
-        self.first = np.cross(least, self.pole)
-        self.first /= np.linalg.norm(self.first)
-        self.second = np.cross(self.pole, self.first)
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Within the rim's circle."""
         return np.asarray(u[:, None] ** 2 + v[None, :] ** 2 <= self.rim**2)
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """With e the direction from the cup's centre, k = √(1 - (u² + v²)/4R²): e = (1 - 2(1 - k²))·pole + k·(u, v)/R;
-        the point is centre + R·e, the normal -e."""
-        x, y = (np.clip(w / self.radius, -1.35, 1.35) for w in (u, v))
-        k = np.sqrt(np.maximum(1.0 - 0.25 * (x * x + y * y), 0.05))
-        flat = x[:, None] * self.first + y[:, None] * self.second
-        e = (1.0 - 0.5 * (x * x + y * y))[:, None] * self.pole + k[:, None] * flat
-        slopes = [
-            (-w[:, None] * self.pole + k[:, None] * axis - (0.25 * w / k)[:, None] * flat) / self.radius
-            for w, axis in ((x, self.first), (y, self.second))
-        ]
-        e_slopes = np.stack(slopes, 1)
-        known = u**2 + v**2 <= self.rim**2
-        return Surface(self.centre + self.radius * e, -e, self.radius * e_slopes, -e_slopes, known)
+        """At the radius everywhere."""
+        jet = np.zeros((len(u), 6))
+        jet[:, 0] = -self._projection.radius_mm
+        return _surface_at(self._projection.lines(u, v), jet, u**2 + v**2 <= self.rim**2)
 
 
 class MeshChart:
-    """The part of a fixed mesh that a patch's box holds, seen along `pressing`."""
+    """The part of a fixed mesh that a patch's box holds, as its scene's projection shows it."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
         from casadi_contact.shapes.mesh_bodies import body_field, patch_box
-        from casadi_contact.shapes.mesh_patches import patch_mesh
+        from casadi_contact.shapes.mesh_patches import patch_mesh, patch_projection
 
-        self._pressing = scene.geometry.get("pressing", DOWN)
-        self._frame = grid_frame(self._pressing)  # its second axis is up: heights below are along it
+        self._projection = patch_projection(scene.geometry, patch)
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
         self._field = body_field(scene.geometry, "fixed")
         self._box = patch_box(scene.geometry, patch)
-        low, high = grid_range(self._mesh, self._box, self._frame)
-        self.low, self.high = low[[0, 2]], high[[0, 2]]
+        self.low, self.high, _ = self._projection.bounds(self._mesh, self._box)
 
     def present(self, u: Array, v: Array) -> np.ndarray:
-        """Where a ray from above meets the mesh inside the box, and no wall."""
-        points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box, self._pressing)
+        """Where a ray meets the mesh inside the box, and no wall."""
+        points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box, self._projection)
         present = areas > 0.0
-        self._heights, self._present = points @ self._frame[1], present
+        lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
+        heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
+        self._heights = heights.reshape(areas.shape)
+        edge = present & self._sharp(points.reshape(-1, 3)).reshape(areas.shape)
+        ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
+        self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
         self._origin, self._step = np.array([u[0], v[0]]), np.array([u[1] - u[0], v[1] - v[0]])
         return present
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """From the distance field where the four points of `present` around are on the mesh, continued elsewhere."""
+        """From the distance field where the four points of `present` around are on the mesh and not on its rim's edge,
+        continued elsewhere."""
         place = (np.stack([u, v], 1) - self._origin) / self._step
-        first = np.clip(np.floor(place).astype(int), 0, np.array(self._present.shape) - 2)
+        first = np.clip(np.floor(place).astype(int), 0, np.array(self._smooth.shape) - 2)
         corners = [(first[:, 0] + a, first[:, 1] + b) for a in (0, 1) for b in (0, 1)]
-        known = np.all([self._present[corner] for corner in corners], axis=0)
+        known = np.all([self._smooth[corner] for corner in corners], axis=0)
         height = np.mean([self._heights[corner] for corner in corners], axis=0)
         jet = np.zeros((len(u), 6))
-        jet[known], found = self._jets(u[known], height[known], v[known])
+        jet[known], found = self._jets(self._projection.lines(u[known], v[known]), height[known])
         known[np.flatnonzero(known)[~found]] = False
         if not known.all():
             jet[~known] = self._continued(u[~known], v[~known])
-        seen, frame = _height_surface(u, v, jet, known), self._frame
-        return Surface(seen.c @ frame, seen.n @ frame, seen.tangents @ frame, seen.bends @ frame, known)
+        return _surface_at(self._projection.lines(u, v), jet, known)
 
-    def _jets(self, x: Array, y: Array, z: Array) -> tuple[Array, np.ndarray]:
-        """y and its derivatives x, z, xx, xz, zz (m, 6) on the field's zero, in the frame; False for a wall (m,)."""
-        points, frame = np.stack([x, y, z], 1), self._frame
+    def _jets(self, lines: Lines, h: Array) -> tuple[Array, np.ndarray]:
+        """h and its derivatives u, v, uu, uv, vv (m, 6) on the field's zero; False for a wall (m,)."""
+        up, h = lines.ups, h.copy()
         for _ in range(_STEPS):
-            g, slope = self._field(points @ frame)
-            points[:, 1] -= g / np.maximum(slope @ frame[1], _LEAST_UPWARD)
-        _, slope, bend = field_derivatives(self._field.parameters, points @ frame)
-        slope, bend = slope @ frame.T, frame @ bend @ frame.T
-        fine = slope[:, 1] > _LEAST_UPWARD * np.linalg.norm(slope, axis=1)
-        up = np.where(fine, slope[:, 1], 1.0)
-        y_x, y_z = -slope[:, 0] / up, -slope[:, 2] / up
-        along = np.stack([np.stack([y_x**0, y_x, 0.0 * y_x], 1), np.stack([0.0 * y_z, y_z, y_z**0], 1)], 1)
-        second = -np.einsum("nai,nij,nbj->nab", along, bend, along) / up[:, None, None]
-        return np.column_stack([points[:, 1], y_x, y_z, second[:, 0, 0], second[:, 0, 1], second[:, 1, 1]]), fine
+            g, slope = self._field(lines.starts + h[:, None] * up)
+            h -= g / np.maximum(np.einsum("nk,nk->n", slope, up), LEAST_UPWARD)
+        _, slope, bend = field_derivatives(self._field.parameters, lines.starts + h[:, None] * up)
+        along = np.einsum("nk,nk->n", slope, up)
+        fine = along > LEAST_UPWARD * np.linalg.norm(slope, axis=1)
+        along = np.where(fine, along, 1.0)
+        across = lines.start_slopes + h[:, None, None] * lines.up_slopes
+        h_a = -np.einsum("nk,nak->na", slope, across) / along[:, None]
+        c_a = across + h_a[..., None] * up[:, None]
+        turns = h_a[:, :, None, None] * lines.up_slopes[:, None]
+        rest = turns + np.swapaxes(turns, 1, 2) + h[:, None, None, None] * lines.up_bends
+        h_ab = -np.einsum("nai,nij,nbj->nab", c_a, bend, c_a) - np.einsum("nk,nabk->nab", slope, rest)
+        h_ab /= along[:, None, None]
+        return np.column_stack([h, h_a, h_ab[:, 0, 0], h_ab[:, 0, 1], h_ab[:, 1, 1]]), fine
 
-    def _continued(self, x: Array, z: Array) -> Array:
-        """y and its derivatives (m, 6) of a quadric through the points on the mesh around (x, z)."""
-        at = np.argwhere(self._present)
+    def _sharp(self, points: Array) -> np.ndarray:
+        """True (m,) for points where the surface is bent outwards more sharply than `_SHARPEST`."""
+        _, slope, bend = field_derivatives(self._field.parameters, points)
+        size = np.linalg.norm(slope, axis=1)[:, None, None]
+        across = np.eye(3) - slope[:, :, None] * slope[:, None, :] / size**2
+        return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > _SHARPEST)
+
+    def _continued(self, u: Array, v: Array) -> Array:
+        """h and its derivatives (m, 6) of a quadric through the points on the mesh around (u, v)."""
+        at = np.argwhere(self._smooth)
         there = self._origin + at * self._step
-        heights = self._heights[self._present]
+        heights = self._heights[self._smooth]
         tree = cKDTree(there)
-        jets = np.empty((len(x), 6))
-        for k, point in enumerate(np.stack([x, z], 1)):
+        jets = np.empty((len(u), 6))
+        for k, point in enumerate(np.stack([u, v], 1)):
             away, nearest = tree.query(point, _FEWEST)
             near = tree.query_ball_point(point, away[0] + _AROUND_MM)
             near = nearest if len(near) < _FEWEST else near
-            u, v = (there[near] - point).T
-            terms = np.stack([u**0, u, v, 0.5 * u * u, u * v, 0.5 * v * v], 1)
+            x, y = (there[near] - point).T
+            terms = np.stack([x**0, x, y, 0.5 * x * x, x * y, 0.5 * y * y], 1)
             jets[k] = np.linalg.lstsq(terms, heights[near], rcond=1e-6)[0]
         return jets
 
 
-def _height_surface(x: Array, z: Array, jet: Array, known: np.ndarray) -> Surface:
-    """A surface y(x, z) by y and its derivatives x, z, xx, xz, zz (m, 6)."""
-    y, y_x, y_z, y_xx, y_xz, y_zz = jet.T
-    one, zero = np.ones(len(x)), np.zeros(len(x))
-    tangents = np.stack([np.stack([one, y_x, zero], 1), np.stack([zero, y_z, one], 1)], 1)
-    length = np.sqrt(1.0 + y_x**2 + y_z**2)[:, None]
-    n = np.stack([-y_x, one, -y_z], 1) / length
-    turns = np.stack([np.stack([-y_xx, zero, -y_xz], 1), np.stack([-y_xz, zero, -y_zz], 1)], 1) / length[:, None]
-    bends = turns - n[:, None] * np.einsum("nk,nak->na", n, turns)[..., None]
-    return Surface(np.stack([x, y, z], 1), n, tangents, bends, known)
+def _surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
+    """The surface at the height h along lines, by h and its derivatives u, v, uu, uv, vv (m, 6)."""
+    h, up = jet[:, 0, None, None], lines.ups[:, None]
+    h_a, h_ab = jet[:, 1:3, None], jet[:, [3, 4, 4, 5]].reshape(-1, 2, 2, 1)
+    tangents = lines.start_slopes + h_a * up + h * lines.up_slopes
+    turns = h_a[:, :, None] * lines.up_slopes[:, None]
+    second = h_ab * up[:, None] + turns + np.swapaxes(turns, 1, 2) + h[..., None] * lines.up_bends
+    c_u, c_v = tangents[:, 0], tangents[:, 1]
+    N = np.cross(c_v, c_u)
+    slopes = np.cross(second[:, :, 1], c_u[:, None]) + np.cross(c_v[:, None], second[:, :, 0])
+    length = np.linalg.norm(N, axis=1)[:, None] * np.sign(np.einsum("nk,nk->n", N, lines.ups))[:, None]
+    n, turned = N / length, slopes / length[..., None]
+    bends = turned - n[:, None] * np.einsum("nk,nak->na", n, turned)[..., None]
+    return Surface(lines.starts + jet[:, :1] * lines.ups, n, tangents, bends, known)

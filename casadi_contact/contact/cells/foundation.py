@@ -9,20 +9,23 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import patch_charts
 from casadi_contact.contact.cells.patches import lay_cells
+from casadi_contact.contact.cells.pressures import cell_moments
 from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled_pressures import CompiledPressures
+from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
+from casadi_contact.transcription.kernel.source import c_text
 
 CELLS = Cells(1.2, 0.75)
 
 
-class CellFoundation(CompiledFoundation):
+class CellFoundation(CompiledPressures):
     """Elastic foundation whose depth is interpolated by cubics over cells of the fixed surface.
 
     Several spots of contact, of any form, in each patch. Raises ValueError for a scene of another shape than
@@ -57,6 +60,14 @@ class CellFoundation(CompiledFoundation):
 
     def _patch_data(self) -> bytes:
         return self._code[1]
+
+    def _moments_source(self) -> str:
+        return c_text("cells_pressures.h", C_FOLDER)
+
+    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
+        found = [[cell_moments(patch, *pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
+        values, slopes = (np.array([[moments[k] for moments in each] for each in found]) for k in (0, 1))
+        return values, slopes
 
     @cached_property
     def _code(self) -> tuple[str, bytes]:

@@ -10,7 +10,8 @@ from casadi_contact.contact.cells.basis import Cells, middles
 from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.conventions import Array
 
-BLOCK_MM = 2.4  # about the edge of a block of cells
+BLOCK_MM = 4.0  # diagonal of a block of cells, at most
+BOXES = 8  # that the kernel looks at together
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     whole = np.pad((shares == 1.0).all(axis=-1), 1)
     rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
     held = np.asarray(shares.any(axis=-1))
-    order, blocks = _in_blocks(held, np.maximum(np.round(BLOCK_MM / step), 1).astype(int))
+    order, blocks = _in_blocks(held, _block(step))
     i, j = order.T
     numbers = np.stack([(i + a) * (nv + 1) + j + b for a in (0, 1) for b in (0, 1)], 1)
     used, corners = np.unique(numbers, return_inverse=True)
@@ -82,7 +83,13 @@ def _single(x: Array) -> Array:
     return x.astype(np.float32).astype(float)
 
 
-def _in_blocks(held: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _block(step: Array) -> tuple[int, int]:
+    """Cells along the sides of a block: those that fill its boxes, `BOXES` together, best; of these the most."""
+    sides = [(a, b) for a in range(1, 9) for b in range(1, 9) if a * b == 1 or np.hypot(*(step * [a, b])) <= BLOCK_MM]
+    return max(sides, key=lambda side: (np.prod(side) / -(-np.prod(side) // BOXES), np.prod(side)))
+
+
+def _in_blocks(held: np.ndarray, side: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Indices (k, 2) of the cells held, block by block of `side` cells, and the first cell of each block (b + 1,)."""
     order, sizes = [], []
     for i in range(0, held.shape[0], side[0]):

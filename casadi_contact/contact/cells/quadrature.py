@@ -67,7 +67,7 @@ class Quadrature:
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
         gap_slope = -_twist(R @ slope[0], p.c[nearest] - t)
         touch = self._touch(R, t, distance)
-        total, by_total = touch.total, self._by_twist(touch)
+        total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.slopes(touch)[0]
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
         wrench, stiffness = total[:6], by_total[:6]
         stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
@@ -79,7 +79,7 @@ class Quadrature:
 
     def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
         """The patch's wrench (6,), and whether contact reaches the rim."""
-        touch = self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
+        touch = self.touch(R, t)
         return smooth_step(-touch.total[6] / self.fade_n)[0] * touch.total[:6], touch.cut
 
     def pressures(self, R: Array, t: Array) -> tuple[Array, Array, Array]:
@@ -91,29 +91,35 @@ class Quadrature:
         mean = (pressure_slopes(*self.law, depths)[0] * p.present).mean(axis=1) / share
         return p.c[p.corners].mean(axis=1), p.loads[p.corners, 6].mean(axis=1) * share, mean
 
-    def _touch(self, R: Array, t: Array, distance: Array) -> _Touch:
-        """What touches in a pose, with the distances (m,) of the nodes from the body."""
+    def touch(self, R: Array, t: Array) -> Touch:
+        """What touches in a pose."""
+        return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
+
+    def slopes(self, touch: Touch) -> tuple[Array, Array]:
+        """Derivatives by the twist of the moving body: of the nodes' weights (m, 6), of depths (k, sub-points, 6)."""
+        corners, nodes = touch.corners, touch.nodes
+        slopes = self._slopes(nodes)[corners].reshape(-1, 12, 6)
+        by_depth = np.einsum("jr,kja->kra", hermite_functions(self.cells), slopes, optimize=True)
+        shared = np.einsum("cr,kra->kca", corner_shares(self.cells), touch.stiffness[..., None] * by_depth)
+        by_node = np.zeros((len(nodes.used), 6))
+        np.add.at(by_node, corners.ravel(), shared.reshape(-1, 6))
+        return by_node, by_depth
+
+    def _touch(self, R: Array, t: Array, distance: Array) -> Touch:
+        """With the distances (m,) of the nodes from the body."""
         p = self.patch
         diagonal = np.linalg.norm(p.tangents, axis=2).sum(axis=1).max()
         cells = np.flatnonzero((distance[p.corners] < TOUCH_MM + STEEPEST_FIELD * diagonal).any(axis=1))
         used, corners = np.unique(p.corners[cells], return_inverse=True)
         nodes, corners = self._nodes(R, t, used), corners.reshape(-1, 4)
-        depth, by_depth = ramp(nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells), WIDTH_MM)
+        found = nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells)
+        depth, by_depth = ramp(found, WIDTH_MM)
         cut = bool(((depth > 0.0) & (p.present[cells] > 0.0) & p.rim[cells, None]).any())
         force, stiffness = _pressures(self.law, depth)
         weights = np.zeros(len(used))
         np.add.at(weights, corners.ravel(), (force * p.present[cells] @ corner_shares(self.cells).T).ravel())
-        return _Touch(nodes, corners, stiffness * by_depth * p.present[cells], -p.loads[used].T @ weights, cut)
-
-    def _by_twist(self, touch: _Touch) -> Array:
-        """Derivatives (7, 6) of the total by the twist of the moving body."""
-        corners, nodes = touch.corners, touch.nodes
-        slopes = self._slopes(nodes)[corners].reshape(-1, 12, 6)
-        rates = np.einsum("kr,jr,kja->kra", touch.stiffness, hermite_functions(self.cells), slopes, optimize=True)
-        by_twist = np.zeros((len(nodes.used), 6))
-        shared = np.einsum("cr,kra->kca", corner_shares(self.cells), rates)
-        np.add.at(by_twist, corners.ravel(), shared.reshape(-1, 6))
-        return np.asarray(-self.patch.loads[nodes.used].T @ by_twist)
+        stiffness *= by_depth * p.present[cells]
+        return Touch(nodes, cells, corners, found, stiffness, weights, -p.loads[used].T @ weights, cut)
 
     def _nodes(self, R: Array, t: Array, used: np.ndarray) -> _Nodes:
         p = self.patch
@@ -182,13 +188,17 @@ class _Nodes:
 
 
 @dataclass(frozen=True)
-class _Touch:
-    """Cells that touch: corners (k, 4) among the nodes, d(force)/d(depth) (k, sub-points), the total of the loads
-    (7,), and whether the rim is reached."""
+class Touch:
+    """Cells (k,) that touch: corners (k, 4) among the nodes, depths as interpolated and d(force)/d(depth) at their
+    sub-points (k, sub-points), weights (m,) of the nodes' loads, these loads' total (7,), and whether the rim is
+    reached."""
 
     nodes: _Nodes
+    cells: np.ndarray
     corners: np.ndarray
+    depth: Array
     stiffness: Array
+    weights: Array
     total: Array
     cut: bool
 

@@ -11,7 +11,8 @@ import numpy as np
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import corner_shares, hermite_functions, share_products
-from casadi_contact.contact.cells.patches import CellPatch
+from casadi_contact.contact.cells.patches import BOXES, CellPatch
+from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
@@ -28,7 +29,6 @@ _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
 _NODE = np.dtype(
     [("c", float, 3), ("first", "f4", (3, 3)), ("unused", "f4"), ("bends", "f4", (2, 3)), ("loads", "f4", 10)]
 )
-_BOXES = 8  # together
 _CELL = np.dtype([("corners", "i4", 4), ("present", "i4"), ("rim", "i4")])
 _INCLUDED = f"""\
 #if defined(__wasm__)
@@ -68,7 +68,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
     sizes = {
-        "BOXES": _BOXES,
+        "BOXES": BOXES,
         "SUB_POINTS": len(functions),
         "ALONG_U": cells.along_u,
         "ALONG_V": cells.along_v,
@@ -88,6 +88,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
         "TOUCH": quadrature.TOUCH_MM,
         "FADE": patches[0].fade_n,
+        "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
         "BOW_REACH": BOW_REACH_MM,
     }
@@ -147,8 +148,8 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     whole = np.zeros((1, patch.present.shape[1]))
     sizes = np.diff(patch.blocks)
     groups = _groups(patch)
-    place = np.arange(len(patch.corners)) + np.repeat(_BOXES * groups[:-1] - patch.blocks[:-1], sizes)
-    cells = np.zeros(_BOXES * groups[-1], _CELL)
+    place = np.arange(len(patch.corners)) + np.repeat(BOXES * groups[:-1] - patch.blocks[:-1], sizes)
+    cells = np.zeros(BOXES * groups[-1], _CELL)
     cells["corners"][place], cells["rim"][place] = patch.corners, patch.rim
     cells["present"][place] = np.where((patch.present == 1.0).all(axis=1), 0, kind.ravel() + 1)
     corners = np.concatenate([patch.c[:, None], patch.tangents], 1)[patch.corners].reshape(-1, 12, 3)
@@ -158,7 +159,7 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
         ("Node", nodes),
         ("Cell", cells),
         ("Boxes", _boxes([*points], place, len(cells))),
-        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // _BOXES) * _BOXES)),
+        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // BOXES) * BOXES)),
         ("Block", np.stack([groups[:-1], groups[1:]], 1).astype("i4")),
         ("unsigned char", patch.known.astype("u1")),
     )
@@ -169,12 +170,12 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
 
 
 def _groups(patch: CellPatch) -> np.ndarray:
-    """The first of the boxes of cells, `_BOXES` together, of each block (b + 1,)."""
-    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // _BOXES))])
+    """The first of the boxes of cells, `BOXES` together, of each block (b + 1,)."""
+    return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // BOXES))])
 
 
 def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> np.ndarray:
-    """Middle, two half sides, what lies beyond them, how far all of it reaches: of `count` boxes, `_BOXES` together.
+    """Middle, two half sides, what lies beyond them, how far all of it reaches: of `count` boxes, `BOXES` together.
 
     Those at `place` are flat parallelograms about spans of points (m, 3), along their main directions; others are none.
     """
@@ -188,4 +189,4 @@ def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> np.ndarray:
         beyond = half[2] + _FACETED_MM
         sides = half[:2, None] * frame[:2]
         rows[k] = [*(0.5 * (low + high) @ frame), *sides.ravel(), beyond, np.hypot(*half[:2]) + beyond]
-    return rows.reshape(-1, _BOXES, 11).transpose(0, 2, 1).astype(np.float32)
+    return rows.reshape(-1, BOXES, 11).transpose(0, 2, 1).astype(np.float32)

@@ -3,7 +3,9 @@
 The bow M of a grid node q is the least with g(q) + ∇g(q)·δ - M|δ|²/2 <= g(q + δ) at all nodes q + δ near the surface or
 inside the body, within a reach. Where the left side exceeds the distance at which cells are looked at, nothing of the
 surface is there. Far tighter than a bound on second derivatives, which triangles make rough: only what lies between
-the node and the surface counts.
+the node and the surface counts. The grid is continued beyond its edge as the field is, and farther away the clearance
+tells: within it lies nothing near the body. Both are taken from the field as it is, so that they hold too where an open
+mesh makes it jump.
 """
 
 from __future__ import annotations
@@ -15,49 +17,59 @@ from casadi_contact.conventions import Array
 
 STRIDE = 2  # nodes of the field for one of these
 BOW_REACH_MM = 3.2
-_FAR_MM = 4.0  # beyond this, and deeper inside than the next, the steepest slope of g tells enough
+_FAR_MM = 5.0  # beyond this, and deeper inside than the next, the clearance tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
-_OUTSIDE_MM = 1e6  # what far nodes count as
+_NEAR_MM = 0.9  # what counts as near the body: a point that touches has such a node at its cell's corners
+_LEVEL_MM = 0.25  # of clearances that share a row
+_UNKNOWN = 1e6  # bow of nodes without a tangent
 _SPARE = 0.004  # [1/mm], for points between nodes
 _VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # of a cubic B-spline at the nodes
 
 
 def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows g, ∇g, M (n, 8) of nodes near the surface, in single precision, and the row of each node, at every `STRIDE`.
+    """Rows g, ∇g, M, clearance (n, 8) in single precision, and the row of each node, at every `STRIDE`.
 
-    Nodes far from the surface and at the edge of the grid share the first row outside of the body, the second inside.
+    Nodes far from the surface have the clearance alone, and share the rows of its levels.
     """
     g = _at_nodes(coefficients, (0, 0, 0))
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     reach = int(np.ceil(BOW_REACH_MM / spacing_mm)) + 1
+    field = _continued(g, reach, spacing_mm)
+    body = field[(slice(reach, -reach),) * 3] < _NEAR_MM
+    clearance = ndimage.distance_transform_edt(~body, sampling=spacing_mm) - np.sqrt(0.75) * spacing_mm
+    clearance = np.maximum(clearance, 0.0)
     known = np.zeros(g.shape, dtype=bool)
     known[::STRIDE, ::STRIDE, ::STRIDE] = True
-    for axis in range(3):
-        edges = np.moveaxis(known, axis, 0)
-        edges[:reach] = edges[-reach:] = False
     known &= (g > _DEEP_MM) & (g < _FAR_MM)
     nodes = np.flatnonzero(known)
+    places = np.ravel_multi_index(tuple(i + reach for i in np.nonzero(known)), field.shape)
     at, tangent = g.ravel()[nodes], np.stack([slope.ravel()[nodes] for slope in slopes], 1)
-    bow = np.zeros(len(nodes))
+    bow, strides = np.zeros(len(nodes)), np.array(field.strides) // field.itemsize
     steps = np.arange(-reach, reach + 1)
     for step in np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3):
         away = spacing_mm * step
         square = float(away @ away)
         if 0.0 < square <= (BOW_REACH_MM + spacing_mm) ** 2:
-            there = g.ravel()[nodes + np.ravel_multi_index(tuple(step + reach), g.shape) - _middle(reach, g.shape)]
+            there = field.ravel()[places + step @ strides]
             fall = 2.0 * (at + tangent @ away - there) / square
             bow = np.where(there < _SURFACE_MM, np.maximum(bow, fall), bow)
-    index = np.where(g > 0.0, 0, 1).astype(np.int32)
-    index.ravel()[nodes] = np.arange(2, 2 + len(nodes))
-    rows = np.zeros((2 + len(nodes), 8), dtype=np.float32)
-    rows[:2, 0] = _OUTSIDE_MM, -_OUTSIDE_MM
-    rows[2:, :5] = np.column_stack([at, tangent, bow + _SPARE])
+    levels, level = np.unique(np.floor(clearance / _LEVEL_MM).astype(np.int32), return_inverse=True)
+    index = level.reshape(g.shape).astype(np.int32)
+    index.ravel()[nodes] = np.arange(len(levels), len(levels) + len(nodes))
+    rows = np.zeros((len(levels) + len(nodes), 8), dtype=np.float32)
+    rows[: len(levels), 4], rows[: len(levels), 5] = _UNKNOWN, _LEVEL_MM * levels
+    rows[len(levels) :, :6] = np.column_stack([at, tangent, bow + _SPARE, clearance.ravel()[nodes]])
     return rows, np.ascontiguousarray(index[::STRIDE, ::STRIDE, ::STRIDE])
 
 
-def _middle(reach: int, shape: tuple[int, ...]) -> int:
-    return int(np.ravel_multi_index((reach,) * 3, shape))
+def _continued(g: Array, by: int, spacing_mm: float) -> Array:
+    """g at the nodes and `by` more to each side: there, as at the grid's outermost nodes, g is that of the nearest node
+    further in and the distance to it."""
+    outwards = [np.arange(-by, count + by) for count in g.shape]
+    beyond = [np.maximum(np.maximum(1 - i, i - (count - 2)), 0) for i, count in zip(outwards, g.shape, strict=True)]
+    square = sum(b.astype(float) ** 2 for b in np.ix_(*beyond))
+    return np.pad(g[1:-1, 1:-1, 1:-1], by + 1, mode="edge") + spacing_mm * np.sqrt(square)
 
 
 def _at_nodes(coefficients: Array, order: tuple[int, int, int]) -> Array:

@@ -78,34 +78,29 @@ class Model {
   }
 }
 
-/** The contact model, which has pressures as well; surfaces: of each patch, with places and areas (mm²). */
+/** The contact model, which has pressures as well; surfaces: of each patch, with places. */
 class ContactModel extends Model {
   constructor(exports, memory, loads, surfaces) {
     super(exports, memory, "contact", loads, surfaces.length);
     this.exports = exports;
-    this.surfaces = surfaces.map(({ places, areas, points }) => {
-      const offset = memory.place(places.length);
-      return { points, areas, places: offset, given: places, pressures: memory.place(areas.length) };
+    this.surfaces = surfaces.map(({ places, points }) => {
+      const [offset, count] = [memory.place(places.length), points.length / 3];
+      return { count, places: offset, given: places, pressures: memory.place(count) };
     });
-    this.outputs = exports.contact_pressures ? memory.place(PRESSURES * surfaces.length) : null;
+    this.outputs = memory.place(PRESSURES * surfaces.length);
     for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
   }
 
   /** Pressure [MPa] at the points of a patch. */
   pressures(pose, patch) {
-    const { places, areas, pressures } = this.surfaces[patch];
+    const { places, count, pressures } = this.surfaces[patch];
     this.set(pose);
-    this.exports.foundation_pressures(this.pose, patch, areas.length, places, pressures);
-    return this.memory.at(pressures, areas.length).slice();
+    this.exports.foundation_pressures(this.pose, patch, count, places, pressures);
+    return this.memory.at(pressures, count).slice();
   }
 
-  /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch: the
-   * model's own integrals where it has them, else sums over the points, with the pressures there. */
+  /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch. */
   contact(pose) {
-    return this.outputs ? this.integrals(pose) : this.surfaces.map((of, patch) => sums(of, this.pressures(pose, patch)));
-  }
-
-  integrals(pose) {
     this.set(pose);
     this.call("pressures", this.pose, this.outputs);
     return this.surfaces.map((_, patch) => {
@@ -113,20 +108,6 @@ class ContactModel extends Model {
       return { area, force: area * mean, peak, centre: mean > 0 ? centre : null };
     });
   }
-}
-
-function sums({ areas, points }, pressures) {
-  const found = { area: 0, force: 0, peak: 0, pressures };
-  const moment = [0, 0, 0];
-  pressures.forEach((pressure, i) => {
-    if (!(pressure > 0)) return;
-    const force = pressure * areas[i];
-    found.area += areas[i];
-    found.force += force;
-    found.peak = Math.max(found.peak, pressure);
-    for (let k = 0; k < 3; k++) moment[k] += force * points[3 * i + k];
-  });
-  return { ...found, centre: found.force > 0 ? moment.map((part) => part / found.force) : null };
 }
 
 /** The models of a page's module; surrogate is null where there is none. */

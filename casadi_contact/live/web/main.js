@@ -90,7 +90,7 @@ class Page {
 
   draw() {
     const { contacts } = this.state;
-    const pressures = contacts.map((contact, patch) => contact.pressures ?? this.models.contact.pressures(this.pose, patch));
+    const pressures = contacts.map((_, patch) => this.models.contact.pressures(this.pose, patch));
     const largest = Math.max(this.peak, ...contacts.map(({ peak }) => peak));
     if (this.bodies) {
       this.bodies.colour(pressures, largest);
@@ -179,7 +179,6 @@ async function begin() {
     ...triangles(name),
     coarse: arrays[`${name}_coarse`],
     places: arrays[`${name}_places`],
-    areas: arrays[`${name}_areas`],
   }));
   const models = await loadModels(arrays.kernel, {
     loads: content.loads.length,

@@ -1,0 +1,52 @@
+"""A deep cup of a mesh, with walls steeper than any single direction sees: closed forms of a ball in a cup."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import Cells
+from tests.shapes.test_mesh_refusals import scene_of
+from tests.support.meshes import ELASTIC, ball_mesh, shell_mesh
+
+POLE = np.array([0.36, 0.8, 0.48])
+ACROSS = np.array([0.8, -0.36, 0.0]) / np.hypot(0.8, 0.36)
+BALL_MM, CUP_MM = 16.0, 16.4
+DEPTHS = 0.55  # of the ball's centre from the cup's [mm]
+HALF_ANGLE_DEG = 120.0
+SIZE = Cells(1.5, 1.5, 4, 4)
+
+
+@pytest.fixture(scope="module")
+def deep_cup(tmp_path_factory):
+    """In a patch of elements and cells on rays from its middle."""
+    cup = shell_mesh(CUP_MM, 22.0, 1.5, np.deg2rad(HALF_ANGLE_DEG), POLE)
+    said = f"pressing = {POLE.tolist()}\ncup_centre = [0.0, 0.0, 0.0]"
+    return scene_of(tmp_path_factory.mktemp("cup"), ball_mesh(BALL_MM, 1.5), cup, said, grid=(60, 60))
+
+
+@pytest.fixture(scope="module")
+def closed_form():
+    """The force of the ball at the pole of a cup whose rim is far, along the displacement."""
+    layer = {key: value for key, value in ELASTIC.items() if key != "law"}
+    geometry = {"ball_radius": BALL_MM, "cup_radius": CUP_MM, "cup_half_angle_deg": 85.0, "cup_centre": [0.0] * 3}
+    scene = cc.load_scene("hip", cup_pole=POLE.tolist(), law="linear", **geometry, **layer)
+    return float(np.linalg.norm(cc.CupFoundation(scene, 32, compiled=False)([*DEPTHS * POLE, 0.0, 0.0, 0.0])[:3]))
+
+
+@pytest.mark.parametrize("make", [cc.ElasticFoundation, lambda s: cc.CellFoundation(s, SIZE, compiled=False)])
+@pytest.mark.parametrize("angle_deg", [0.0, 60.0])
+def test_a_ball_presses_the_wall_of_a_deep_cup_as_it_presses_its_pole(deep_cup, closed_form, make, angle_deg):
+    """At 60 degrees from the pole contact reaches from 17 to 103, beyond what rays along the pole meet."""
+    angle = np.deg2rad(angle_deg)
+    direction = np.cos(angle) * POLE + np.sin(angle) * ACROSS
+    model = make(deep_cup)
+    pose = np.array([*DEPTHS * direction, 0.1, -0.2, 0.3])
+    force, torque = model.wrenches(pose)[0].reshape(2, 3)
+    np.testing.assert_allclose(force, closed_form * direction, atol=1e-2 * closed_form)
+    assert np.linalg.norm(torque) < 0.08 * closed_form  # it passes the cup's middle by less than 0.08 mm
+    assert not model.at_edge(pose)[0]
+
+
+def test_contact_that_reaches_the_rim_of_a_deep_cup_is_said_to(deep_cup):
+    towards_rim = np.cos(2.0) * POLE + np.sin(2.0) * ACROSS
+    assert cc.ElasticFoundation(deep_cup).at_edge([*DEPTHS * towards_rim, 0.0, 0.0, 0.0])[0]

@@ -1,0 +1,48 @@
+"""Projections of surfaces onto a plane: their derivatives, and that areas are what they say."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.geometry.mesh import checked_mesh
+from casadi_contact.geometry.projection import CentralProjection, ParallelProjection, grid_frame, projection_of
+from tests.support.meshes import sheet_mesh, shell_mesh
+
+FRAME = grid_frame([0.3, 0.8, 0.2])
+CENTRE = np.array([1.0, 2.0, 3.0])
+PROJECTIONS = [ParallelProjection(FRAME), CentralProjection(FRAME, CENTRE, 16.0)]
+STEP_MM = 1e-5
+
+
+@pytest.fixture
+def places():
+    """To 130 degrees from the pole of a cup of 16 mm."""
+    return np.random.default_rng(0).uniform(-20.0, 20.0, (2, 40))
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+def test_slopes_and_bends_of_lines_are_their_derivatives(projection, places):
+    lines = projection.lines(*places)
+    np.testing.assert_allclose(np.linalg.norm(lines.ups, axis=1), 1.0, atol=1e-12)
+    for axis in range(2):
+        step = STEP_MM * np.eye(2)[axis][:, None]
+        ahead, behind = projection.lines(*(places + step)), projection.lines(*(places - step))
+        for value, slope in (("starts", lines.start_slopes), ("ups", lines.up_slopes), ("up_slopes", lines.up_bends)):
+            difference = (getattr(ahead, value) - getattr(behind, value)) / (2.0 * STEP_MM)
+            np.testing.assert_allclose(slope[:, axis], difference, atol=1e-9)
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+def test_the_area_across_the_lines_is_the_plane_s_times_the_spread(projection, places):
+    lines = projection.lines(*places)
+    h = np.random.default_rng(1).uniform(-30.0, -5.0, len(lines.ups))
+    along_u, along_v = np.moveaxis(lines.start_slopes + h[:, None, None] * lines.up_slopes, 1, 0)
+    across = np.einsum("nk,nk->n", np.cross(along_v, along_u), lines.ups)
+    np.testing.assert_allclose(across, projection.spread(h), rtol=1e-9)
+
+
+def test_the_middle_of_a_cup_is_seen_from_its_inside():
+    cup = checked_mesh("cup", *shell_mesh(16.4, 22.0, 3.0, 1.2, [0.0, 1.0, 0.0]))
+    assert projection_of([0.0, 1.0, 0.0], [0.0, 0.0, 0.0], cup).radius_mm == pytest.approx(16.4, abs=1e-6)
+    plate = checked_mesh("plate", *sheet_mesh(14.0, 2.0))
+    with pytest.raises(ValueError, match=r"plate: none of it faces geometry\.cup_centre = \[0\.0, -30\.0, 0\.0\]"):
+        projection_of([0.0, -1.0, 0.0], [0.0, -30.0, 0.0], plate)
