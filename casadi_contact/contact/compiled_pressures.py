@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from casadi_contact.contact.compiled import BOTH, CompiledFoundation, by_pose
 from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure_outputs import MOMENTS, PressureOutputs
 from casadi_contact.conventions import Array, rotation
+from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.source import c_text
 
@@ -36,6 +39,12 @@ class CompiledPressures(CompiledFoundation, PressureOutputs):
         values, slopes = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._pressure_library, "foundation_moments", poses, values, slopes)
         return values, slopes
+
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""
+        model = super().exported(loads)
+        source = "\n".join([model.source, self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)])
+        return replace(model, source=source, pressure_names=self.pressure_names)
 
     @cached_property
     def _pressure_library(self) -> Path | None:

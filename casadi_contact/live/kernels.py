@@ -13,11 +13,7 @@ from casadi_contact.transcription.kernel.source import c_text
 
 CONTACT, SURROGATE = "contact", "surrogate"
 _FUNCTIONS = ("loads", "jacobian", "roots", "trust")
-_PRESSURES = (  # of each kind of model: depths at points, and its integrals of pressure
-    (PolarFoundation, ("polar_depths.h", "depths.h", "polar_pressures.h", "pressures.h")),
-    (CupFoundation, ("cup_depths.h", "depths.h", "cup_pressures.h", "pressures.h")),
-    (CellFoundation, ("cells_depths.h", "depths.h", "cells_pressures.h", "pressures.h")),
-)
+_DEPTHS = ((PolarFoundation, "polar_depths.h"), (CupFoundation, "cup_depths.h"), (CellFoundation, "cells_depths.h"))
 
 
 def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> bytes:
@@ -28,9 +24,10 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
     exported = contact.exported()
     files: dict[str, str | bytes] = _files(exported, CONTACT)
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
-    more = next(texts for kind, texts in _PRESSURES if isinstance(contact, kind))
-    names += ["foundation_pressures", "foundation_pressure", "foundation_moments"]
-    files[f"{CONTACT}.c"] = "\n".join([exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in more)])
+    depths = next(name for kind, name in _DEPTHS if isinstance(contact, kind))
+    names += [f"{CONTACT}_pressures", "foundation_pressures"]
+    texts = [exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in (depths, "depths.h"))]
+    files[f"{CONTACT}.c"] = "\n".join(texts)
     if exported.data:
         files[DATA_FILE] = exported.data
     if surrogate is not None:

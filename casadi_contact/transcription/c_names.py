@@ -16,9 +16,11 @@ def identifier(name: str) -> str:
 
 
 def comment_text(text: str) -> str:
-    """The text with _ for every character that could end a comment or hide its end.
+    """The text in ASCII: x for ×, and _ for every character that could end a comment or hide its end.
 
     >>> comment_text("knee **" + "// exit(1);")
     'knee __// exit(1);'
+    >>> comment_text("16 rays × 3 points")
+    '16 rays x 3 points'
     """
-    return _NOT_FOR_COMMENTS.sub("_", text)
+    return _NOT_FOR_COMMENTS.sub("_", text.replace("×", "x"))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
+from textwrap import fill
 
 import numpy as np
 
@@ -26,7 +27,8 @@ class ExportedModel:
 
     source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
     are roots; trust_at where it is trusted; outside(pose, parts), which is 1 where the pose is not one that the model
-    is made for. made_for says in words when it is. vectors: source needs the vectors of GCC and clang. data: what
+    is made for. made_for says in words when it is. pressure_names: where there are any, source defines
+    pressures_at(pose, pressures) for them. vectors: source needs the vectors of GCC and clang. data: what
     the source includes as the file DATA_FILE of the folder in which it is compiled.
     """
 
@@ -40,6 +42,7 @@ class ExportedModel:
     description: str
     vectors: bool = False
     data: bytes = b""
+    pressure_names: Sequence[str] = ()
 
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
@@ -60,8 +63,8 @@ class ExportedModel:
     def words(self, name: str) -> dict[str, object]:
         """What the templates ask for; raises ValueError for a name that C or CasADi refuses."""
         check_name(name)
-        loads = [identifier(load) for load in self.load_names]
-        units = [quantity(load).kind.plain_unit for load in loads]
+        loads, units = _with_units(self.load_names)
+        pressures, pressure_units = _with_units(self.pressure_names)
         patches = [identifier(patch) for patch in self.patch_names]
         return {
             "name": name,
@@ -76,7 +79,7 @@ class ExportedModel:
             "warnings": "-Wall -Wextra -Wno-psabi" if self.vectors else "-Wall -Wextra -pedantic",
             "version": version("casadi_contact"),
             "pose": ", ".join(f"{n} [{unit}]" for n, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)),
-            "loads": ", ".join(f"{load} [{unit}]" for load, unit in zip(loads, units, strict=True)),
+            "loads": _listed(loads, units),
             "units": ", ".join(units),
             "patches": ", ".join(patches),
             "reference_load": f"{self.reference_load:g}",
@@ -86,7 +89,27 @@ class ExportedModel:
             "names": _quoted(loads),
             "unit_names": _quoted(units),
             "patch_names": _quoted(patches),
+            "pressures": _pressures(pressures, pressure_units),
+            "pressure_count": len(pressures),
+            "pressure_names": _quoted(pressures),
+            "pressure_unit_names": _quoted(pressure_units),
         }
+
+
+def _with_units(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    return [identifier(name) for name in names], [quantity(name).kind.plain_unit for name in names]
+
+
+def _listed(names: Sequence[str], units: Sequence[str]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
+
+
+def _pressures(names: Sequence[str], units: Sequence[str]) -> str:
+    """What the header's comment says of them."""
+    if not names:
+        return "none: this model has no integrals of pressure"
+    text = f"{_listed(names, units)}; out of contact zero, and the centre of pressure (cop) NaN"
+    return fill(text, 108, subsequent_indent=" *           ")
 
 
 def _quoted(names: Sequence[str]) -> str:
@@ -99,7 +122,7 @@ def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pos
     Returns their paths in folder.
 
     C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
-    each with a status; also loadable by casadi.external.
+    each with a status, and pressures where the model has them; also loadable by casadi.external.
     Raises ValueError for an unusable name, OSError where folder cannot be written.
     """
     words = model.words(name)

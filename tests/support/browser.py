@@ -15,15 +15,18 @@ def _executable():
 
 
 @contextmanager
-def opened(path):
-    """A tab with the page at `path` and what it complained of; skips without Chromium or playwright."""
+def opened(path, *flags):
+    """A tab with the page at `path` and what it complained of, in a browser with more flags.
+
+    Skips without Chromium or playwright.
+    """
     api = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install casadi_contact[test]")
     executable = _executable()
     if executable is None:
         pytest.skip("no Chromium on the path")
     with api.sync_playwright() as playwright:
         # As it draws by itself without a graphics card: WebGL by SwiftShader, all else by the processor.
-        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader"]
+        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader", *flags]
         browser = playwright.chromium.launch(executable_path=executable, args=arguments)
         tab = browser.new_page(viewport={"width": 1280, "height": 800})
         tab.set_default_timeout(1000.0 * _PATIENCE_S)

@@ -1,6 +1,7 @@
 """Every function of an exported model gives Python's numbers, and a status that says whether the pose was learned."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 
@@ -9,6 +10,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.quantities import quantity
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
@@ -104,6 +106,8 @@ def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_
         assert unknown.all_of(pose)[0] == OK
         assert np.isnan(unknown.all_of(pose)[-1]).all()
     assert "within its sampled range" in ranged.header
+    assert "pressures none" in ranged.header
+    assert not hasattr(ranged.library, "joint_pressures")
     assert "never calibrated" in unknown.header
 
 
@@ -121,9 +125,28 @@ def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_be
         close(number, want, 8)
     assert np.isnan(validity)
     assert np.isnan(errors).all()
+    assert_pressures_are_python_s(exported, model, [pressed, pressed + 0.05 * away, pressed + 20.0 * away])
     weights = np.ones(len(model.load_names))
     close(exported("hessian", pressed, weights, (6, 6))[2], model.hessian(pressed, weights), 8)
     assert exported.all_of(pressed - 10.0 * away)[0] == OUTSIDE
     if scene == "knee":
+        assert re.search(r"\d+ rays x \d points", exported.header)
         metres = [0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3]
         assert exported.all_of(metres)[0] == OUTSIDE, "the surfaces have passed through each other"
+
+
+def assert_pressures_are_python_s(exported, model, poses):
+    """Pressures of poses, the last of them out of contact."""
+    count = len(model.pressure_names)
+    listed = " ".join(exported.header.replace("*", "").split())
+    assert ", ".join(f"{name} [{quantity(name).kind.plain_unit}]" for name in model.pressure_names) in listed
+    for pose in poses:
+        status, found = exported("pressures", pose, (count,))
+        assert status == OK
+        np.testing.assert_allclose(found, model.pressures(pose)[0], rtol=1e-12, atol=1e-12)  # symmetry gives zeros
+    centres = np.array(["cop" in name for name in model.pressure_names])
+    assert np.isnan(found[centres]).all()
+    assert not found[~centres].any()
+    status, found = exported("pressures", [0.0, np.inf, 0.0, 0.0, 0.0, 0.0], (count,))
+    assert status == NOT_FINITE
+    assert np.isnan(found).all()

@@ -10,6 +10,3 @@ EXPORT void foundation_pressures(const double *pose, int patch, int n, const dou
     for (int l = 0; l < BLOCK && i + l < n; l++) pressures[i + l] = depth[l];
   }
 }
-
-/* Pressure [MPa] at one depth [mm]. */
-EXPORT double foundation_pressure(double depth) { return pressure_at(all(depth))[0]; }

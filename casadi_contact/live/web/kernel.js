@@ -1,6 +1,7 @@
 /** The contact models in WebAssembly. Poses are (tx, ty, tz [mm], rx, ry, rz [rad]); loads in N and N·mm. */
 
 const DOUBLE = 8;
+const PRESSURES = 7; // of a patch: area, mean, peak, centre of pressure (3), penetration
 
 /** Memory of a module from its heap's base on, handed out once. */
 class Memory {
@@ -86,7 +87,7 @@ class ContactModel extends Model {
       const [offset, count] = [memory.place(places.length), points.length / 3];
       return { count, places: offset, given: places, pressures: memory.place(count) };
     });
-    this.moments = [memory.place(6 * surfaces.length), memory.place(36 * surfaces.length)];
+    this.outputs = memory.place(PRESSURES * surfaces.length);
     for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
   }
 
@@ -100,20 +101,11 @@ class ContactModel extends Model {
 
   /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch. */
   contact(pose) {
-    return this.integrals(pose).map(({ area, force, peak, moment }) => ({
-      area,
-      force,
-      peak,
-      centre: force > 0 ? Array.from(moment, (part) => part / force) : null,
-    }));
-  }
-
-  integrals(pose) {
     this.set(pose);
-    this.exports.foundation_moments(1n, this.pose, ...this.moments);
+    this.call("pressures", this.pose, this.outputs);
     return this.surfaces.map((_, patch) => {
-      const [area, force, x, y, z, depth] = this.memory.at(this.moments[0] + 6 * DOUBLE * patch, 6);
-      return { area, force, moment: [x, y, z], peak: this.exports.foundation_pressure(depth) };
+      const [area, mean, peak, ...centre] = this.memory.at(this.outputs + PRESSURES * DOUBLE * patch, 6);
+      return { area, force: area * mean, peak, centre: mean > 0 ? centre : null };
     });
   }
 }

@@ -58,6 +58,7 @@ class Page {
     this.trail = content.patches.map((_, patch) => this.frames.map(({ contacts }) => contacts[patch].centre));
     this.peak = Math.max(1, ...this.frames.flatMap(({ contacts }) => contacts.map(({ peak: of }) => of)));
     this.bodies = bodiesOn(byId("scene"), content, surfaces, behind, moving);
+    if (!this.bodies) byId("scene").parentElement.append(trouble("The bodies are not drawn: got no WebGL 2, expected a browser that allows it; the numbers hold all the same, and another browser, or hardware acceleration in this one's settings, draws them."));
     this.map = new PressureMap(byId("map"), content, surfaces);
     this.section = new Section(byId("section"), content, surfaces, behind, moving);
     const curves = content.sensitive.map((name) => {
@@ -150,6 +151,21 @@ class Page {
   }
 }
 
+/** A paragraph that says what is wrong. */
+function trouble(text) {
+  const paragraph = Object.assign(document.createElement("p"), { className: "trouble", textContent: text });
+  paragraph.setAttribute("role", "alert");
+  return paragraph;
+}
+
+/** In place of controls that would do nothing. */
+function giveUp(error) {
+  console.error(error);
+  document.querySelector("main").replaceWith(trouble(`Nothing can be computed here: got “${error}”, expected an undamaged file in a browser with WebAssembly and its vectors (SIMD); open it in a current Chrome, Edge, Firefox or Safari, or write it anew by casadi-contact page.`));
+  byId("cycle").remove();
+  document.body.inert = false;
+}
+
 async function begin() {
   const arrays = await unpack(content.arrays, byId("arrays").textContent);
   const library = new TextDecoder().decode(arrays.library);
@@ -175,4 +191,4 @@ async function begin() {
 
 const content = JSON.parse(byId("content").textContent);
 const page = new Page(content);
-requestAnimationFrame(() => setTimeout(begin)); // the page is seen before it computes
+requestAnimationFrame(() => setTimeout(() => begin().catch(giveUp))); // the page is seen before it computes

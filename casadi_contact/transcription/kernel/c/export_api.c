@@ -50,6 +50,18 @@ int ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double j
   return status;
 }
 
+#if ${guard}_PRESSURES
+const char *const ${name}_pressure_names[${guard}_PRESSURES] = {$pressure_names};
+const char *const ${name}_pressure_units[${guard}_PRESSURES] = {$pressure_unit_names};
+
+int ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]) {
+  double loads[${guard}_LOADS];
+  if (finite_pose(pose)) pressures_at(pose, pressures);
+  else fill_nan(${guard}_PRESSURES, pressures);
+  return ${name}_loads(pose, loads);
+}
+#endif
+
 int ${name}_trust(const double pose[6], double *validity, double expected_error[${guard}_LOADS]) {
   double loads[${guard}_LOADS], parts[ROOTS + 1] = {0};
   guarded_value(pose, loads, parts);

@@ -10,6 +10,7 @@
  *           out of contact$no_roots
  * validity  [-] 1 well inside what was learned, 0 far outside; expected_error [the loads' units]: 95 % of errors lie
  *           below it$no_trust
+ * pressures $pressures
  *
  * Every function returns a status: $guard_OK;
  * $guard_OUTSIDE, where the pose is not one that this model is made for ($learned): the
@@ -25,6 +26,7 @@ extern "C" {
 #define ${guard}_POSE 6
 #define ${guard}_LOADS $count
 #define ${guard}_PATCHES $patch_count
+#define ${guard}_PRESSURES $pressure_count
 
 enum { ${guard}_OK, ${guard}_OUTSIDE, ${guard}_NOT_FINITE };
 
@@ -46,6 +48,14 @@ int ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double j
 
 /* validity [-] and expected_error [$units] */
 int ${name}_trust(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
+
+#if ${guard}_PRESSURES
+extern const char *const ${name}_pressure_names[${guard}_PRESSURES];
+extern const char *const ${name}_pressure_units[${guard}_PRESSURES];
+
+/* pressures as listed above, of pose [mm, mm, mm, rad, rad, rad] */
+int ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]);
+#endif
 
 #ifdef __cplusplus
 }

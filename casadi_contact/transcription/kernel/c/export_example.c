@@ -36,6 +36,13 @@ static int demo(const double pose[6]) {
     if (expected_error[i] == expected_error[i]) printf(" (expected error %.2g)", expected_error[i]);
     printf("\n");
   }
+#if ${guard}_PRESSURES
+  double pressures[${guard}_PRESSURES];
+  ${name}_pressures(pose, pressures);
+  for (int i = 0; i < ${guard}_PRESSURES; i++) {
+    printf("%-19s %14.6f %s\n", ${name}_pressure_names[i], pressures[i], ${name}_pressure_units[i]);
+  }
+#endif
   return told(status);
 }
 
