@@ -159,9 +159,9 @@ def surrogates_made(project: Project) -> dict[str, Surrogate]:
 
 
 def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
-    """The surrogates of this very scene that come with the library, by structure."""
-    ready = map(load_surrogate, ready_surrogates())
-    return {surrogate.structure: surrogate for surrogate in ready if surrogate.scene.digest == scene.digest}
+    """The surrogates of this very scene that come with the library, by name."""
+    ready = ((name, load_surrogate(name)) for name in ready_surrogates())
+    return {name: surrogate for name, surrogate in ready if surrogate.scene.digest == scene.digest}
 
 
 def shipped_surrogate(scene: Scene) -> Surrogate | None:
@@ -171,12 +171,12 @@ def shipped_surrogate(scene: Scene) -> Surrogate | None:
 
 
 def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
-    """The project's surrogates, or the shipped ones of its scene where nothing has been built (`Project.begun`).
+    """The project's surrogates by structure, or its scene's shipped ones where nothing was built (`Project.begun`).
 
     Raises FileNotFoundError if there are neither.
     """
-    shipped = {} if project.begun else shipped_surrogates(project.scene)
-    return shipped or project_surrogates(project)
+    shipped = () if project.begun else shipped_surrogates(project.scene).values()
+    return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
 
 
 def motion_at_hand(project: Project) -> ReferenceMotion:

@@ -16,11 +16,11 @@ from casadi_contact.benchmark.front_file import SIZE
 from casadi_contact.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.benchmark.timing import time_batch, time_mapped, time_single_calls
-from casadi_contact.contact import ElasticFoundation, SymbolicContact, foundation, foundation_ladder
+from casadi_contact.contact import ElasticFoundation, SymbolicContact, foundation_ladder
 from casadi_contact.conventions import Array
-from casadi_contact.project import Project, project_surrogates, read_motion
+from casadi_contact.project import Project, project_surrogates, read_motion, shipped_surrogates
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, TwoStageSurrogate, load_surrogate, ready_surrogates
+from casadi_contact.structures import Surrogate, TwoStageSurrogate, load_surrogate
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
@@ -35,16 +35,13 @@ def untrained_candidates(
     yield from (candidate for candidate in _element_candidates(scene) if names is None or candidate.name in names)
     if names is not None and not any(name.startswith(FOUNDATION_FAMILY) for name in names):
         return
-    made: set[str] = set()
-    for make in (partial(foundation_ladder, scene), lambda: iter([foundation(scene)])):
-        try:
-            for model in make():
-                name = f"{FOUNDATION_FAMILY} {model.resolution}"
-                if name not in made and (names is None or name in names):
-                    made.add(name)
-                    yield _symbolic_candidate(name, FOUNDATION_FAMILY, model, loads)
-        except ValueError as error:  # of a shape without one, or where none is good enough
-            yield Candidate(FOUNDATION_FAMILY, FOUNDATION_FAMILY, None, failure=" ".join(str(error).split()))
+    try:
+        for model in foundation_ladder(scene):
+            name = f"{FOUNDATION_FAMILY} {model.resolution}"
+            if names is None or name in names:
+                yield _symbolic_candidate(name, FOUNDATION_FAMILY, model, loads)
+    except ValueError as error:  # of a shape without one, or where none is good enough
+        yield Candidate(FOUNDATION_FAMILY, FOUNDATION_FAMILY, None, failure=" ".join(str(error).split()))
 
 
 def _element_candidates(scene: Scene) -> Iterator[Candidate]:
@@ -108,10 +105,8 @@ def _batch_stopwatch(model: SymbolicContact, loads: Sequence[str] | None, *, com
 
 def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]:
     """Name on the chart, sweep, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
-    for name in ready_surrogates():
-        shipped = load_surrogate(name)
-        if shipped.scene.digest == project.scene.digest:
-            yield name, SIZE, shipped
+    for name, shipped in shipped_surrogates(project.scene).items():
+        yield name, SIZE, shipped
     for structure, surrogate in project_surrogates(project).items():
         yield own_name(project, structure), SIZE, surrogate
     for sized in chart_surrogates(project.preset.chart, project.scene):

@@ -15,10 +15,9 @@ from casadi_contact.benchmark.front_file import Front, read_front, write_front
 from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.project import reference_motion_cycles
+from casadi_contact.project import reference_motion_cycles, shipped_surrogates
 from casadi_contact.sampling import SamplingSettings, reference_motion
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.structures import load_surrogate, ready_surrogates
 
 _FOLDER = Path(__file__).with_name("ready")
 
@@ -41,10 +40,8 @@ def measured_front(scene: Scene) -> Front:
 
 def _candidates(scene: Scene) -> Iterator[Candidate]:
     yield from untrained_candidates(scene)
-    for name in ready_surrogates():
-        surrogate = load_surrogate(name)
-        if surrogate.scene.digest == scene.digest:
-            yield from surrogate_candidates(name, surrogate, graph=True)
+    for name, surrogate in shipped_surrogates(scene).items():
+        yield from surrogate_candidates(name, surrogate, graph=True)
 
 
 def main(scene: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -62,16 +62,22 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
 
 
 def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
-    """Foundations of a scene from coarse to fine, to compare with the one that `foundation` takes.
-
-    None for a shape that has none.
-    """
+    """Foundations of a scene from coarse to fine, and the one that `foundation` takes if it is none of them; raises
+    ValueError as that does, after the others."""
+    ladder: Iterable[CompiledFoundation] = ()
     if scene.shape == CUP_SHAPE:
-        yield from (CupFoundation(scene, points) for points in CUP_POINTS[::2])
+        ladder = (CupFoundation(scene, points) for points in CUP_POINTS[::2])
     elif scene.shape in POLAR_SHAPES:
-        yield from (PolarFoundation(scene, rays) for rays in POLAR_RAYS[::2])
+        ladder = (PolarFoundation(scene, rays) for rays in POLAR_RAYS[::2])
     elif scene.shape in CELL_SHAPES:
-        yield from (CellFoundation(scene, square_cells(size_mm)) for size_mm in CELL_SIZES_MM[::2])
+        ladder = (CellFoundation(scene, square_cells(size_mm)) for size_mm in CELL_SIZES_MM[::2])
+    shown = set()
+    for model in ladder:
+        shown.add(model.resolution)
+        yield model
+    chosen = foundation(scene)
+    if chosen.resolution not in shown:
+        yield chosen
 
 
 def _as_recorded(scene: Scene, record: Mapping[str, Any], *, compiled: bool) -> CompiledFoundation:

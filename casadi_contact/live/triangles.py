@@ -49,14 +49,6 @@ class Triangles:
         return cls(np.concatenate(points), np.concatenate(normals), np.concatenate(corners))
 
     @property
-    def point_areas_mm2(self) -> Array:
-        """Areas (m,) that the points stand for: a third of every triangle around."""
-        a, b, c = np.moveaxis(self.points_mm[self.corners], 1, 0)
-        areas = np.zeros(len(self.points_mm))
-        np.add.at(areas, self.corners.ravel(), np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0, 3))
-        return areas
-
-    @property
     def rim(self) -> np.ndarray:
         """Edges (e, 2) that belong to one triangle alone."""
         edges = np.concatenate([self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
@@ -26,11 +26,10 @@ from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicCont
 from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
 from casadi_contact.machine import machine_record
-from casadi_contact.project import reference_motion_cycles
+from casadi_contact.project import reference_motion_cycles, shipped_surrogates
 from casadi_contact.report.figure import save
 from casadi_contact.report.scatter import draw_speed_accuracy
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.structures import load_surrogate, ready_surrogates
 from problems.common.command import RESULTS, new_app, run_command
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.solve import solve
@@ -46,21 +45,21 @@ def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
     coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails.
     """
     grid = converged_elements(scene)
-    truth, frames = ElasticFoundation(scene, grid), len(cycle.time_s)
+    truth = ElasticFoundation(scene, grid)
     points: dict[str, Point] = {}
     measurements: dict[str, Callable[[], float]] = {}
     with one_thread():
         for candidate in _candidates(scene):
             points[candidate.name] = point = _point(candidate, cycle, truth)
             if candidate.model is not None and not point.failure:
-                measurements[candidate.name] = partial(_seconds_a_frame, _symbolic(candidate), cycle, frames)
+                measurements[candidate.name] = partial(_seconds_a_frame, _symbolic(candidate), cycle)
         timings = compare(measurements, repeats)
     header = {
         "scene": scene.name,
         "scene_digest": scene.digest,
         "loads": " ".join(scene.load_names),
         "cycle": cycle.name,
-        "frames": str(frames),
+        "frames": str(len(cycle.time_s)),
         "reference": f"EF {grid_text(grid)}",
         "threads": "1",
         **machine_record(),
@@ -68,7 +67,7 @@ def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
     return Front(header, tuple(replace(point, value=timings.get(name)) for name, point in points.items()))
 
 
-def draw(front: Front) -> object:
+def draw(front: Front) -> Any:
     """Time a frame against errors in force and torque."""
     header = front.header
     measured = f"{header['frames']} frames of {header['cycle']}, loads at the poses found against {header['reference']}"
@@ -78,10 +77,8 @@ def draw(front: Front) -> object:
 def _candidates(scene: Scene) -> Iterator[Candidate]:
     grids = (None, scene.grids["coarse"], scene.grids["fine"])
     yield from (each for each in untrained_candidates(scene) if getattr(each.model, "grid", None) in grids)
-    for name in ready_surrogates():
-        surrogate = load_surrogate(name)
-        if surrogate.scene.digest == scene.digest:
-            yield from surrogate_candidates(name, surrogate)
+    for name, surrogate in shipped_surrogates(scene).items():
+        yield from surrogate_candidates(name, surrogate)
 
 
 def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Point:
@@ -102,10 +99,10 @@ def _symbolic(candidate: Candidate) -> SymbolicContact:
     return symbolic(cast(ContactModel, candidate.model))
 
 
-def _seconds_a_frame(model: SymbolicContact, cycle: Cycle, frames: int) -> float:
+def _seconds_a_frame(model: SymbolicContact, cycle: Cycle) -> float:
     began = time.perf_counter()
     solve(build(model, cycle, compiled=True))
-    return (time.perf_counter() - began) / frames
+    return (time.perf_counter() - began) / len(cycle.time_s)
 
 
 @app.command()

@@ -21,6 +21,7 @@ from casadi_contact.motion.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, until
 from tests.support.shared_data import shared_file
+from tests.support.triangle_areas import point_areas_mm2
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 
@@ -171,7 +172,7 @@ def test_forces_on_the_drawn_points_add_up_to_the_patch_s_load(live):
     pose = np.array(POSES[live.contact.scene.name][0])
     for p, surface in enumerate(fixed_surfaces(live.contact)):
         (found,) = live.of_poses(f"Array.from(m.contact.pressures(pose, {p}))", [pose])
-        force = -(found * surface.triangles.point_areas_mm2) @ surface.triangles.normals
+        force = -(found * point_areas_mm2(surface.triangles)) @ surface.triangles.normals
         wanted = live.contact.wrenches(pose)[p, :3]
         assert np.linalg.norm(force - wanted) < 0.02 * np.linalg.norm(wanted)
 

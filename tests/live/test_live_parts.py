@@ -18,11 +18,7 @@ from casadi_contact.live.fixed_surface import fixed_surfaces
 from casadi_contact.live.joint_page import joint_page, page_script
 from casadi_contact.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
 from casadi_contact.live.triangles import Triangles
-
-
-def areas(triangles):
-    a, b, c = np.moveaxis(triangles.points_mm[triangles.corners], 1, 0)
-    return 0.5 * np.cross(b - a, c - a)
+from tests.support.triangle_areas import area_vectors_mm2
 
 
 def square(step=1.0):
@@ -31,15 +27,15 @@ def square(step=1.0):
 
 
 def test_triangles_face_the_way_their_normals_do():
-    np.testing.assert_allclose(areas(square()).sum(axis=0), [0.0, 12.0, 0.0])
+    np.testing.assert_allclose(area_vectors_mm2(square()).sum(axis=0), [0.0, 12.0, 0.0])
 
 
 def test_a_surface_with_what_lies_behind_it_is_a_closed_body():
     """Area vectors of a closed body add up to nothing, and its volume is area × thickness."""
     body = Triangles.together([square(), square().behind(3.0)])
-    np.testing.assert_allclose(areas(body).sum(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(area_vectors_mm2(body).sum(axis=0), 0.0, atol=1e-12)
     middles = body.points_mm[body.corners].mean(axis=1)
-    assert np.einsum("ij,ij->", middles, areas(body)) / 3.0 == pytest.approx(36.0)
+    assert np.einsum("ij,ij->", middles, area_vectors_mm2(body)) / 3.0 == pytest.approx(36.0)
 
 
 @pytest.mark.parametrize(
@@ -72,10 +68,9 @@ def test_a_mesh_is_drawn_with_fewer_triangles_that_lie_on_its_surface():
 def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
     model = cc.foundation(scene)
     for surface, elements in zip(fixed_surfaces(model), model.scene.elements((60, 60)), strict=True):
-        size = np.linalg.norm(areas(surface.triangles), axis=1).sum()
+        size = np.linalg.norm(area_vectors_mm2(surface.triangles), axis=1).sum()
         assert size == pytest.approx(elements.areas_mm2.sum(), rel=0.01)
-        assert surface.triangles.point_areas_mm2.sum() == pytest.approx(size)
-        assert np.linalg.norm(areas(surface.coarse), axis=1).sum() == pytest.approx(size, rel=0.01)
+        assert np.linalg.norm(area_vectors_mm2(surface.coarse), axis=1).sum() == pytest.approx(size, rel=0.01)
 
 
 def test_packed_arrays_are_the_same_bytes_every_time_and_lie_where_the_index_says():

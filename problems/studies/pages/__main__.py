@@ -14,8 +14,11 @@ from typing import Annotated
 
 import typer
 
+from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.files import replacing, writable_folder
+from casadi_contact.report.figure import save_page
 from problems.common.command import new_app, run_command
+from problems.studies import solve_time
 from problems.studies.pages.headline import headline, write_headline
 from problems.studies.pages.problems import muscle_contact_page, pose_estimation_page, stability_page
 from problems.studies.pages.surrogates import (
@@ -70,6 +73,8 @@ def run(
     for name in ("speed_accuracy.csv", "sizes.csv"):
         if (data / name).is_file():
             draw_speed_accuracy(data / name, out)
+    if (data / "solve_time.csv").is_file():
+        save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:
         write_headline(readme, headline(data))
         print(f"numbers in {readme}")
