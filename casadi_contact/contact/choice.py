@@ -8,8 +8,7 @@ from typing import Any
 
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import CELL_SHAPES
-from casadi_contact.contact.cells.choice import SIZES_MM as CELL_SIZES_MM
-from casadi_contact.contact.cells.choice import cell_foundation, square_cells
+from casadi_contact.contact.cells.choice import cell_foundation, cell_sizes_mm, square_cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.cup.choice import CANDIDATES as CUP_POINTS
@@ -70,7 +69,7 @@ def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
     elif scene.shape in POLAR_SHAPES:
         ladder = (PolarFoundation(scene, rays) for rays in POLAR_RAYS[::2])
     elif scene.shape in CELL_SHAPES:
-        ladder = (CellFoundation(scene, square_cells(size_mm)) for size_mm in CELL_SIZES_MM[::2])
+        ladder = (CellFoundation(scene, square_cells(size_mm)) for size_mm in cell_sizes_mm(scene)[::2])
     shown = set()
     for model in ladder:
         shown.add(model.resolution)

@@ -35,17 +35,23 @@ class Errors:
     at_rim: np.ndarray
 
     @property
+    def of_allowed(self) -> Array:
+        """Errors (n, L) as shares of what a single pose may be wrong by."""
+        share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
+        return np.asarray(self.loads / (WORST * share[:, None] * self._tolerances))
+
+    @property
     def misses(self) -> float:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
         error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
         only where most of them are: a narrow joint bears there."""
         rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
-        return float(max(rms.max(), self._of_allowed[self._judged].max()))
+        return float(max(rms.max(), self.of_allowed[self._judged].max()))
 
     @property
     def worst(self) -> str:
         """The error that exceeds what is allowed most, in words."""
-        excess = np.where(self._judged[:, None], self._of_allowed, 0.0)
+        excess = np.where(self._judged[:, None], self.of_allowed, 0.0)
         n, load = np.unravel_index(excess.argmax(), excess.shape)
         return f"{self.loads[n, load]:.3g} in {self.scene.load_names[load]}"
 
@@ -59,7 +65,7 @@ class Errors:
                 found[f"largest{where}"] = self.loads[rows].max(axis=0)
         names = self.scene.load_names
         by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
-        exceed = (self._of_allowed[~self._judged] > 1.0).any(axis=1)
+        exceed = (self.of_allowed[~self._judged] > 1.0).any(axis=1)
         at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
         return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
 
@@ -70,11 +76,6 @@ class Errors:
     @property
     def _tolerances(self) -> Array:
         return np.array([self.scene.tolerances[name] for name in self.scene.load_names])
-
-    @property
-    def _of_allowed(self) -> Array:
-        share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
-        return np.asarray(self.loads / (WORST * share[:, None] * self._tolerances))
 
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:

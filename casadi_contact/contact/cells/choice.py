@@ -9,16 +9,18 @@ from functools import lru_cache
 import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.charts import patch_charts
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.reach import pressed_poses
-from casadi_contact.contact.convergence import Errors, forces_tried, not_good_enough
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, forces_tried, not_good_enough
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 
-SIZES_MM = (2.4, 1.7, 1.2, 0.85, 0.6, 0.45)
-CONVERGED = (320, 320)  # elements of a patch
+_SIZES_MM = (2.4, 1.7, 1.2, 0.85, 0.6, 0.45)  # of patches that are `_USUAL_MM` long and more
+_USUAL_MM = 30.0
+CONVERGED, _HALF = (320, 320), (160, 160)  # elements of a patch
 _ROUGH = (40, 40)  # elements that find poses
 _MIDDLING = Cells(1.2, 1.2, 4, 4)
 _TRIES, _DRAWN, _IN_DOUBT, _AT_RIM = 384, 24, 24, 24  # poses of each patch: tried, and kept at most
@@ -32,18 +34,18 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     Over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads,
     errors against an element grid of `CONVERGED` are half of what `convergence.Errors.misses` allows, or all of it
     where half cannot be had; how wrong loads are where the rim cuts contact stands in the record. Along each side cells
-    are as large as one of `SIZES_MM`: first along v, then along u. Raises ValueError where nothing is good enough, and
-    where no pose presses the patches.
+    are as large as one of `cell_sizes_mm`: first along v, then along u. Raises ValueError where nothing is good enough,
+    and where no pose presses the patches.
     """
-    truth = _Truth(scene)
+    truth, sizes_mm = _Truth(scene), cell_sizes_mm(scene)
     errors_of = lru_cache(maxsize=None)(truth.errors)
 
     def misses(cells: Cells) -> float:
         return errors_of(cells).misses
 
-    cells = _largest(misses, _SAFE) or _largest(misses, 1.0)
+    cells = _largest(misses, _SAFE, sizes_mm) or _largest(misses, 1.0, sizes_mm)
     if cells is None:
-        finest = _sized(SIZES_MM[-1], SIZES_MM[-1])
+        finest = square_cells(sizes_mm[-1])
         raise not_good_enough(f"the foundation in {finest}", errors_of(finest))
     model = CellFoundation(scene, cells, compiled=compiled)
     model.record = errors_of(cells).record(
@@ -51,38 +53,60 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
         cells_mm=[cells.u_mm, cells.v_mm],
         sub_points=[cells.along_u, cells.along_v],
         against="EF {}×{}".format(*CONVERGED),
+        elements_unsure=truth.unsure,
     )
     return model
 
 
+def cell_sizes_mm(scene: Scene) -> tuple[float, ...]:
+    """Sides of cells from large to small, in proportion to the scene's smallest patch where that is a small one."""
+    longest = min(float(np.max(chart.high - chart.low)) for chart in patch_charts(scene))
+    return tuple(size * min(1.0, longest / _USUAL_MM) for size in _SIZES_MM)
+
+
 class _Truth:
-    """Poses that press each patch, the wrenches of a fine element grid there, and whether the rim cuts contact.
+    """Poses that press each patch, the wrenches of a fine element grid there, and whether the rim cuts contact, of the
+    cells or of the grid, whose elements may reach around it.
 
     Half of the poses within the rim are as drawn, half those of all drawn in which cells of middling size are most
-    wrong: small fillets, which few poses touch, ask for the smallest cells.
+    wrong: small fillets, which few poses touch, ask for the smallest cells. Poses in which the grid is off from one of
+    half as many elements a side by more than cells may be, as on sharp edges, tell nothing: `unsure` is their share.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self._selection = load_selection(scene.load_names, scene.patch_names)
         tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
-        rough, fine = ElasticFoundation(scene, _ROUGH), ElasticFoundation(scene, CONVERGED)
+        rough, half, fine = (ElasticFoundation(scene, grid) for grid in (_ROUGH, _HALF, CONVERGED))
         self.places: list[list[tuple[Array, Array]]] = []
         self.wrenches: list[Array] = []
-        cut = []
+        cut, unsure = [], []
         for p, patch in enumerate(cell_patches(scene, _MIDDLING)):
             poses = pressed_poses(rough, p, forces_tried(scene), _TRIES)
             places = list(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True))
             wrenches = fine.wrenches(poses)[:, p]
-            errors, at_rim = self._errors(p, patch, places, wrenches)
+            errors, cut_off = self._errors(p, patch, places, wrenches)
+            at_rim = cut_off | fine.at_edge(poses)[:, p]
             doubt = (errors / tolerances).max(axis=1)
-            inside, outside = np.flatnonzero(~at_rim), np.flatnonzero(at_rim)
+            between = np.abs((half.wrenches(poses)[:, p] - wrenches) @ self._selection[:, p].T)
+            of_allowed = Errors(scene, between, np.linalg.norm(wrenches[:, :3], axis=1), at_rim).of_allowed
+            known = (of_allowed <= 1.0).all(axis=1)
+            inside, outside = np.flatnonzero(known & ~at_rim), np.flatnonzero(known & at_rim)
             worst = inside[np.argsort(-doubt[inside])]
             kept = np.unique(np.concatenate([inside[:_DRAWN], worst[:_IN_DOUBT], outside[:_AT_RIM]]))
             self.places.append([places[k] for k in kept])
             self.wrenches.append(wrenches[kept])
             cut.append(at_rim[kept])
+            unsure.append(~known)
         self.at_rim = np.concatenate(cut)
+        tried = np.concatenate(unsure)
+        self.unsure = float(tried.mean()) if len(tried) else 0.0
+        if len(tried) and not len(self.at_rim):
+            raise NotGoodEnoughError(
+                f"scene {scene.name}: elements of {_HALF} and {CONVERGED} differ by more than its tolerances allow in "
+                "every pose that was tried, so that no cells can be chosen: relax the tolerances, or take "
+                "cc.ElasticFoundation"
+            )
         if not len(self.at_rim):
             raise ValueError(
                 f"scene {scene.name}: the moving body, near its start pose, touches no patch when it comes down on it; "
@@ -105,14 +129,14 @@ class _Truth:
         return np.abs(off @ self._selection[:, p].T), np.array([cut for _, cut in found], dtype=bool)
 
 
-def _largest(misses: Callable[[Cells], float], most: float) -> Cells | None:
+def _largest(misses: Callable[[Cells], float], most: float, sizes_mm: tuple[float, ...]) -> Cells | None:
     """The largest cells that miss by no more: first the longest v with the shortest u, then the longest u; or None."""
-    finest = SIZES_MM[-1]
-    v = bisect_left(SIZES_MM, True, key=lambda v_mm: misses(_sized(finest, v_mm)) <= most)
-    if v == len(SIZES_MM):
+    finest = sizes_mm[-1]
+    v = bisect_left(sizes_mm, True, key=lambda v_mm: misses(_sized(finest, v_mm)) <= most)
+    if v == len(sizes_mm):
         return None
-    u = bisect_left(SIZES_MM[:-1], True, key=lambda u_mm: misses(_sized(u_mm, SIZES_MM[v])) <= most)
-    return _sized(SIZES_MM[u], SIZES_MM[v])
+    u = bisect_left(sizes_mm[:-1], True, key=lambda u_mm: misses(_sized(u_mm, sizes_mm[v])) <= most)
+    return _sized(sizes_mm[u], sizes_mm[v])
 
 
 def square_cells(size_mm: float) -> Cells:

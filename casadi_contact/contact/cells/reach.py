@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, rotation
 
 _TURN_RAD = np.deg2rad([10.0, 15.0, 60.0])  # about each axis, at most: joints flex about z
 _LEAN_RAD = np.deg2rad(20.0)
@@ -22,9 +22,10 @@ def pressed_poses(
 ) -> Array:
     """Poses (m, 6), m <= count, that press one patch of a model, each found from a random one.
 
-    From the scene's start pose the body is turned and, by turns, shifted and brought down along the patch's mean normal
-    until it touches, or brought down along a direction that leans from it; then it presses with forces spread evenly
-    on a logarithmic scale between loads_n [N]. Where it comes down beside the patch there is no pose.
+    From the scene's start pose the body is turned about the patch's anchor and, by turns, shifted and brought down
+    along the patch's mean normal until it touches, or brought down along a direction that leans from it; then it
+    presses with forces spread evenly on a logarithmic scale between loads_n [N]. Where it comes down beside the patch
+    there is no pose.
     """
     random = np.random.default_rng(seed)
     elements = model.scene.elements(model.grid)[patch]
@@ -36,7 +37,9 @@ def pressed_poses(
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     shift = _SHARE * straight * shift * np.ptp(points, axis=0)
     poses = np.tile(model.scene.start_pose, (count, 1))
+    before = rotation(poses[:, 3:])
     poses[:, 3:] += _TURN_RAD * turn
+    poses[:, :3] += (before - rotation(poses[:, 3:])) @ model.scene.anchors_mm[patch]
     poses[:, :3] += shift - (shift @ up)[:, None] * up
     touching = _touching(model, patch, poses, away)
     poses, away = poses[touching], away[touching]
