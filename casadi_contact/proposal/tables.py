@@ -52,7 +52,7 @@ def first_tables(
     if pressing != list(DOWN):
         geometry["pressing"] = pressing
     if not joint.pressing and regions.hollow:
-        geometry["cup_centre"] = frame.points(regions.centre_mm[None], "fixed")[0].round(2).tolist()
+        geometry["cup_centre"] = (frame.points(regions.centre_mm[None], "fixed")[0].round(2) + 0.0).tolist()
     geometry["start_pose"] = _start_pose(meeting, frame)
     if placement:
         geometry["placement"] = placement
@@ -117,7 +117,7 @@ def _patches(pair: Pair, regions: Regions, joint: Joint, frame: Frame) -> dict[s
                 ends = [cuts[k] if k < len(cuts) else ends[0], cuts[k - 1] if k else ends[1]]
             if (bounded and joint.pressing[1:] != letter) or a == axis:
                 box[letter] = [round(end, 1) for end in ends]
-        found[name] = {**box, "anchor": anchors[number].round(1).tolist()}
+        found[name] = {**box, "anchor": (anchors[number].round(1) + 0.0).tolist()}
     return found
 
 

@@ -6,7 +6,6 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
-from casadi_contact.contact.cells.choice import cell_foundation
 from casadi_contact.geometry.projection import grid_frame
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
@@ -140,16 +139,6 @@ def test_the_smooth_ramp_joins_its_branches_and_has_no_second_moment():
     np.testing.assert_array_equal(value[x > 0.02], x[x > 0.02])
     missed = (value - np.maximum(x, 0.0)).sum() * (x[1] - x[0])
     assert abs(missed) < 1e-9  # a quadratic ramp of this width misses 7e-5
-
-
-def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
-    scene = cc.load_scene("glenohumeral")
-    model = cell_foundation(scene, compiled=False)
-    assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
-    for name, tolerance in scene.tolerances.items():
-        assert model.record["rms"][name] <= tolerance
-    strict = cell_foundation(scene.with_overrides(Fz=0.8), compiled=False)
-    assert strict.cells.u_mm * strict.cells.v_mm < model.cells.u_mm * model.cells.v_mm
 
 
 def test_what_cells_do_not_cover_is_refused_with_the_cure():

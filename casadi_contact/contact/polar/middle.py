@@ -29,7 +29,8 @@ def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
     for _ in patch.arcs:
         axis = t + np.einsum("nij,nj->ni", R, _at_centre(patch, patch.arcs[arc, :2]))
         flat = -f.w_sign * (axis[:, :2] - [0.0, f.height])
-        direction[:, :2] = flat / np.linalg.norm(flat, axis=1, keepdims=True)
+        size = np.linalg.norm(flat, axis=1, keepdims=True)
+        np.divide(flat, size, out=direction[:, :2], where=size > 0.0)
         arc = _arc_along(patch, np.einsum("nji,nj->ni", R, direction))
     for _ in range(MIDDLE_STEPS):
         C = _reaching(patch, R, t, direction)

@@ -1,0 +1,51 @@
+"""What decides how large cells may be: the joint's own size, its own motion, and elements that are sure themselves."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import NotGoodEnoughError
+from casadi_contact.contact.cells import choice
+from casadi_contact.contact.cells.reach import pressed_poses
+from casadi_contact.conventions import rotation
+from tests.contact.test_mesh_foundation import scene_of
+from tests.support.meshes import cap_mesh, sheet_mesh
+
+RADIUS_MM = 30.0
+
+
+def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
+    scene = cc.load_scene("glenohumeral")
+    model = choice.cell_foundation(scene, compiled=False)
+    assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
+    for name, tolerance in scene.tolerances.items():
+        assert model.record["rms"][name] <= tolerance
+    strict = choice.cell_foundation(scene.with_overrides(Fz=0.8), compiled=False)
+    assert strict.cells.u_mm * strict.cells.v_mm < model.cells.u_mm * model.cells.v_mm
+
+
+def test_cells_of_a_small_joint_are_small_in_proportion():
+    large, small = (cc.load_scene("sphere_on_plane", patch_side=side_mm) for side_mm in (60.0, 6.0))
+    np.testing.assert_allclose(choice.cell_sizes_mm(small), 0.2 * np.array(choice.cell_sizes_mm(large)))
+
+
+def test_a_body_turns_about_its_anchor_however_far_its_frame_lies(tmp_path):
+    """A ball is pressed near the place where it lay; turned about an origin 50 mm away it would swing off the patch."""
+    points, faces = cap_mesh(RADIUS_MM, 2.0, 1.5)
+    centre = [0.0, 50.0, 0.0]
+    start_pose = [0.0, RADIUS_MM - centre[1], 0.0, 0.0, 0.0, 0.0]
+    extra = f"start_pose = {start_pose}\n[geometry.patches.contact]\nanchor = {centre}\n"
+    scene = scene_of(tmp_path, (points + centre, faces), sheet_mesh(20.0, 2.0), extra=extra)
+    poses = pressed_poses(cc.ElasticFoundation(scene, (40, 40)), 0, (5.0, 500.0), 40)
+    assert len(poses) > 30
+    assert np.ptp(poses[:, 5]) > 1.0
+    middles = poses[:, :3] + rotation(poses[:, 3:]) @ centre
+    assert np.abs(middles[:, [0, 2]]).max() < 0.2 * 20.0
+
+
+def test_poses_that_elements_do_not_know_themselves_decide_nothing(monkeypatch):
+    scene = cc.load_scene("sphere_on_plane")
+    assert choice.cell_foundation(scene, compiled=False).record["elements_unsure"] == 0.0
+    monkeypatch.setattr(choice, "_HALF", (2, 2))
+    with pytest.raises(NotGoodEnoughError, match="differ by more than its tolerances allow in every pose"):
+        choice.cell_foundation(scene, compiled=False)
