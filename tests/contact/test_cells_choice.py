@@ -43,6 +43,22 @@ def test_a_body_turns_about_its_anchor_however_far_its_frame_lies(tmp_path):
     assert np.abs(middles[:, [0, 2]]).max() < 0.2 * 20.0
 
 
+def test_a_body_turns_as_far_as_its_scene_s_motion_and_a_little_more(tmp_path):
+    points, faces = cap_mesh(RADIUS_MM, 2.0, 1.5)
+    start_pose = [0.0, RADIUS_MM, 0.0, 0.0, 0.0, 0.0]
+    scene = scene_of(tmp_path, (points, faces), sheet_mesh(20.0, 2.0), extra=f"start_pose = {start_pose}")
+    motion = "[motion]\ndeviation = 0.0\n[motion.harmonics]\nrz_rad = [0.3, 0.1, 0.0]\nFy_N = [-100.0]\n"
+    path = tmp_path / "moves.toml"
+    path.write_text((tmp_path / "scene.toml").read_text() + motion)
+    kept, told = (
+        pressed_poses(cc.ElasticFoundation(each, (40, 40)), 0, (5.0, 500.0), 100)
+        for each in (scene, cc.load_scene(path))
+    )
+    beyond = np.deg2rad(10.0)
+    assert -0.8 > kept[:, 5].min() > -np.pi / 3.0
+    assert 0.2 - beyond < told[:, 5].min() < 0.2 < 0.4 < told[:, 5].max() < 0.4 + beyond
+
+
 def test_poses_that_elements_do_not_know_themselves_decide_nothing(monkeypatch):
     scene = cc.load_scene("sphere_on_plane")
     assert choice.cell_foundation(scene, compiled=False).record["elements_unsure"] == 0.0

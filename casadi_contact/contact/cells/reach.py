@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
-from casadi_contact.conventions import Array, rotation
+from casadi_contact.conventions import POSE_NAMES, Array, rotation
+from casadi_contact.motion.joint_cycle import scene_cycles
+from casadi_contact.scenes import Scene
 
-_TURN_RAD = np.deg2rad([10.0, 15.0, 60.0])  # about each axis, at most: joints flex about z
+_TURN_RAD = np.deg2rad([10.0, 15.0, 60.0])  # to both sides, where no motion is told: joints flex about z
+_BEYOND_RAD = np.deg2rad(10.0)  # beyond a motion that the scene tells
 _LEAN_RAD = np.deg2rad(20.0)
 _SHARE = 0.15  # of the patch's extent, by which the body is shifted to each side
 _LIFT_MM = 300.0
@@ -22,10 +25,10 @@ def pressed_poses(
 ) -> Array:
     """Poses (m, 6), m <= count, that press one patch of a model, each found from a random one.
 
-    From the scene's start pose the body is turned about the patch's anchor and, by turns, shifted and brought down
-    along the patch's mean normal until it touches, or brought down along a direction that leans from it; then it
-    presses with forces spread evenly on a logarithmic scale between loads_n [N]. Where it comes down beside the patch
-    there is no pose.
+    From the scene's start pose the body is turned about the patch's anchor, as far as the scene's motion and a little
+    more where it tells one, and, by turns, shifted and brought down along the patch's mean normal until it touches, or
+    brought down along a direction that leans from it; then it presses with forces spread evenly on a logarithmic scale
+    between loads_n [N]. Where it comes down beside the patch there is no pose.
     """
     random = np.random.default_rng(seed)
     elements = model.scene.elements(model.grid)[patch]
@@ -38,7 +41,8 @@ def pressed_poses(
     shift = _SHARE * straight * shift * np.ptp(points, axis=0)
     poses = np.tile(model.scene.start_pose, (count, 1))
     before = rotation(poses[:, 3:])
-    poses[:, 3:] += _TURN_RAD * turn
+    middle, most = _turns_rad(model.scene)
+    poses[:, 3:] = middle + most * turn
     poses[:, :3] += (before - rotation(poses[:, 3:])) @ model.scene.anchors_mm[patch]
     poses[:, :3] += shift - (shift @ up)[:, None] * up
     touching = _touching(model, patch, poses, away)
@@ -51,6 +55,18 @@ def pressed_poses(
         force = np.linalg.norm(model.wrenches(poses)[:, patch, :3], axis=1)
         depth *= np.clip(np.sqrt(wanted / np.maximum(force, 1e-3 * wanted)), 0.3, 3.0)
     return poses[(force > _LEAST_SHARE * wanted) & (force < _MOST * wanted)]
+
+
+def _turns_rad(scene: Scene) -> tuple[Array, Array]:
+    """Middle (3,) and half (3,) of the angles rx, ry, rz that the body is turned by."""
+    middle, most = scene.start_pose[3:].copy(), _TURN_RAD.copy()
+    told = [cycle.pose for cycle in scene_cycles(scene)] if scene.motion else [{}]
+    for k, name in enumerate(POSE_NAMES[3:]):
+        if name in told[0]:
+            angles = np.array([pose[name] for pose in told])
+            middle[k] = 0.5 * (angles.min() + angles.max())
+            most[k] = 0.5 * np.ptp(angles) + _BEYOND_RAD
+    return middle, most
 
 
 def _touching(model: ElasticFoundation, patch: int, poses: Array, away: Array) -> np.ndarray:
