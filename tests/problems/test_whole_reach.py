@@ -1,0 +1,44 @@
+"""The study of a surrogate's whole reach: errors by domain, over valid poses, and coverage."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.dataset import TEST, Samples, write_samples
+from problems.studies.whole_reach import app, reach_record
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """Of the foundation, around poses of walking: two valid ones in D1, and in D3 a valid one and one metres away."""
+    model = cc.foundation("knee")
+    poses = np.array([[0.5, 27.23, 0.1, 0.0, -0.05, -0.3], [0.3, 27.3, 0.0, 0.01, -0.04, -0.4]])
+    poses = np.vstack([poses, [0.4, 27.25, 0.0, 0.0, -0.05, -0.35], [0.5, 3000.0, 0.1, 0.0, -0.05, -0.3]])
+    domain, role = np.array([1, 1, 3, 3], dtype=np.uint8), np.full(4, TEST, dtype=np.uint8)
+    return Samples(model.scene, poses, model.wrenches(poses), model.gaps(poses), domain, role)
+
+
+def test_errors_and_coverage_are_those_of_the_valid_poses_of_a_domain(samples):
+    knee = cc.load_surrogate("knee")
+    record = reach_record(knee, samples)
+    assert {name: (of["poses"], of["valid"]) for name, of in record.items()} == {
+        "D1": (2, 1.0),
+        "D3": (2, 0.5),
+        "all": (4, 0.75),
+    }
+    off = np.abs(knee(samples.poses) - samples.loads(knee.load_names))
+    for domain, rows in (("D1", [0, 1]), ("D3", [2]), ("all", [0, 1, 2])):
+        for k, name in enumerate(knee.load_names):
+            of = record[domain]["loads"][name]
+            assert of["rms"] == pytest.approx(np.sqrt(np.mean(off[rows, k] ** 2)))
+            assert of["max"] == pytest.approx(off[rows, k].max())
+            assert of["coverage"] == np.mean((off <= knee.expected_error(samples.poses))[rows, k])
+
+
+def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples, tmp_path):
+    write_samples(tmp_path / "samples.h5", samples)
+    done = CliRunner().invoke(app, ["knee", str(tmp_path / "samples.h5"), "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "foundation" in done.output
+    assert (tmp_path / "whole_reach.json").is_file()
