@@ -122,9 +122,9 @@ PRESETS: dict[str, Preset] = {
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger roots than around a motion
         sampling_scale=0.4,
         efforts={
-            "patch": {
-                "root": Effort(((24, 24, 24),), 6_200.0, tolerance_share=0.2),
-                "ratio": Effort(((14, 14),), 300.0, tolerance_share=0.2),
+            "trunk": {
+                "root": Effort(((24, 24, 24),), 32_000.0, tolerance_share=0.2),
+                "ratios": Effort(((20, 20),), 12_000.0, tolerance_share=0.2),
             }
         },
     ),

@@ -1,0 +1,47 @@
+"""The shipped `knee_reach` over its whole reach, beside the foundation that it learned."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.statics import first_touch, settle
+
+
+@pytest.fixture(scope="module")
+def reach():
+    return cc.load_surrogate("knee_reach")
+
+
+@pytest.fixture(scope="module")
+def pressed(reach):
+    """Poses all over the plan's ranges, 5 to 2,500 N a side, whose contact lies on the insert."""
+    foundation, ranges = cc.foundation(reach.scene), reach.scene.sampling["reach"]
+    drawn = {name: np.random.default_rng(k).uniform(size=600) for k, name in enumerate(ranges)}
+    poses, forces = np.zeros((600, 6)), {}
+    for k, name in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
+        if name in ranges:
+            low, high = ranges[name]
+            poses[:, k] = low + (high - low) * drawn[name]
+    for name in ("Fy_med", "Fy_lat"):
+        low, high = np.sqrt(-np.array(ranges[name]))
+        forces[name] = -((low + (high - low) * drawn[name]) ** 2)
+    found, report = settle(foundation, first_touch(foundation, poses, {}), ("ty", "rx"), forces, tolerance=1e-2)
+    return found[report.converged & ~foundation.at_edge(found).any(axis=1)]
+
+
+def test_errors_lie_within_what_the_docs_say(reach, pressed):
+    assert len(pressed) > 100
+    off = np.abs(reach(pressed) - cc.foundation(reach.scene)(pressed))
+    rms = dict(zip(reach.load_names, np.sqrt(np.mean(off**2, axis=0)), strict=True))
+    assert max(rms[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")) < 2.2
+    assert max(rms[name] for name in ("Tx", "Ty", "Tz")) < 80.0
+    assert np.mean(off <= reach.expected_error(pressed)) > 0.92
+    assert np.mean(reach.validity(pressed) > 0.5) > 0.98
+
+
+def test_lifted_off_it_carries_nothing(reach, pressed):
+    apart = pressed + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    valid = reach.validity(apart) > 0.5
+    clear = (cc.foundation(reach.scene).gaps(apart) > 0.0).all(axis=1)
+    assert (valid & clear).sum() > 50
+    np.testing.assert_array_equal(reach(apart)[valid & clear], 0.0)
