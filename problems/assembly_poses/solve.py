@@ -18,6 +18,7 @@ from problems.pose_estimation.solve import settled
 from problems.pose_estimation.wanted import off_by
 
 TOLERANCE_N = 1e-3  # left on a balanced body, torques over 25 mm
+_ROUNDS = 3  # of IPOPT, at most: hard frames use up the iterations of all, and begin once more beside solved ones
 
 
 @dataclass(frozen=True)
@@ -37,32 +38,62 @@ class AssemblyResult:
 
 
 def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: int = 300) -> AssemblyResult:
-    """Settle the start, then solve with IPOPT.
+    """Settle the start, then solve with IPOPT; frames left unsolved begin again beside solved ones, `_ROUNDS` in all.
 
     start: poses (n, bodies, 6), each frame's own; if left out, every frame begins at its solved neighbour. Never raises
     for frames that do not converge: each is reported with its errors.
     """
     began = time.perf_counter()
-    poses = _settled(problem, start)
     scaling: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 1e-3}  # as of pose estimation
     solver = ca.nlpsol("poses", "ipopt", problem.nlp, ipopt_options(max_iterations=max_iterations, **scaling))
-    answer = solver(x0=problem.variables(poses), lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
-    outcome, count = IpoptOutcome.of(solver), len(problem.cycle)
-    poses = np.asarray(problem.poses(answer["x"])).T.reshape(count, -1, 6)
-    residual = np.abs(np.asarray(answer["g"])).reshape(count, -1).max(axis=1, initial=0.0)
-    function = problem.assembly.function().map(count)
-    loads = np.asarray(function(poses.reshape(-1, 6).T)).T
-    converged, errors = residual <= TOLERANCE_N, np.empty((count, 0))
-    if problem.measured:
-        wanted = problem.measured.wanted
-        body = problem.assembly.bodies.index(problem.measured_body)
-        errors = wanted.errors(problem.measured.model(poses[:, body], wanted.load_names))
-        converged &= wanted.carried(errors)
+    count, iterations = len(problem.cycle), 0
+    poses, residual, errors = problem.start_poses(), np.full(count, np.inf), np.empty((count, 0))
+    for _ in range(_ROUNDS):
+        x = problem.variables(_settled(problem, start))
+        answer = solver(x0=x, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
+        outcome = IpoptOutcome.of(solver)
+        iterations += outcome.iterations
+        found = np.asarray(problem.poses(answer["x"])).T.reshape(count, -1, 6)
+        left = np.abs(np.asarray(answer["g"])).reshape(count, -1).max(axis=1, initial=0.0)
+        off = _errors(problem, found)
+        if np.isfinite(residual).all():  # frames stand alone: each keeps the better of what was found
+            worse = ~(_size(left, off) < _size(residual, errors))
+            found[worse], left[worse], off[worse] = poses[worse], residual[worse], errors[worse]
+        poses, residual, errors = found, left, off
+        converged = residual <= TOLERANCE_N
+        if problem.measured:
+            converged &= problem.measured.wanted.carried(errors)
+        if converged.all() or not converged.any():
+            break
+        start = _beside_solved(problem, poses, converged)
+    loads = np.asarray(problem.assembly.function().map(count)(poses.reshape(-1, 6).T)).T
     reason = np.array([_why(problem, residual[k], errors[k], bool(converged[k])) for k in range(count)], dtype=object)
     seconds = time.perf_counter() - began
-    return AssemblyResult(
-        poses, loads, residual, errors, converged, reason, outcome.status, outcome.iterations, seconds
-    )
+    return AssemblyResult(poses, loads, residual, errors, converged, reason, outcome.status, iterations, seconds)
+
+
+def _errors(problem: AssemblyPoses, poses: Array) -> Array:
+    """Errors (n, wanted) of what was measured, none without a measured contact."""
+    if not problem.measured:
+        return np.empty((len(poses), 0))
+    wanted, body = problem.measured.wanted, problem.assembly.bodies.index(problem.measured_body)
+    return np.asarray(wanted.errors(problem.measured.model(poses[:, body], wanted.load_names)))
+
+
+def _size(residual: Array, errors: Array) -> Array:
+    """How far frames (n,) are off; infinite without contact."""
+    return np.nan_to_num(np.hypot(residual, np.linalg.norm(errors, axis=1)), nan=np.inf)
+
+
+def _beside_solved(problem: AssemblyPoses, poses: Array, solved: np.ndarray) -> Array:
+    """Poses (n, bodies, 6) with every unsolved frame where the nearest solved one lies, but for what was measured."""
+    frames, rows = np.arange(len(poses)), np.flatnonzero(solved)
+    nearest = rows[np.abs(frames[:, None] - rows).argmin(axis=1)]
+    moved = poses[nearest]
+    for body, curves in problem.cycle.pose.items():
+        for name, curve in curves.items():
+            moved[:, problem.assembly.bodies.index(body), pose_index(name)] = curve
+    return np.where(solved[:, None, None], poses, moved)
 
 
 def _settled(problem: AssemblyPoses, start: Array | None) -> Array:

@@ -13,6 +13,7 @@ from casadi_contact.optimisation import ipopt_options
 from problems import assembly_poses, patella
 from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.cycle import read_assembly_cycle
+from problems.assembly_poses.solve import _beside_solved
 from problems.assembly_poses.starts import random_start
 from problems.patella.follow import SAME_N, loads_apart_n
 from tests.support.compiler import needs_compiler
@@ -71,6 +72,16 @@ def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
         again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
         assert again.converged.all(), again.reason
         assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
+
+
+def test_an_unsolved_frame_begins_again_where_the_nearest_solved_one_lies(problem):
+    poses = np.random.default_rng(0).random((3, 2, 6))
+    moved = _beside_solved(problem, poses, np.array([True, False, True]))
+    np.testing.assert_array_equal(moved[[0, 2]], poses[[0, 2]])
+    measured = [4, 5]  # ry and rz of the femur
+    np.testing.assert_array_equal(np.delete(moved[1].ravel(), measured), np.delete(poses[0].ravel(), measured))
+    for column, name in zip(measured, ("ry", "rz"), strict=True):
+        assert moved[1, 0, column] == problem.cycle.pose["femur"][name][1]
 
 
 def poses_of(problem, x):
