@@ -37,6 +37,47 @@ class AssemblyResult:
     seconds: float
 
 
+@dataclass(frozen=True)
+class _Found:
+    """Of IPOPT's answer: poses, residuals and errors as in `AssemblyResult`. Frames stand alone."""
+
+    poses: Array
+    residual_n: Array
+    errors: Array
+
+    @classmethod
+    def of(cls, problem: AssemblyPoses, answer: dict[str, ca.DM]) -> _Found:
+        """What variables x and constraints g say."""
+        count = len(problem.cycle)
+        poses = np.asarray(problem.poses(answer["x"])).T.reshape(count, -1, 6)
+        residual_n = np.abs(np.asarray(answer["g"])).reshape(count, -1).max(axis=1, initial=0.0)
+        if not problem.measured:
+            return cls(poses, residual_n, np.empty((count, 0)))
+        wanted, body = problem.measured.wanted, problem.assembly.bodies.index(problem.measured_body)
+        return cls(poses, residual_n, wanted.errors(problem.measured.model(poses[:, body], wanted.load_names)))
+
+    @property
+    def off(self) -> Array:
+        """How far frames (n,) are off; infinite without contact."""
+        return np.nan_to_num(np.hypot(self.residual_n, np.linalg.norm(self.errors, axis=1)), nan=np.inf)
+
+    def converged(self, problem: AssemblyPoses) -> np.ndarray:
+        """True (n,) where bodies balance and carry what was measured."""
+        balanced = self.residual_n <= TOLERANCE_N
+        return balanced & problem.measured.wanted.carried(self.errors) if problem.measured else balanced
+
+    def better_than(self, other: _Found | None) -> _Found:
+        """Each frame as it is less off."""
+        if other is None:
+            return self
+        better = self.off < other.off
+        return _Found(
+            np.where(better[:, None, None], self.poses, other.poses),
+            np.where(better, self.residual_n, other.residual_n),
+            np.where(better[:, None], self.errors, other.errors),
+        )
+
+
 def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: int = 300) -> AssemblyResult:
     """Settle the start, then solve with IPOPT; frames left unsolved begin again beside solved ones, `_ROUNDS` in all.
 
@@ -46,43 +87,22 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
     began = time.perf_counter()
     scaling: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 1e-3}  # as of pose estimation
     solver = ca.nlpsol("poses", "ipopt", problem.nlp, ipopt_options(max_iterations=max_iterations, **scaling))
-    count, iterations = len(problem.cycle), 0
-    poses, residual, errors = problem.start_poses(), np.full(count, np.inf), np.empty((count, 0))
+    best, iterations = None, 0
     for _ in range(_ROUNDS):
         x = problem.variables(_settled(problem, start))
         answer = solver(x0=x, lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
         outcome = IpoptOutcome.of(solver)
         iterations += outcome.iterations
-        found = np.asarray(problem.poses(answer["x"])).T.reshape(count, -1, 6)
-        left = np.abs(np.asarray(answer["g"])).reshape(count, -1).max(axis=1, initial=0.0)
-        off = _errors(problem, found)
-        if np.isfinite(residual).all():  # frames stand alone: each keeps the better of what was found
-            worse = ~(_size(left, off) < _size(residual, errors))
-            found[worse], left[worse], off[worse] = poses[worse], residual[worse], errors[worse]
-        poses, residual, errors = found, left, off
-        converged = residual <= TOLERANCE_N
-        if problem.measured:
-            converged &= problem.measured.wanted.carried(errors)
+        best = _Found.of(problem, answer).better_than(best)
+        poses, residual, errors, converged = best.poses, best.residual_n, best.errors, best.converged(problem)
         if converged.all() or not converged.any():
             break
         start = _beside_solved(problem, poses, converged)
+    count = len(problem.cycle)
     loads = np.asarray(problem.assembly.function().map(count)(poses.reshape(-1, 6).T)).T
     reason = np.array([_why(problem, residual[k], errors[k], bool(converged[k])) for k in range(count)], dtype=object)
     seconds = time.perf_counter() - began
     return AssemblyResult(poses, loads, residual, errors, converged, reason, outcome.status, iterations, seconds)
-
-
-def _errors(problem: AssemblyPoses, poses: Array) -> Array:
-    """Errors (n, wanted) of what was measured, none without a measured contact."""
-    if not problem.measured:
-        return np.empty((len(poses), 0))
-    wanted, body = problem.measured.wanted, problem.assembly.bodies.index(problem.measured_body)
-    return np.asarray(wanted.errors(problem.measured.model(poses[:, body], wanted.load_names)))
-
-
-def _size(residual: Array, errors: Array) -> Array:
-    """How far frames (n,) are off; infinite without contact."""
-    return np.nan_to_num(np.hypot(residual, np.linalg.norm(errors, axis=1)), nan=np.inf)
 
 
 def _beside_solved(problem: AssemblyPoses, poses: Array, solved: np.ndarray) -> Array:

@@ -28,9 +28,9 @@ from casadi_contact.files import writable_folder
 from casadi_contact.structures import Surrogate
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary
+from problems.studies.stability.out_of_range import VALID
 
 NAME = "whole_reach"
-_VALID = 0.5
 _TIMED = 300
 app = new_app()
 
@@ -43,7 +43,7 @@ def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
     names = surrogate.load_names
     reference = samples.loads(names)
     found, expected = surrogate(samples.poses), surrogate.expected_error(samples.poses)
-    valid = surrogate.validity(samples.poses) > _VALID
+    valid = surrogate.validity(samples.poses) > VALID
     record: dict[str, Any] = {}
     for domain, rows in _rows_by_domain(samples).items():
         kept = rows & valid
