@@ -7,10 +7,13 @@ import os
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # read when NumPy and torch are first imported
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every command that a test starts compiles all its modules
 
 import numba  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
+
+from tests.support.compiler import CFLAGS_VARIABLE, QUICK, flags_of_the_library  # noqa: E402
 
 # The same examples every time, however long the machine takes for one.
 settings.register_profile("reproducible", derandomize=True, deadline=None)
@@ -36,3 +39,18 @@ def _kernel_cache(tmp_path_factory):
     os.environ["CASADI_CONTACT_CACHE"] = str(folder)
     yield
     del os.environ["CASADI_CONTACT_CACHE"]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quick_compilation():
+    with pytest.MonkeyPatch.context() as patch:
+        if CFLAGS_VARIABLE not in os.environ:
+            patch.setenv(CFLAGS_VARIABLE, QUICK)
+        yield
+
+
+@pytest.fixture
+def as_shipped():
+    """What the test compiles has the flags that a user gets."""
+    with flags_of_the_library():
+        yield

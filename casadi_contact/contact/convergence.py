@@ -45,8 +45,12 @@ class Errors:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
         error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
         only where most of them are: a narrow joint bears there."""
-        rms = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)) / self._tolerances
-        return float(max(rms.max(), self.of_allowed[self._judged].max()))
+        return float(max(self._rms(self._judged), self.of_allowed[self._judged].max()))
+
+    @property
+    def misses_at_rim(self) -> float:
+        """The largest ratio of a load's RMS to its tolerance over the poses at the rim, where others are judged."""
+        return self._rms(~self._judged) if (~self._judged).any() else 0.0
 
     @property
     def worst(self) -> str:
@@ -68,6 +72,9 @@ class Errors:
         exceed = (self.of_allowed[~self._judged] > 1.0).any(axis=1)
         at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
         return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
+
+    def _rms(self, rows: np.ndarray) -> float:
+        return float((np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self._tolerances).max())
 
     @property
     def _judged(self) -> np.ndarray:

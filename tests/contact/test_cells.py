@@ -6,6 +6,9 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
+from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
+from casadi_contact.contact.kernels import point_distances
+from casadi_contact.conventions import rotation
 from casadi_contact.geometry.projection import grid_frame
 from tests.contact.test_elastic_foundation import CASES, at
 from tests.contact.test_mesh_foundation import scene_of
@@ -30,6 +33,27 @@ def ball_mesh(tmp_path_factory):
     """A meshed ball on a plate with two shallow bumps: it touches each in a spot of its own."""
     moving = cap_mesh(RADIUS_MM, 1.5, 0.5)
     return scene_of(tmp_path_factory.mktemp("bumps"), moving, sheet_mesh(20.0, 0.8, bumps), grid=(160, 160))
+
+
+@pytest.mark.parametrize("size", [Cells(2.4, 2.4), Cells(1.1, 0.9)])
+def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path, size):
+    """On a step with fillets, where interpolation is at its worst: kernels skip cells farther away than `touch_mm`."""
+    step = sheet_mesh(20.0, 0.8, lambda x, _z: 0.5 * np.tanh((x - 1.0) / 0.8))
+    model = cc.CellFoundation(scene_of(tmp_path, cap_mesh(RADIUS_MM, 1.5, 0.5), step), size, compiled=False)
+    (patch,) = model.patches
+    at = patch.patch
+    values = np.concatenate([at.c[:, None], at.tangents], 1)[at.corners].reshape(-1, 12, 3)
+    points = np.concatenate([np.einsum("jr,kji->kri", hermite_functions(size), values), at.c[at.corners]], 1)
+    away = np.array([3.0, 0.3, 3.0, 0.1, 0.3, 0.1]) * np.random.default_rng(0).uniform(-1.0, 1.0, (30, 6))
+    carried = 0
+    for pose in np.array([0.0, RADIUS_MM, 0.0, 0.0, 0.0, 0.0]) + away:
+        R, t = rotation(pose[3:]), pose[:3]
+        touch = patch.touch(R, t)
+        carries = touch.cells[(touch.depth > -WIDTH_MM).any(axis=1)]
+        g = point_distances(patch.body.family, patch.body.parameters, points[carries].reshape(-1, 3), R, t)
+        assert (g.reshape(-1, points.shape[1]).min(axis=1) < touch_mm(size)).all()
+        carried += len(carries)
+    assert carried > 100
 
 
 @pytest.mark.parametrize(("name", "overrides", "overlap", "force"), ON_PLANE)

@@ -7,6 +7,7 @@ import casadi_contact as cc
 from casadi_contact.contact import NotGoodEnoughError
 from casadi_contact.contact.cells import choice
 from casadi_contact.contact.cells.reach import pressed_poses
+from casadi_contact.contact.convergence import Errors
 from casadi_contact.conventions import rotation
 from tests.contact.test_mesh_foundation import scene_of
 from tests.support.meshes import cap_mesh, sheet_mesh
@@ -65,3 +66,26 @@ def test_poses_that_elements_do_not_know_themselves_decide_nothing(monkeypatch):
     monkeypatch.setattr(choice, "_HALF", (2, 2))
     with pytest.raises(NotGoodEnoughError, match="differ by more than its tolerances allow in every pose"):
         choice.cell_foundation(scene, compiled=False)
+
+
+@pytest.mark.parametrize(("at_rim", "chosen"), [(1.0, 0.85), (3.0, 2.4)])
+def test_the_rim_decides_where_some_cells_are_good_enough_there(monkeypatch, at_rim, chosen):
+    """Errors at the rim grow with the size of the cells; in those of 0.85 mm they are `at_rim` tolerances, in the
+    smallest half of that. Where even these are not good enough, the rest of the patch decides alone."""
+
+    class Truth:
+        unsure = 0.0
+
+        def __init__(self, scene):
+            self.scene = scene
+
+        def errors(self, cells):
+            tolerances = np.array([self.scene.tolerances[name] for name in self.scene.load_names])
+            size = max(cells.u_mm, cells.v_mm)
+            of_tolerance = np.array([0.1, 0.1, 0.1, at_rim * size / 0.85])
+            return Errors(self.scene, of_tolerance[:, None] * tolerances, np.full(4, 100.0), np.arange(4) == 3)
+
+    monkeypatch.setattr(choice, "_Truth", Truth)
+    scene = cc.load_scene("sphere_on_plane", patch_side=60.0)
+    cells = choice.cell_foundation(scene, compiled=False).cells
+    assert (cells.u_mm, cells.v_mm) == (chosen, chosen)

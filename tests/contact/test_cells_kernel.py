@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from casadi_contact.contact import Cells
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
 from tests.contact.test_polar_kernel import check_hessians, check_same_formulas
-from tests.support.compiler import needs_compiler
+from tests.support.compiler import flags_of_the_library, needs_compiler
 from tests.support.meshes import cap_mesh, sheet_mesh
 
 SIZE = Cells(1.1, 0.9)
@@ -27,7 +28,10 @@ pytestmark = needs_compiler
 
 @pytest.fixture(scope="module", params=["mesh", "mesh, log law", "cup"])
 def pair(request, tmp_path_factory):
-    """Compiled and NumPy model of a scene, and poses: in contact, at the rim, at the brink of it and out of it."""
+    """Compiled and NumPy model of a scene, and poses: in contact, at the rim, at the brink of it and out of it.
+
+    The mesh's kernel is as users have it.
+    """
     if request.param.startswith("mesh"):
         plate = sheet_mesh(20.0, 0.8, lambda x, z: 0.3 * np.exp(-((x - 2.0) ** 2 + z**2) / 20.0))
         scene = scene_of(tmp_path_factory.mktemp("ball"), cap_mesh(RADIUS_MM, 1.5, 0.5), plate)
@@ -36,7 +40,9 @@ def pair(request, tmp_path_factory):
         poses = [IN_CONTACT, AT_RIM, BARELY, LIFTED]
     else:
         scene, poses = cc.load_scene("glenohumeral"), CUP_POSES
-    return (*(cc.CellFoundation(scene, SIZE, compiled=c) for c in (True, False)), np.array(poses))
+    compiled, plain = (cc.CellFoundation(scene, SIZE, compiled=c) for c in (True, False))
+    with flags_of_the_library() if request.param == "mesh" else nullcontext():
+        yield compiled, plain, np.array(poses)
 
 
 def test_c_and_numpy_are_the_same_formulas(pair):

@@ -14,6 +14,7 @@ def compiled(model):
 
 
 @needs_compiler
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize(
     ("name", "grid", "law"),
     [

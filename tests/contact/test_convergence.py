@@ -18,6 +18,7 @@ def errors(of_tolerance, at_rim, forces_n=100.0):
 def test_poses_at_the_rim_decide_nothing_and_the_record_says_which_share_exceeds():
     found = errors([0.5, 0.1, 0.3, 0.5, 9.0, 0.2, 5.0, 1.0], [False] * 4 + [True] * 4)
     assert found.misses == pytest.approx(np.sqrt((0.5**2 + 0.1**2 + 0.3**2 + 0.5**2) / 4.0))
+    assert found.misses_at_rim == pytest.approx(np.sqrt((81.0 + 0.04 + 25.0 + 1.0) / 4.0))
     record, tolerance = found.record(model="cells"), found.scene.tolerances["Fy"]
     assert record["model"] == "cells"
     assert record["poses"] == 8
@@ -30,6 +31,7 @@ def test_poses_at_the_rim_decide_nothing_and_the_record_says_which_share_exceeds
 def test_where_most_poses_are_at_the_rim_they_all_decide():
     found = errors([2.0, 8.0, 0.0], [True, True, False])
     assert found.misses == pytest.approx(np.sqrt((4.0 + 64.0) / 3.0))
+    assert found.misses_at_rim == 0.0
     assert not any(key.endswith("at_rim") for key in found.record())
 
 

@@ -95,6 +95,7 @@ def test_another_shape_and_another_number_of_points_are_refused():
 
 
 @needs_compiler
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize(("name", "law"), [("hip", "linear"), ("glenohumeral", "log")])
 def test_the_kernel_in_c_is_the_same_formulas_and_its_hessian_the_derivative_of_its_jacobian(name, law):
     scene = cc.load_scene(name, law=law)

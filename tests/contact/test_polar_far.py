@@ -70,12 +70,13 @@ def test_contact_is_found_wherever_elements_find_it(name):
     half = max(0.75 * np.sqrt(2.0 * grid.areas_mm2.max()) for grid in model.scene.elements(elements.grid))
     assert (ours <= theirs + 1e-9).all()
     assert (ours >= theirs - half).all()
-    wanted, found = elements.wrenches(poses)[..., :3], model.wrenches(poses)[..., :3]
+    fine = cc.ElasticFoundation(model.scene, (400, 300))  # a spot along the rim is thin
+    wanted, found = fine.wrenches(poses)[..., :3], model.wrenches(poses)[..., :3]
     force, missed = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
     at_edge = model.at_edge(poses)
     assert (force > 0.0).sum() > 15
     assert (missed[~at_edge] <= 5e-3 * (force[~at_edge] + 20.0)).all()
-    assert (missed[at_edge] <= 0.35 * (force[at_edge] + 20.0)).all()
+    assert (missed[at_edge] <= 0.03 * (force[at_edge] + 20.0)).all()
 
 
 @needs_compiler

@@ -15,9 +15,9 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
   s->searched = 0;
   for (int b = 0; b < p->block_count; b += BLOCK) {
     const Boxes *boxes = p->block_boxes + b / BOXES;
-    for (int i = 0; i < 3; i++) points[i] = singles_at(boxes->middle[i] + b % BOXES);
+    for (int i = 0; i < 3; i++) points[i] = singles_at((const float *)(boxes->middle + i) + b % BOXES);
     distances(points, pose, frame, &found);
-    found -= STEEPEST * singles_at(boxes->size + b % BOXES);
+    found -= STEEPEST * singles_at((const float *)&boxes->size + b % BOXES);
     memcpy(least + b, &found, sizeof found);
     for (int l = 0; l < BLOCK && b + l < p->block_count; l++) {
       if (least[b + l] < least[first_block]) first_block = b + l;
@@ -29,7 +29,8 @@ FUNCTION int nearest_of(const Patch *p, const double *pose, const Frame *frame, 
     begin_turn(s);
     s->nodes = 0;
     for (int c = BOXES * p->blocks[b].first; c < BOXES * p->blocks[b].last; c++) {
-      if (p->cell_boxes[c / BOXES].size[c % BOXES] >= 0.0) want_corners(s, p->cells + c);
+      if (p->cell_boxes[c / BOXES].size[c % BOXES] < 0.0) continue;
+      s->nodes = take_slots(s, p->cells + c, s->nodes, s->corners[0]);
     }
     fill_up(s->ids, s->nodes);
     for (int i = 0; i < s->nodes; i += BLOCK) {

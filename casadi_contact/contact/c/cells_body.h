@@ -1,9 +1,3 @@
-/* Parallelograms middle ± half[0] ± half[1] of the fixed frame [mm] and what lies within `beyond` of them; size: how
- * far they reach from their middles, below 0 where there is none. */
-typedef struct {
-  float middle[3][BOXES], half[2][3][BOXES], beyond[BOXES], size[BOXES];
-} Boxes;
-
 INLINE void to_body(const Frame *frame, const Lanes w[3], Lanes turned[3]) {
   for (int j = 0; j < 3; j++) turned[j] = frame->r[0][j] * w[0] + frame->r[1][j] * w[1] + frame->r[2][j] * w[2];
 }
@@ -26,11 +20,6 @@ typedef struct {
 } Distance;
 
 #if BODY_FIELD
-/* Of the field at a node */
-typedef struct {
-  float g, slope[3], bow, clearance, unused[2];
-} Tangent;
-
 /* Weights of the four nodes around shares t of a cubic B-spline's cell, and their derivatives in units of the cell. */
 INLINE void spline_weights(Lanes t, int order, Lanes w[4][4]) {
   const Lanes s = 1.0 - t, s2 = s * s, t2 = t * t;
@@ -63,19 +52,45 @@ FUNCTION void leave_grid(const Lanes beyond[3], int order, Distance *out) {
   for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = pick(is_out, all(0.0), out->third[k]);
 }
 
+/* Rows of four coefficients along z, as many as fit into a vector, side by side along y */
+#define ROWS (BLOCK / 4)
+INLINE Lanes rows_at(const float *c) {
+#if ROWS == 2
+  return _mm512_cvtps_pd(_mm256_loadu2_m128(c + FIELD_Z, c));
+#else
+  return four_singles_at(c);
+#endif
+}
+
+/* What they are multiplied by: the weights of one lane */
+INLINE Lanes for_rows(const Lanes *weight, int lane) {
+#if ROWS == 2
+  return _mm512_mask_broadcastsd_pd(all(weight[0][lane]), 0xf0, _mm_set_sd(weight[1][lane]));
+#else
+  return all(weight[0][lane]);
+#endif
+}
+
 /* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a point, along z */
 INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Four v[10]) {
-  for (int n = 0; n < 10; n++) v[n] = (Four){0.0};
-  for (int p = 0; p < 4; p++, c += FIELD_Y * FIELD_Z) {
-    Four f[4];
-    for (int m = 0; m <= order; m++) f[m] = (Four){0.0};
-    for (int r = 0; r < 4; r++) {
-      const Four row = four_singles_at(c + r * FIELD_Z);
-      for (int m = 0; m < (order < 2 ? 2 : order + 1); m++) f[m] += y[m][r][lane] * row;
+  Lanes sum[10];
+  for (int r = 0; r < 4; r += ROWS) {
+    Lanes along_x[4], along_y[4];
+    for (int p = 0; p < 4; p++) {
+      const Lanes rows = rows_at(c + (p * FIELD_Y + r) * FIELD_Z);
+      for (int m = 0; m <= order; m++) along_x[m] = p ? along_x[m] + x[m][p][lane] * rows : x[m][p][lane] * rows;
     }
+    for (int m = 0; m <= order; m++) along_y[m] = for_rows(y[m] + r, lane);
     for (int n = 0, total = 0; total <= order; total++) {
-      for (int m = 0; m <= total; m++) v[n++] += x[total - m][p][lane] * f[m];
+      for (int m = 0; m <= total; m++, n++) {
+        const Lanes part = along_y[m] * along_x[total - m];
+        sum[n] = r ? sum[n] + part : part;
+      }
     }
+  }
+  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) {
+    v[n] = part_of(sum[n], 0);
+    for (int k = 1; k < ROWS; k++) v[n] += part_of(sum[n], k);
   }
 }
 
@@ -85,17 +100,18 @@ INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   static const int along_z[20] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
   const double s = 1.0 / FIELD_SPACING;
-  Lanes node[3], share[3], beyond[3], weights[3][4][4], first;
+  Lanes node[3], share[3], beyond[3], weights[3][4][4];
+  Whole first;
   Four part[20][BLOCK], along[4][BLOCK];
   for (int i = 0; i < 3; i++) {
     node[i] = place_on((q[i] - field_origin[i]) * s, counts[i], share + i, beyond + i);
     spline_weights(share[i], order, weights[i]);
   }
-  first = (node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2];
+  first = whole_of((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2]);
   for (int m = 0; m <= order; m++) to_rows(weights[2][m], along[m]);
   KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
     Four v[10];
-    sum_rows(FIELD_COEFFICIENTS + (long long)first[l], l, order, weights[0], weights[1], v);
+    sum_rows(FIELD_COEFFICIENTS + first[l], l, order, weights[0], weights[1], v);
     for (int n = 0; n < wanted; n++) part[n][l] = v[of[n]] * along[along_z[n]][l];
   }
   out->g = sums_of(part[0]);
@@ -116,40 +132,6 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
-#ifdef FIELD_TANGENTS
-/* The boxes, BLOCK of them from `first`, that the body may come within TOUCH of: by value, slope and bow of the field
- * at the nodes nearest to their middles, or by what is clear around these (see contact/cells/tangents.py), without a
- * look at the spline. */
-INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const Frame *frame) {
-  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, rows[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
-  const Lanes size = singles_at(boxes->size + first), beyond = singles_at(boxes->beyond + first);
-  Lanes middle[3], half[3], q[3], away[3], away_within[3], slope[3], tangent[4], way, least, bow, clear, node = all(0.0);
-  Four row[BLOCK];
-  for (int i = 0; i < 3; i++) middle[i] = singles_at(boxes->middle[i] + first);
-  to_place(middle, pose, frame, q);
-  for (int i = 0; i < 3; i++) {
-    const Lanes place = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
-    const Lanes within = smaller_of(larger_of(place, all(1.0)), all(counts[i] - 2.0));
-    const Lanes nearest = smaller_of(nearest_whole(within * (FIELD_SPACING / TANGENT_SPACING)), all(rows[i] - 1.0));
-    away[i] = place * FIELD_SPACING - nearest * TANGENT_SPACING;
-    away_within[i] = within * FIELD_SPACING - nearest * TANGENT_SPACING;
-    node = node * rows[i] + nearest;
-  }
-  for (int l = 0; l < BLOCK; l++) {
-    const Tangent *at = FIELD_TANGENTS + FIELD_INDEX[(int)node[l]];
-    row[l] = four_singles_at(&at->g), bow[l] = at->bow, clear[l] = at->clearance;
-  }
-  to_columns(row, tangent);
-  way = root(dot_of(away, away)) + size;
-  least = tangent[0] - 0.5 * bow * way * way - STEEPEST * beyond + dot_of(tangent + 1, away);
-  to_axes(frame, tangent + 1, slope);
-  for (int side = 0; side < 2; side++) {
-    for (int i = 0; i < 3; i++) half[i] = singles_at(boxes->half[side][i] + first);
-    least -= size_of(dot_of(slope, half));
-  }
-  return ((way > BOW_REACH) | (least <= TOUCH)) & (root(dot_of(away_within, away_within)) + size >= clear) & (size >= 0.0);
-}
-#endif
 #elif BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
@@ -179,17 +161,5 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   out->g = -q[1];
   out->slope[1] = all(-1.0);
   (void)order;
-}
-#endif
-
-#ifndef FIELD_TANGENTS
-INLINE Mask may_touch(const Boxes *boxes, int first, const double *pose, const Frame *frame) {
-  const Lanes size = singles_at(boxes->size + first);
-  Lanes middle[3], q[3];
-  Distance found;
-  for (int i = 0; i < 3; i++) middle[i] = singles_at(boxes->middle[i] + first);
-  to_place(middle, pose, frame, q);
-  distance_at(q, 1, &found);
-  return (found.g - (BODY_FIELD ? STEEPEST : 1.0) * size <= TOUCH) & (size >= 0.0);
 }
 #endif

@@ -122,11 +122,11 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
 
 /* What BLOCK cells add by themselves, and the weights of their corners' values */
 INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, int count, int full, Lanes h[6][PARTS]) {
-  const Presence present = presence_of(p, chosen, count);
-  Lanes v[12], pull[4], rate[12];
-  corner_values(p, s, chosen, v);
+  const Presence present = presence_of(p, s, chosen, count);
+  Lanes v[12], unused[4], pull[4], rate[12];
+  corner_values(s, chosen, v, unused);
   for (int c = 0; c < 4; c++) {
-    for (int l = 0; l < BLOCK; l++) pull[c][l] = s->share[s->slot[p->cells[chosen[l]].corners[c]]][7];
+    for (int l = 0; l < BLOCK; l++) pull[c][l] = s->share[s->corners[chosen[l]][c]][7];
   }
   for (int j = 0; j < 12; j++) {
     rate[j] = all(0.0);
@@ -145,7 +145,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
       if (twice[l] == 0.0) continue;
       memset(x, 0, sizeof x);
       for (int j = 0; j < 12; j++) {
-        const double *by = s->slopes[s->slot[p->cells[chosen[l]].corners[j / 3]]][j % 3];
+        const double *by = s->slopes[s->corners[chosen[l]][j / 3]][j % 3];
         for (int i = 0; i < PARTS; i++) x[i] += hermite[r][j] * lanes_at(by + i * BLOCK);
       }
       for (int a = 0; a < 6; a++) {
@@ -158,7 +158,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
     Four row[BLOCK];
     to_rows(column, row);
     for (int l = 0; l < count; l++) {
-      double *weight = s->weight[s->slot[p->cells[chosen[l]].corners[c]]];
+      double *weight = s->weight[s->corners[chosen[l]][c]];
       const Four sum = four_at(weight) + row[l];
       memcpy(weight, &sum, sizeof sum);
     }
@@ -187,15 +187,14 @@ FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame 
     add_cell_curvature(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, h);
   }
   for (int first = 0; first < s->nodes; first += BLOCK) {
-    Lanes weight[4], value[4];
+    Lanes weight[4], depths;
     Four row[BLOCK];
     Depth at;
     memcpy(row, s->weight[first], sizeof row);
     to_columns(row, weight);
     if (sum_of(weight[0] * weight[0] + weight[1] * weight[1] + weight[2] * weight[2]) == 0.0) continue;
-    memcpy(row, s->value[first], sizeof row);
-    to_columns(row, value);
-    depth_at(p->nodes, s->ids + first, value[3], pose, frame, 3, &at);
+    for (int l = 0; l < BLOCK; l++) depths[l] = s->value[first + l][3];
+    depth_at(p->nodes, s->ids + first, &depths, pose, frame, 3, &at);
     add_node_curvature(&at, frame, weight, &sum);
   }
   for (int a = 0; a < 6; a++) {

@@ -67,9 +67,9 @@ INLINE void begin_ray(Lanes first, Depth *at) {
   at->start = pick(under, at->start, -at->start), at->bends = pick(under, at->bends, -at->bends);
 }
 
-/* Everything at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). first: the depth found
- * at the nodes themselves, or 0 before that. */
-INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const double *pose, const Frame *frame, int order,
+/* Everything at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). first: the depths found
+ * at the nodes themselves, 0 before that. */
+INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *first, const double *pose, const Frame *frame, int order,
                      Depth *at) {
   Lanes c[3], near, unused, inverse;
   places_of(nodes, ids, c);
@@ -78,8 +78,9 @@ INLINE void depth_at(const Node *nodes, const int *ids, Lanes first, const doubl
     gather(nodes, ids, offsetof(Node, along) + a * sizeof(float[3]), at->along[a]);
     gather(nodes, ids, offsetof(Node, bend) + a * sizeof(float[3]), at->bend[a]);
   }
-  begin_ray(first, at);
-  for (int i = 0; i < 3; i++) c[i] -= at->start * at->n[i];
+  at->start = all(0.0);
+  if (first) begin_ray(*first, at);
+  for (int i = 0; i < 3 && first; i++) c[i] -= at->start * at->n[i];
   to_place(c, pose, frame, at->q);
   distance_at(at->q, order, &at->at);
   to_axes(frame, at->at.slope, at->slope);

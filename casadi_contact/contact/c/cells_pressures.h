@@ -14,11 +14,11 @@ typedef struct {
 } Depths;
 
 INLINE void add_depths(const Patch *p, const Scratch *s, const int *chosen, int count, Depths *of) {
-  const Presence present = presence_of(p, chosen, count);
-  Lanes v[12], corner[4];
-  corner_values(p, s, chosen, v);
+  const Presence present = presence_of(p, s, chosen, count);
+  Lanes v[12], unused[4], corner[4];
+  corner_values(s, chosen, v, unused);
   for (int c = 0; c < 4; c++) {
-    for (int l = 0; l < BLOCK; l++) corner[c][l] = p->nodes[p->cells[chosen[l]].corners[c]].loads[6];
+    for (int l = 0; l < BLOCK; l++) corner[c][l] = p->nodes[s->ids[s->corners[chosen[l]][c]]].loads[6];
   }
   memset(of, 0, sizeof *of);
   KEEP_LOOP for (int r = 0; r < SUB_POINTS; r++) {
@@ -47,7 +47,7 @@ INLINE void sum_depths(const Patch *p, const Scratch *s, double value[3], Lanes 
     for (int k = 0; k < 3; k++) value[k] += sum_of(of.sum[k]);
     KEEP_LOOP for (int l = 0; l < count; l++) {
       for (int j = 0; j < 12; j++) {
-        const double *slopes = s->slopes[s->slot[p->cells[chosen[l]].corners[j / 3]]][j % 3];
+        const double *slopes = s->slopes[s->corners[chosen[l]][j / 3]][j % 3];
         for (int k = 0; k < 3; k++) {
           for (int h = 0; h < PARTS; h++) by_twist[k][h] += of.rate[k][j][l] * lanes_at(slopes + h * BLOCK);
         }

@@ -30,16 +30,16 @@ typedef struct {
 /* Of a patch in one pose; one for each thread, since it would not fit on every stack. Kept: an optimiser asks for
  * value, Jacobian and Hessian in one pose after the other. What is found does not depend on what was asked before. */
 typedef struct {
-  double pose[6]; /* in which cells were chosen, where `searched`; `filled`: the order of what slots and sums hold */
+  double pose[6]; /* in which cells were chosen, where `searched`; `filled`: the order of what nodes and sums hold */
   int searched, filled;
-  int nodes, ids[MOST_NODES + BLOCK]; /* looked at */
-  int near, near_cells[MOST_CELLS + BLOCK]; /* cells that may touch, */
-  int cells, full, chosen[MOST_CELLS + BLOCK]; /* and of these those that matter */
+  int nodes, ids[MOST_NODES + BLOCK]; /* looked at: a slot each in what follows */
+  unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */
   int groups[MOST_GROUPS];
-  int slot[MOST_NODES]; /* of a node in what follows; holds where seen[node] is the present turn */
-  unsigned seen[MOST_NODES], turn;
-  int again[MOST_NODES + BLOCK], agains; /* slots that are worth a second look, */
-  int is_again[MOST_NODES + BLOCK];      /* and of which order they had one */
+  int near, near_cells[MOST_CELLS + BLOCK]; /* cells that may touch, */
+  int corners[MOST_CELLS + BLOCK][4];          /* the slots of their corners, */
+  int cells, full, chosen[MOST_CELLS + BLOCK]; /* and which of these cells matter */
+  int agains, again[MOST_NODES + BLOCK]; /* slots that are worth a second look, */
+  int is_again[MOST_NODES];              /* and of which order they had one */
   Sums sums;
   double value[MOST_NODES + BLOCK][4] __attribute__((aligned(64))); /* three, and the depth found at the node */
   double weight[MOST_NODES + BLOCK][4];
@@ -63,7 +63,8 @@ FUNCTION void distances(const Lanes points[3], const double *pose, const Frame *
 }
 
 INLINE void begin_turn(Scratch *s) {
-  if (++s->turn == 0) memset(s->seen, 0, sizeof s->seen), s->turn = 1;
+  if (s->turn >= UINT_MAX - 2 * MOST_NODES) memset(s->mark, 0, sizeof s->mark), s->turn = 0;
+  s->turn += MOST_NODES;
 }
 
 /* Filled up with the last one, to whole lanes */
@@ -71,41 +72,46 @@ INLINE void fill_up(int *ids, int count) {
   for (int k = count; k % BLOCK; k++) ids[k] = ids[count - 1];
 }
 
-INLINE void want_corners(Scratch *s, const Cell *cell) {
+/* Slots of a cell's corners, new ones for those that were not seen this turn; how many slots are then taken. Without
+ * branches, which would be guessed wrong. */
+INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
+  const unsigned turn = s->turn;
   for (int k = 0; k < 4; k++) {
     const int node = cell->corners[k];
-    if (s->seen[node] == s->turn) continue;
-    s->seen[node] = s->turn, s->is_again[s->nodes] = 0, s->slot[node] = s->nodes, s->ids[s->nodes++] = node;
+    const unsigned mark = s->mark[node], fresh = mark < turn, now = fresh ? turn + (unsigned)taken : mark;
+    s->ids[taken] = node, s->mark[node] = now, slots[k] = (int)(now - turn);
+    taken += (int)fresh;
   }
+  return taken;
 }
 
-/* Fill `near_cells` with the cells that may touch, and `ids` with their corners. */
+/* Fill `near_cells` with the cells that may touch, and `ids` and `corners` with their corners. */
 FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  int groups = 0;
+  const Place place = place_of(pose, frame);
+  int groups = 0, near = 0, nodes = 0;
   begin_turn(s);
-  KEEP_LOOP for (int b = 0; b < p->block_count; b += BLOCK) {
-    const Mask near = may_touch(p->block_boxes + b / BOXES, b % BOXES, pose, frame);
-    KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-      for (int k = p->blocks[b + l].first; near[l] && k < p->blocks[b + l].last; k++) s->groups[groups++] = k;
+  KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
+    const unsigned some = may_touch(p->block_boxes + b / BOXES, pose, frame, &place);
+    KEEP_LOOP for (unsigned left = some; left; left &= left - 1) {
+      const Block *block = p->blocks + b + first_bit(left);
+      for (int k = block->first; k < block->last; k++) s->groups[groups++] = k;
     }
   }
   KEEP_LOOP for (int g = 0; g < groups; g++) {
-    KEEP_LOOP for (int first = 0; first < BOXES; first += BLOCK) {
-      const Mask touch = may_touch(p->cell_boxes + s->groups[g], first, pose, frame);
-      KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-        const int cell = BOXES * s->groups[g] + first + l;
-        if (!touch[l]) continue;
-        want_corners(s, p->cells + cell);
-        s->near_cells[s->near++] = cell;
-      }
+    const unsigned some = may_touch(p->cell_boxes + s->groups[g], pose, frame, &place);
+    KEEP_LOOP for (unsigned left = some; left; left &= left - 1) {
+      const int cell = BOXES * s->groups[g] + first_bit(left);
+      nodes = take_slots(s, p->cells + cell, nodes, s->corners[near]);
+      s->near_cells[near++] = cell;
     }
   }
-  fill_up(s->ids, s->nodes);
+  s->near = near, s->nodes = nodes;
+  fill_up(s->ids, nodes);
 }
 
-/* Values in BLOCK slots, where the depth found at the nodes themselves is `first`; with order 2 slopes by twist. */
-INLINE void fill_slots(const Patch *p, const int *slots, Lanes first, const double *pose, const Frame *frame, int order,
-                       Scratch *s) {
+/* Values in BLOCK slots, with order 2 slopes by twist; first: depths found at the nodes themselves, 0 before that. */
+INLINE void fill_slots(const Patch *p, const int *slots, const Lanes *first, const double *pose, const Frame *frame,
+                       int order, Scratch *s) {
   int ids[BLOCK];
   Four row[BLOCK];
   Lanes column[4], slopes[3][6];
@@ -113,7 +119,7 @@ INLINE void fill_slots(const Patch *p, const int *slots, Lanes first, const doub
   for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[slots[l]];
   depth_at(p->nodes, ids, first, pose, frame, order, &at);
   for (int i = 0; i < 3; i++) column[i] = at.value[i];
-  column[3] = any(first != 0.0) ? first : pick(at.sigma > FLATTEST + FLATTEST_WIDTH, at.d, all(0.0));
+  column[3] = first ? *first : pick(at.sigma > FLATTEST + FLATTEST_WIDTH, at.d, all(0.0));
   to_rows(column, row);
   for (int l = 0; l < BLOCK; l++) memcpy(s->value[slots[l]], row + l, sizeof(Four));
   if (order < 2) return;
@@ -130,74 +136,121 @@ INLINE void fill_slots(const Patch *p, const int *slots, Lanes first, const doub
   }
 }
 
-INLINE void corner_values(const Patch *p, const Scratch *s, const int *chosen, Lanes v[12]) {
+/* Of the corners of BLOCK near cells: v their values, and the depths found at the nodes themselves */
+INLINE void corner_values(const Scratch *s, const int *chosen, Lanes v[12], Lanes depths[4]) {
   for (int c = 0; c < 4; c++) {
     Four row[BLOCK];
     Lanes column[4];
-    for (int l = 0; l < BLOCK; l++) row[l] = four_at(s->value[s->slot[p->cells[chosen[l]].corners[c]]]);
+    for (int l = 0; l < BLOCK; l++) row[l] = four_at(s->value[s->corners[chosen[l]][c]]);
     to_columns(row, column);
     for (int i = 0; i < 3; i++) v[3 * c + i] = column[i];
+    depths[c] = column[3];
   }
 }
 
-/* Choose among cells those whose interpolated depth can exceed -WIDTH - spare; those in which it exceeds WIDTH
- * everywhere come first, `full` of them. A cubic lies within the hull of its Bezier points: the corners' values and a
- * third of their slopes further in. */
-FUNCTION void sort_cells(const Patch *p, const int *cells, int count, double spare, Scratch *s) {
-  s->cells = s->full = 0;
-  for (int k = 0; k < count; k += BLOCK) {
-    Lanes v[12], highest, lowest;
+/* Bounds of the interpolated depth: a cubic lies within the hull of its Bezier points, the corners' values and a third
+ * of their slopes further in. */
+INLINE void hull_of(const Lanes v[12], Lanes *lowest, Lanes *highest) {
+  for (int c = 0; c < 4; c++) {
+    const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
+    const Lanes along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
+    const Lanes high = v[3 * c] + larger_of(along_u, all(0.0)) + larger_of(along_v, all(0.0));
+    const Lanes low = v[3 * c] + smaller_of(along_u, all(0.0)) + smaller_of(along_v, all(0.0));
+    *highest = c ? larger_of(*highest, high) : high, *lowest = c ? smaller_of(*lowest, low) : low;
+  }
+}
+
+/* Keep those of the near cells whose interpolated depth, after one look, may exceed -WIDTH by a second. Of their
+ * corners those that lie high above the body are worth one; deep ones are known already. */
+FUNCTION void keep_cells(Scratch *s) {
+  int kept = 0, agains = s->agains;
+  KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
+    const unsigned there = (1u << (s->near - k < BLOCK ? s->near - k : BLOCK)) - 1;
+    Lanes v[12], depths[4], lowest, highest, least;
     int some[BLOCK];
-    for (int l = 0; l < BLOCK; l++) some[l] = cells[k + l < count ? k + l : k];
-    corner_values(p, s, some, v);
-    for (int c = 0; c < 4; c++) {
-      const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
-      const Lanes along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
-      const Lanes high = v[3 * c] + larger_of(along_u, all(0.0)) + larger_of(along_v, all(0.0));
-      const Lanes low = v[3 * c] + smaller_of(along_u, all(0.0)) + smaller_of(along_v, all(0.0));
-      highest = c ? larger_of(highest, high) : high, lowest = c ? smaller_of(lowest, low) : low;
-    }
-    for (int l = 0; l < BLOCK && k + l < count; l++) {
-      if (highest[l] <= -WIDTH - spare) continue;
-      s->chosen[s->cells] = some[l];
-      if (!LOGARITHMIC && lowest[l] > WIDTH && p->cells[some[l]].present == 0) {
-        s->chosen[s->cells] = s->chosen[s->full], s->chosen[s->full++] = some[l];
+    unsigned left, high;
+    for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
+    corner_values(s, some, v, depths);
+    hull_of(v, &lowest, &highest);
+    least = smaller_of(smaller_of(depths[0], depths[1]), smaller_of(depths[2], depths[3]));
+    left = there & bits_of(highest > -WIDTH - SPARE);
+    high = left & bits_of(least < SMALL_DEPTH_WIDTH - SMALL_DEPTH);
+    KEEP_LOOP for (; high; high &= high - 1) {
+      const int *slots = s->corners[k + first_bit(high)];
+      for (int c = 0; c < 4; c++) {
+        const int slot = slots[c], wanted = s->value[slot][3] < SMALL_DEPTH_WIDTH - SMALL_DEPTH;
+        s->again[agains] = slot;
+        agains += wanted & (s->is_again[slot] != 1);
+        s->is_again[slot] = 1;
       }
-      s->cells++;
+    }
+    KEEP_LOOP for (; left; left &= left - 1, kept++) {
+      const int from = k + first_bit(left);
+      s->near_cells[kept] = s->near_cells[from];
+      memmove(s->corners[kept], s->corners[from], sizeof s->corners[0]);
     }
   }
+  s->near = kept, s->agains = agains;
+}
+
+/* Choose of the near cells those whose interpolated depth can exceed -WIDTH; those in which it exceeds WIDTH everywhere
+ * come first, `full` of them. */
+FUNCTION void sort_cells(const Patch *p, Scratch *s) {
+  int cells = 0, full = 0;
+  KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
+    const unsigned there = (1u << (s->near - k < BLOCK ? s->near - k : BLOCK)) - 1;
+    Lanes v[12], depths[4], lowest, highest;
+    int some[BLOCK];
+    unsigned left, inside;
+    for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
+    corner_values(s, some, v, depths);
+    hull_of(v, &lowest, &highest);
+    inside = LOGARITHMIC ? 0 : bits_of(lowest > WIDTH);
+    left = there & bits_of(highest > -WIDTH);
+    KEEP_LOOP for (; left; left &= left - 1) {
+      const int l = first_bit(left), is_full = inside >> l & (p->cells[s->near_cells[k + l]].present == 0);
+      s->chosen[cells++] = s->chosen[full];
+      s->chosen[is_full ? full : cells - 1] = k + l;
+      full += is_full;
+    }
+  }
+  s->cells = cells, s->full = full;
 }
 
 /* Cells that may matter, after a look at all their corners */
 INLINE void search(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  s->near = s->nodes = 0;
+  int agains = 0;
   find_cells(p, pose, frame, s);
-  for (int first = 0; first < s->nodes; first += BLOCK) {
+  for (int k = 0; k < s->nodes; k += BLOCK) {
     int slots[BLOCK];
-    for (int l = 0; l < BLOCK; l++) slots[l] = first + l;
-    fill_slots(p, slots, all(0.0), pose, frame, 1, s);
-  }
-  sort_cells(p, s->near_cells, s->near, SPARE, s);
-  s->near = s->cells;
-  memcpy(s->near_cells, s->chosen, s->cells * sizeof s->chosen[0]);
-}
-
-/* Another look, with derivatives if asked for, at those corners of cells that matter. */
-INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
-  s->agains = 0;
-  for (int k = 0; k < s->near; k++) {
-    for (int c = 0; c < 4; c++) {
-      const int slot = s->slot[p->cells[s->near_cells[k]].corners[c]];
-      if (s->is_again[slot] == order) continue;
-      if (order < 2 && fabs(s->value[slot][3]) <= SMALL_DEPTH - SMALL_DEPTH_WIDTH) continue;
-      s->is_again[slot] = order, s->again[s->agains++] = slot;
+    for (int l = 0; l < BLOCK; l++) slots[l] = k + l;
+    fill_slots(p, slots, 0, pose, frame, 1, s);
+    for (int l = 0; l < BLOCK && k + l < s->nodes; l++) {
+      s->again[agains] = k + l, s->is_again[k + l] = 0;
+      agains += s->value[k + l][3] > SMALL_DEPTH - SMALL_DEPTH_WIDTH;
     }
   }
+  s->agains = agains;
+  keep_cells(s);
+}
+
+/* Another look at those corners of near cells that are worth it, or at all of them with their derivatives */
+INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
+  int agains = order < 2 ? s->agains : 0;
+  for (int k = 0; k < s->near && order >= 2; k++) {
+    for (int c = 0; c < 4; c++) {
+      const int slot = s->corners[k][c];
+      s->again[agains] = slot;
+      agains += s->is_again[slot] != order;
+      s->is_again[slot] = order;
+    }
+  }
+  s->agains = agains;
   fill_up(s->again, s->agains);
   for (int k = 0; k < s->agains; k += BLOCK) {
     Lanes first;
     for (int l = 0; l < BLOCK; l++) first[l] = s->value[s->again[k + l]][3];
-    fill_slots(p, s->again + k, first, pose, frame, order, s);
+    fill_slots(p, s->again + k, &first, pose, frame, order, s);
   }
-  sort_cells(p, s->near_cells, s->near, 0.0, s);
+  sort_cells(p, s);
 }

@@ -29,6 +29,21 @@ INLINE Lanes depth_of(const Lanes v[12], int r) {
   return a + (b + c);
 }
 
+/* Where the sub-points of one row along u lie between the corners along v: value and slope along u at both its ends, */
+INLINE void row_of(const Lanes v[12], int q, Lanes row[4]) {
+  const double *f = hermite_v[q];
+  for (int a = 0; a < 2; a++, v += 6) {
+    row[2 * a] = f[0] * v[0] + f[1] * v[2] + f[2] * v[3] + f[3] * v[5];
+    row[2 * a + 1] = f[0] * v[1] + f[2] * v[4];
+  }
+}
+
+/* and the value at one of them. */
+INLINE Lanes depth_in_row(const Lanes row[4], int k) {
+  const double *f = hermite_u[k];
+  return f[0] * row[0] + f[1] * row[1] + (f[2] * row[2] + f[3] * row[3]);
+}
+
 /* The first `count` lanes: 1, the others 0. */
 INLINE Lanes lanes_of(int count) {
   Lanes lives;
@@ -43,10 +58,10 @@ typedef struct {
   int whole; /* all of them */
 } Presence;
 
-INLINE Presence presence_of(const Patch *p, const int *chosen, int count) {
+INLINE Presence presence_of(const Patch *p, const Scratch *s, const int *chosen, int count) {
   Presence of = {{0}, lanes_of(count), 1};
   for (int l = 0; l < BLOCK; l++) {
-    const int present = p->cells[chosen[l]].present;
+    const int present = p->cells[s->near_cells[chosen[l]]].present;
     of.present[l] = p->present[present], of.whole &= present == 0;
   }
   return of;
@@ -77,10 +92,10 @@ INLINE void add_rates(const Lanes sums[8], const double products[8], Lanes rate[
 /* Weights of BLOCK cells' corners, and with order 2 their derivatives by the corners' values */
 FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, int count, int full, int order,
                            Lanes weight[4], Lanes rate[4][12], int *cut) {
-  const Presence present = presence_of(p, chosen, count);
+  const Presence present = presence_of(p, s, chosen, count);
   const Lanes lives = present.lives;
-  Lanes v[12], deepest = all(0.0);
-  corner_values(p, s, chosen, v);
+  Lanes v[12], unused[4], deepest = all(0.0);
+  corner_values(s, chosen, v, unused);
   for (int c = 0; c < 4; c++) {
     weight[c] = all(0.0);
     for (int j = 0; j < 12; j++) {
@@ -90,39 +105,40 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
     weight[c] *= lives;
   }
   for (int q = 0; q < ALONG_V && !full; q++) {
-    Lanes sums[8];
+    Lanes sums[8], row[4], forces[2] = {{0.0}};
     for (int i = 0; i < 8; i++) sums[i] = all(0.0);
+    row_of(v, q, row);
     KEEP_LOOP for (int k = 0; k < ALONG_U; k++) {
       const int r = k * ALONG_V + q;
       const Lanes here = present_at(&present, r);
-      Lanes slope, bend, stiffness, unused, force;
-      const Lanes depth = ramp(depth_of(v, r), &slope, &bend);
-      force = here * soft_pressure(depth, &stiffness, &unused);
+      Lanes slope, bend, stiffness, ignored, force;
+      const Lanes depth = ramp(depth_in_row(row, k), &slope, &bend);
+      force = here * soft_pressure(depth, &stiffness, &ignored);
       stiffness *= here * slope;
-      for (int c = 0; c < 4; c++) weight[c] += share[r][c] * force;
+      for (int a = 0; a < 2; a++) forces[a] += share_u[k][a] * force;
       for (int i = 0; i < 8 && order >= 2; i++) sums[i] += product_u[k][i] * stiffness;
       deepest = larger_of(deepest, here * depth);
     }
+    for (int c = 0; c < 4; c++) weight[c] += share_v[q][c % 2] * forces[c / 2];
     if (order >= 2) add_rates(sums, product_v[q], rate);
   }
-  for (int l = 0; l < count; l++) *cut |= p->cells[chosen[l]].rim && (full || deepest[l] > 0.0);
+  for (int l = 0; l < count; l++) *cut |= p->cells[s->near_cells[chosen[l]]].rim && (full || deepest[l] > 0.0);
 }
 
 /* In slots: the weights of the nodes' loads, their derivatives by twist before them */
-INLINE void add_weights(const Patch *p, Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
+INLINE void add_weights(Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
                         const Lanes rate[4][12]) {
-  const Cell *cell = p->cells + chosen;
-  int slots[4];
-  for (int c = 0; c < 4; c++) slots[c] = s->slot[cell->corners[c]], s->share[slots[c]][6] += weight[c][lane];
+  int at[4];
+  for (int c = 0; c < 4; c++) at[c] = s->corners[chosen][c], s->share[at[c]][6] += weight[c][lane];
   if (order < 2) return;
   for (int h = 0; h < PARTS; h++) {
     Lanes sum[4];
-    for (int c = 0; c < 4; c++) sum[c] = lanes_at(s->share[slots[c]] + h * BLOCK);
+    for (int c = 0; c < 4; c++) sum[c] = lanes_at(s->share[at[c]] + h * BLOCK);
     for (int j = 0; j < 12; j++) {
-      const Lanes slopes = lanes_at(s->slopes[slots[j / 3]][j % 3] + h * BLOCK);
+      const Lanes slopes = lanes_at(s->slopes[at[j / 3]][j % 3] + h * BLOCK);
       for (int c = 0; c < 4; c++) sum[c] += rate[c][j][lane] * slopes;
     }
-    for (int c = 0; c < 4; c++) memcpy(s->share[slots[c]] + h * BLOCK, sum + c, sizeof(Lanes));
+    for (int c = 0; c < 4; c++) memcpy(s->share[at[c]] + h * BLOCK, sum + c, sizeof(Lanes));
   }
 }
 
@@ -139,16 +155,17 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
     cell_weights(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, order, weight, rate, &sums->cut);
     KEEP_LOOP for (int l = 0; l < (count < BLOCK ? count : BLOCK); l++) {
-      add_weights(p, s, chosen[l], l, order, weight, rate);
+      add_weights(s, chosen[l], l, order, weight, rate);
     }
   }
   for (int k = 0; k < s->nodes; k++) {
     const float *of = p->nodes[s->ids[k]].loads;
-    if (s->share[k][6] == 0.0) continue;
+    const double *share = s->share[k];
+    if (share[6] == 0.0) continue;
     for (int h = 0; h < PARTS; h++) {
-      const Lanes share = lanes_at(s->share[k] + h * BLOCK);
-      loads[h] -= s->share[k][6] * singles_at(of + h * BLOCK);
-      for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][h] -= of[i] * share;
+      const Lanes part = lanes_at(share + h * BLOCK);
+      loads[h] -= share[6] * singles_at(of + h * BLOCK);
+      for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][h] -= of[i] * part;
     }
   }
   memcpy(sums->loads, loads, sizeof loads);

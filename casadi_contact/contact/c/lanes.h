@@ -10,6 +10,7 @@
 #endif
 typedef double Lanes __attribute__((vector_size(8 * BLOCK)));
 typedef long long Mask __attribute__((vector_size(8 * BLOCK)));
+typedef int Whole __attribute__((vector_size(4 * BLOCK)));
 typedef double Four __attribute__((vector_size(32)));
 typedef long long FourPlaces __attribute__((vector_size(32)));
 #if defined(__clang__)
@@ -117,16 +118,29 @@ INLINE Lanes lanes_at(const double *x) {
 }
 
 INLINE Lanes singles_at(const float *x) {
-  Four part[BLOCK / 4];
-  for (int k = 0; k < BLOCK / 4; k++) part[k] = four_singles_at(x + 4 * k);
-  return joined(part);
+#if BLOCK == 8
+  return _mm512_cvtps_pd(_mm256_loadu_ps(x));
+#else
+  return four_singles_at(x);
+#endif
 }
 
-INLINE int any(Mask mask) {
-  long long some = 0;
-  for (int l = 0; l < BLOCK; l++) some |= mask[l];
-  return some != 0;
+/* One bit for each lane */
+INLINE unsigned bits_of(Mask mask) {
+#if BLOCK == 8 && defined(__AVX512DQ__)
+  return _mm512_movepi64_mask((__m512i)mask);
+#elif BLOCK == 4 && defined(__AVX__)
+  return (unsigned)_mm256_movemask_pd((__m256d)mask);
+#else
+  unsigned bits = 0;
+  for (int l = 0; l < BLOCK; l++) bits |= (unsigned)(mask[l] & 1) << l;
+  return bits;
+#endif
 }
+
+INLINE int first_bit(unsigned bits) { return __builtin_ctz(bits); }
+
+INLINE int any(Mask mask) { return bits_of(mask) != 0; }
 
 INLINE Lanes root(Lanes x) {
   Lanes y;
@@ -139,6 +153,8 @@ INLINE Lanes nearest_whole(Lanes x) {
   const double whole = 6755399441055744.0;
   return (x + whole) - whole;
 }
+
+INLINE Whole whole_of(Lanes x) { return __builtin_convertvector(x, Whole); }
 
 INLINE Lanes dot_of(const Lanes a[3], const Lanes b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

@@ -65,24 +65,42 @@ INLINE double edge_distance(double depth, double slope, double curvature) {
   return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
 }
 
-/* The middle of the chord along u (0) or v (1) through a spot, or the spot where its estimated ends missed the contact. */
-FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, int along) {
-  double u = 0.0, v = 0.0;
-  Spot tried;
+/* Where the chord along u (0) or v (1) through a spot ends, (u, v) each: estimates, within the rim */
+INLINE void chord_ends(const Surfaces *s, const Spot *spot, int along, double ends[2][2]) {
   for (int i = 0; i < 2; i++) {
     const double sign = i ? 1.0 : -1.0;
-    const double r = edge_distance(spot->depth, sign * spot->slope[along], spot->curvature[2 * along]);
-    double end_u = spot->u + (along ? 0.0 : sign * r), end_v = spot->v + (along ? sign * r : 0.0);
-    within(s, &end_u, &end_v);
-    u += 0.5 * end_u, v += 0.5 * end_v;
+    const double r = edge_distance(larger(spot->depth, 0.0), sign * spot->slope[along], spot->curvature[2 * along]);
+    ends[i][0] = spot->u, ends[i][1] = spot->v;
+    ends[i][along] += sign * r;
+    within(s, ends[i], ends[i] + 1);
   }
+}
+
+/* The middle of the chord, or the spot where its estimated ends missed the contact. */
+FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, int along) {
+  double ends[2][2], u, v;
+  Spot tried;
+  chord_ends(s, spot, along, ends);
+  u = 0.5 * (ends[0][0] + ends[1][0]), v = 0.5 * (ends[0][1] + ends[1][1]);
   within(s, &u, &v);
   tried = spot_at(s, p, u, v, TO_END);
   return tried.depth >= 0.5 * spot->depth ? tried : *spot;
 }
 
+/* The scale that makes the chords through a spot equally long. */
+INLINE void make_round(const Surfaces *s, Spot *spot) {
+  double ends[2][2], length[2];
+  for (int along = 0; along < 2; along++) {
+    chord_ends(s, spot, along, ends);
+    length[along] = larger(ends[1][along] - ends[0][along], LEAST_CHORD);
+  }
+  spot->scale[0] = sqrt(length[0] / length[1]);
+  spot->scale[1] = 1.0 / spot->scale[0];
+}
+
 /* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through the point
- * nearest to the body. Returns 0 where there is no contact, which leaves this point in `nearest`. */
+ * nearest to the body, which rays scan as if its chords were equally long. Returns 0 where there is no contact, which
+ * leaves this point in `nearest`. */
 FUNCTION int middle_of(const Surfaces *s, const Place *p, Spot *middle, Spot *nearest) {
   const double *k = middle->curvature, *slope = middle->slope;
   double u, v, determinant, reach_u, reach_v, depth;
@@ -106,5 +124,6 @@ FUNCTION int middle_of(const Surfaces *s, const Place *p, Spot *middle, Spot *ne
   *middle = spot_at(s, p, nearest->u, nearest->v, TO_END);
   *middle = chord_middle(s, p, middle, 0);
   *middle = chord_middle(s, p, middle, 1);
+  make_round(s, middle);
   return 1;
 }

@@ -91,7 +91,7 @@ FUNCTION void plan_rays(const Surfaces *s, const Place *p, const Spot *m, Plan *
   Lanes reach[RAY_BLOCKS];
   Mask far = all(0.0) > 0.0;
   for (int j = 0; j < RAY_BLOCKS; j++) {
-    const Lanes du = s->scale_u * lanes_at(ray_cos + j * BLOCK), dv = s->scale_v * lanes_at(ray_sin + j * BLOCK);
+    const Lanes du = m->scale[0] * lanes_at(ray_cos + j * BLOCK), dv = m->scale[1] * lanes_at(ray_sin + j * BLOCK);
     const Lanes slope = m->slope[0] * du + m->slope[1] * dv, turned = du * along[0] + dv * along[1];
     const Lanes form = m->curvature[0] * du * du + 2.0 * m->curvature[1] * du * dv + m->curvature[2] * dv * dv;
     const Lanes k = larger_of(form, all(LEAST_CURVATURE));

@@ -9,7 +9,7 @@ typedef struct {
   double u_low, u_high, v_low, v_high, spread;     /* rim */
   double z_0;
   double tube_radius, centre_z;
-  double scale_u, scale_v; /* of the rays' directions */
+  double scale[2]; /* of the rays' directions, where the rim does not cut the contact */
   double turn[3][3];
   Arc arc[ARCS];
 } Surfaces;
@@ -126,9 +126,10 @@ INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
- * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
+ * one; the fixed surface's own, towards the body; the end on the body; the stretch of u and v that makes the region of
+ * contact around it about round. AT_START: all of -g instead of the depth. */
 typedef struct {
-  double u, v, depth, slope[2], curvature[3], fixed_form[3];
+  double u, v, depth, slope[2], curvature[3], fixed_form[3], scale[2];
   double tangent[2][3], end[3], along[3], kappa;
   int arc;
 } Spot;
@@ -149,6 +150,7 @@ INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int w
   }
   spot.u = u, spot.v = v, spot.depth = what == AT_START ? -ray.g[0] : (ray.step * ray.length)[0];
   spot.kappa = ray.kappa[0], spot.arc = (int)ray.arc[0];
+  spot.scale[0] = s->scale[0], spot.scale[1] = s->scale[1];
   tau[0][0] = 1.0, tau[0][1] = -ray.n_x[0], tau[0][2] = 0.0;
   tau[1][0] = 0.0, tau[1][1] = -ray.n_z[0], tau[1][2] = 1.0;
   inverse = what == AT_START ? -1.0 : (ray.length / steepness(&ray))[0];

@@ -52,12 +52,20 @@ def corner_shares(cells: Cells) -> Array:
     return np.stack(shares).reshape(4, -1) / (cells.along_u * cells.along_v)
 
 
-def share_products(count: int) -> Array:
-    """(count, 8): at sub-points along one side, each end's linear share, over their number, times each Hermite function
-    (value and slope at the first end, value and slope at the other)."""
+def hermite_of(count: int) -> Array:
+    """(count, 4): Hermite functions at sub-points along one side: value and slope at the first end, then the other."""
+    return np.stack(_hermite(middles(count))).transpose(2, 1, 0).reshape(count, 4)
+
+
+def linear_shares(count: int) -> Array:
+    """(count, 2): linear share of each end in a sub-point along one side, over their number."""
     t = middles(count)
-    functions = np.stack(_hermite(t)).transpose(2, 1, 0).reshape(count, 4)
-    return np.concatenate([(1.0 - t)[:, None] * functions, t[:, None] * functions], 1) / count
+    return np.stack([1.0 - t, t], 1) / count
+
+
+def share_products(count: int) -> Array:
+    """(count, 8): each end's share times each function of `hermite_of`."""
+    return (linear_shares(count)[:, :, None] * hermite_of(count)[:, None]).reshape(count, 8)
 
 
 def middles(count: int) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -33,17 +33,20 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
 
     Over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads,
     errors against an element grid of `CONVERGED` are half of what `convergence.Errors.misses` allows, or all of it
-    where half cannot be had; how wrong loads are where the rim cuts contact stands in the record. Along each side cells
-    are as large as one of `cell_sizes_mm`: first along v, then along u. Raises ValueError where nothing is good enough,
-    and where no pose presses the patches.
+    where half cannot be had; where the rim cuts contact their RMS is what it allows, or as it comes where that cannot
+    be had. Along each side cells are as large as one of `cell_sizes_mm`: first along v, then along u. Raises ValueError
+    where nothing is good enough, and where no pose presses the patches.
     """
     truth, sizes_mm = _Truth(scene), cell_sizes_mm(scene)
     errors_of = lru_cache(maxsize=None)(truth.errors)
 
-    def misses(cells: Cells) -> float:
-        return errors_of(cells).misses
+    def misses(cells: Cells, share: float, at_rim: bool) -> float:
+        errors = errors_of(cells)
+        return max(errors.misses / share, errors.misses_at_rim if at_rim else 0.0)
 
-    cells = _largest(misses, _SAFE, sizes_mm) or _largest(misses, 1.0, sizes_mm)
+    bars = ((_SAFE, True), (1.0, True), (_SAFE, False), (1.0, False))
+    found = (_largest(partial(misses, share=share, at_rim=at_rim), sizes_mm) for share, at_rim in bars)
+    cells = next((cells for cells in found if cells is not None), None)
     if cells is None:
         finest = square_cells(sizes_mm[-1])
         raise not_good_enough(f"the foundation in {finest}", errors_of(finest))
@@ -129,13 +132,13 @@ class _Truth:
         return np.abs(off @ self._selection[:, p].T), np.array([cut for _, cut in found], dtype=bool)
 
 
-def _largest(misses: Callable[[Cells], float], most: float, sizes_mm: tuple[float, ...]) -> Cells | None:
-    """The largest cells that miss by no more: first the longest v with the shortest u, then the longest u; or None."""
+def _largest(misses: Callable[[Cells], float], sizes_mm: tuple[float, ...]) -> Cells | None:
+    """The largest cells that miss by 1 at most: first the longest v for the shortest u, then the longest u; or None."""
     finest = sizes_mm[-1]
-    v = bisect_left(sizes_mm, True, key=lambda v_mm: misses(_sized(finest, v_mm)) <= most)
+    v = bisect_left(sizes_mm, True, key=lambda v_mm: misses(_sized(finest, v_mm)) <= 1.0)
     if v == len(sizes_mm):
         return None
-    u = bisect_left(sizes_mm[:-1], True, key=lambda u_mm: misses(_sized(u_mm, sizes_mm[v])) <= most)
+    u = bisect_left(sizes_mm[:-1], True, key=lambda u_mm: misses(_sized(u_mm, sizes_mm[v])) <= 1.0)
     return _sized(sizes_mm[u], sizes_mm[v])
 
 

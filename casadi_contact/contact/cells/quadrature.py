@@ -33,7 +33,7 @@ SMALL_MM, SMALL_WIDTH_MM = 0.1, 0.05  # depths up to the first, within the secon
 DEEPEST_START_MM = 1.0  # second evaluations start within these depths
 HIGHEST_START_MM = 0.3
 FAR_MM, FAR_WIDTH_MM = 1.0, 0.5  # depths below minus the first are all alike, within the second
-TOUCH_MM = 0.06  # distance from the body up to which a cell is looked at: more than what interpolation is wrong by
+_LEAST_MM, _MOST_MM, _RADIUS_MM = 0.012, 0.18, 15.0  # of what interpolation is wrong by: see `touch_mm`
 FADE_SHARE = 0.2  # of the scene's boundary load: ∫p dA below which a patch's loads fade out
 
 
@@ -109,7 +109,7 @@ class Quadrature:
         """With the distances (m,) of the nodes from the body."""
         p = self.patch
         diagonal = np.linalg.norm(p.tangents, axis=2).sum(axis=1).max()
-        cells = np.flatnonzero((distance[p.corners] < TOUCH_MM + STEEPEST_FIELD * diagonal).any(axis=1))
+        cells = np.flatnonzero((distance[p.corners] < touch_mm(self.cells) + STEEPEST_FIELD * diagonal).any(axis=1))
         used, corners = np.unique(p.corners[cells], return_inverse=True)
         nodes, corners = self._nodes(R, t, used), corners.reshape(-1, 4)
         found = nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells)
@@ -201,6 +201,13 @@ class Touch:
     weights: Array
     total: Array
     cut: bool
+
+
+def touch_mm(cells: Cells) -> float:
+    """Distance from the body up to which a cell is looked at: more than what interpolation is wrong by, which grows as
+    a cell's own sagitta. On knees, cells of 1.2 mm that carry were up to 0.021 mm away, of 2.4 mm 0.1 mm."""
+    sagitta = (cells.u_mm**2 + cells.v_mm**2) / (8.0 * _RADIUS_MM)
+    return WIDTH_MM + min(max(sagitta, _LEAST_MM), _MOST_MM)
 
 
 def _start(first: Array) -> tuple[Array, Array]:

@@ -10,7 +10,13 @@ import numpy as np
 
 from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
-from casadi_contact.contact.cells.basis import corner_shares, hermite_functions, share_products
+from casadi_contact.contact.cells.basis import (
+    corner_shares,
+    hermite_functions,
+    hermite_of,
+    linear_shares,
+    share_products,
+)
 from casadi_contact.contact.cells.patches import BOXES, CellPatch
 from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
@@ -83,29 +89,32 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "HIGHEST_START": quadrature.HIGHEST_START_MM,
         "SMALL_DEPTH": quadrature.SMALL_MM,
         "SMALL_DEPTH_WIDTH": quadrature.SMALL_WIDTH_MM,
-        "SPARE": 0.5 * quadrature.TOUCH_MM,
+        "SPARE": 0.5 * quadrature.touch_mm(cells),
         "FAR_DEPTH": quadrature.FAR_MM,
         "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
-        "TOUCH": quadrature.TOUCH_MM,
+        "TOUCH": quadrature.touch_mm(cells),
         "FADE": patches[0].fade_n,
         "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
         "BOW_REACH": BOW_REACH_MM,
     }
+    sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
     arrays = {
         "hermite[SUB_POINTS][12]": functions,
         "share[SUB_POINTS][4]": shares,
         "whole[4][12]": whole,
-        "product_u[ALONG_U][8]": share_products(cells.along_u),
-        "product_v[ALONG_V][8]": share_products(cells.along_v),
+        **{f"product_{side}[{rows}][8]": share_products(count) for side, rows, count in sides},
+        **{f"hermite_{side}[{rows}][4]": hermite_of(count) for side, rows, count in sides},
+        **{f"share_{side}[{rows}][2]": linear_shares(count) for side, rows, count in sides},
     }
     text = [
+        "#include <limits.h>",
         "#include <stddef.h>",
         *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
-        *(c_text(name, _C) for name in ("cells_body.h", "cells_nodes.h", "cells_search.h")),
+        *(c_text(name, _C) for name in ("cells_body.h", "cells_boxes.h", "cells_nodes.h", "cells_search.h")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
         *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]

@@ -34,11 +34,13 @@ Truth = list[tuple[Array, Array, Array]]
 
 
 def _truth(model: PolarFoundation, range_n: tuple[float, float]) -> Truth:
-    """Rotations, translations and converged wrenches (m, 6) of poses that press each patch."""
+    """Rotations, translations and converged wrenches (m, 6) of poses that press each patch; poses whose contact the rim
+    cuts between the few rays that found them are left out."""
     found = []
     for patch in model.patches:
         R, t = pressed_poses(patch, model.law, range_n, _POSES)
-        found.append((R, t, patch_loads(patch, model.law, model.rays, R, t).wrench))
+        loads = patch_loads(patch, model.law, model.rays, R, t)
+        found.append((R[~loads.cut], t[~loads.cut], loads.wrench[~loads.cut]))
     return found
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from casadi_contact.contact.polar.ends import tube_frame
@@ -12,6 +14,7 @@ from casadi_contact.contact.polar.spot import LEAST_CURVATURE, Spot, bounded, sp
 from casadi_contact.conventions import Array
 
 MIDDLE_STEPS = 3
+LEAST_CHORD_MM = 1e-3
 OFF_TOP = 0.25  # part of the depth: a rise by more shows that the surfaces' normals are not parallel yet
 
 
@@ -61,7 +64,8 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
 
 
 def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
-    """The deepest point; where the rim cuts the spot, the middle of chords through the point nearest to the body.
+    """The deepest point; where the rim cuts the spot, the middle of chords through the point nearest to the body, with
+    the scale that makes them equally long: the rays of a circle miss a long, thin spot along the rim.
 
     Its depth is above zero exactly where some of the patch lies inside the body.
     """
@@ -80,7 +84,26 @@ def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
     u, v, cut = u.copy(), v.copy(), ~whole
     near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
     u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], near.u, near.v)
-    return spot_at(patch, R, t, u, v)
+    spot = spot_at(patch, R, t, u, v)
+    return replace(spot, scale=np.where(cut[:, None], _round(patch, spot), spot.scale))
+
+
+def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
+    """(u, v) where a chord along u (0) or v (1) through a spot begins and ends (2, 2, n), estimated, within the rim."""
+    depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
+    ends = np.tile(np.stack([spot.u, spot.v]), (2, 1, 1))
+    for end, sign in zip(ends, (-1.0, 1.0), strict=True):
+        end[axis] += sign * edge_distance(depth, sign * slope, k)
+        end[:] = within(patch, *end)
+    return ends
+
+
+def _round(patch: SmoothPatch, spot: Spot) -> Array:
+    """The scale (n, 2) that makes the chords through a spot equally long."""
+    begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
+    length = np.maximum(end - begin, LEAST_CHORD_MM)
+    ratio = np.sqrt(length[0] / length[1])
+    return np.stack([ratio, 1.0 / ratio], -1)
 
 
 def _chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
@@ -90,15 +113,9 @@ def _chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -
     """
     for axis in (0, 1):
         spot = spot_at(patch, R, t, u, v)
-        depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
-        ends = []
-        for sign in (-1.0, 1.0):
-            move = np.zeros((2, len(depth)))
-            move[axis] = sign * edge_distance(depth, sign * slope, k)
-            ends.append(np.stack(within(patch, spot.u + move[0], spot.v + move[1])))
-        tried = np.stack(within(patch, *(0.5 * (ends[0] + ends[1]))))
-        kept = (depth > 0.0) & (spot_at(patch, R, t, *tried).depth >= 0.5 * depth)
-        u, v = np.where(kept, tried, [u, v])
+        tried = np.stack(within(patch, *_chord_ends(patch, spot, axis).mean(axis=0)))
+        deep = spot_at(patch, R, t, *tried).depth >= 0.5 * np.maximum(spot.depth, 0.0)
+        u, v = np.where((spot.depth > 0.0) & deep, tried, [u, v])
     return u, v
 
 

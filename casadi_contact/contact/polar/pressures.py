@@ -52,7 +52,7 @@ def _depth_slope(ends: Ends, t: Array) -> Array:
 
 def _area_slope(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, plan: RayPlan, rays: Rays) -> Array:
     """Derivative (n, 6) of the area by the twist, in chart axes."""
-    du, dv = plan.directions.T
+    du, dv = np.moveaxis(plan.directions, -1, 0)
     ends = ray_ends(patch, R, t, u[:, None] + plan.edge * du, v[:, None] + plan.edge * dv)
     steepness = np.minimum(rise(ends, du, dv) / ends.slope, -LEAST_RISE)
     width = 2.0 * np.pi / rays.count * plan.edge * ends.length * ~plan.cut

@@ -67,7 +67,7 @@ def points_of(plan: RayPlan, u: Array, v: Array, rays: Rays) -> tuple[Array, Arr
     inner, outer = plan.junction[..., None], (plan.edge - plan.junction)[..., None]
     r = np.concatenate([inner * x, inner + outer * x], -1)
     w = 2.0 * np.pi / rays.count * r * np.concatenate([inner * weight, outer * weight], -1)
-    du, dv = plan.directions.T[..., None]
+    du, dv = np.moveaxis(plan.directions, -1, 0)[..., None]
     return u[:, None, None] + r * du, v[:, None, None] + r * dv, w
 
 

@@ -31,7 +31,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class RayPlan:
-    """Directions (m, 2) of the rays; distances (n, m) to edge and break; cut: the rim ends the ray."""
+    """Directions (n, m, 2) of the rays; distances (n, m) to edge and break; cut: the rim ends the ray."""
 
     directions: Array
     edge: Array
@@ -42,11 +42,11 @@ class RayPlan:
 def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> RayPlan:
     """Edge and break of every ray from the middle."""
     angle = 2.0 * np.pi * (np.arange(rays.count) + 0.5) / rays.count
-    directions = np.stack([patch.scale[0] * np.cos(angle), patch.scale[1] * np.sin(angle)], -1)
+    directions = m.scale[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     u, v = m.u[:, None], m.v[:, None]
     depth = np.maximum(m.depth, 0.0)[:, None]
-    slope = m.slope @ directions.T
-    k = bounded(np.einsum("jr,nrs,js->nj", directions, m.curvature, directions))
+    slope = np.einsum("nr,njr->nj", m.slope, directions)
+    k = bounded(np.einsum("njr,nrs,njs->nj", directions, m.curvature, directions))
     junction, beyond = _junctions(patch, R, t, m, directions)
     reach = _rim_distance(patch, u, v, directions)
     # Beyond the junction the depth goes on with the next arc's curvature.
@@ -55,14 +55,14 @@ def ray_plan(patch: SmoothPatch, R: Array, t: Array, m: Spot, rays: Rays) -> Ray
     extended = junction + edge_distance(left, slope - k * junction, k_next)
     plain = edge_distance(depth, slope, k)
     edge = np.minimum(np.where(junction < plain, extended, plain), reach)
-    du, dv = directions.T
+    du, dv = np.moveaxis(directions, -1, 0)
     for _ in range(EDGE_STEPS):  # Newton's, of g = 0 along the ray
         g, slope_along = _along(patch, R, t, u + edge * du, v + edge * dv, directions)
         last, moved = edge, edge - g / slope_along
         edge = np.minimum(np.clip(moved, 0.5 * edge, 2.0 * edge), reach)
     far = np.flatnonzero((np.abs(edge - last) > SETTLED * last).any(axis=1))
     if len(far):
-        edge[far] = _bracketed(patch, R[far], t[far], u[far], v[far], directions, edge[far], reach[far])
+        edge[far] = _bracketed(patch, R[far], t[far], u[far], v[far], directions[far], edge[far], reach[far])
     return RayPlan(directions, edge, np.minimum(junction, edge), edge >= reach)
 
 
@@ -70,7 +70,7 @@ def _bracketed(
     patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, directions: Array, edge: Array, reach: Array
 ) -> Array:
     """Edges by Newton's method between a point within the body and one beyond it, halved where a step leaves them."""
-    du, dv = directions.T
+    du, dv = np.moveaxis(directions, -1, 0)
     low, high = np.zeros_like(edge), reach
     for _ in range(BRACKET_STEPS):
         g, slope_along = _along(patch, R, t, u + edge * du, v + edge * dv, directions)
@@ -83,12 +83,12 @@ def _bracketed(
 def _along(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, directions: Array) -> tuple[Array, Array]:
     """g at points of the rays and its slope along them, not below a least one."""
     ends = ray_ends(patch, R, t, u, v, at_start=True)
-    return ends.g, np.maximum(rise(ends, *directions.T), LEAST_RISE)
+    return ends.g, np.maximum(rise(ends, *np.moveaxis(directions, -1, 0)), LEAST_RISE)
 
 
 def _junctions(patch: SmoothPatch, R: Array, t: Array, m: Spot, directions: Array) -> tuple[Array, Array]:
     """Distance along every ray to the nearest junction of arcs, and how much its curvature is more beyond it."""
-    nearest = np.full((len(t), len(directions)), _FAR_MM)
+    nearest = np.full(directions.shape[:2], _FAR_MM)
     change = np.zeros_like(nearest)
     if len(patch.arcs) == 1:
         return nearest, change
@@ -122,7 +122,7 @@ def _rim_distance(patch: SmoothPatch, u: Array, v: Array, directions: Array) -> 
 
     A curved side, u = ±spread·ρ(v), is an ellipse in the chart: A·r² + 2·B·r + C = 0.
     """
-    du, dv = directions[:, 0], directions[:, 1]
+    du, dv = np.moveaxis(directions, -1, 0)
     distance = np.maximum((np.where(dv > 0.0, patch.rim.v[1], patch.rim.v[0]) - v) / dv, 0.0)
     if patch.torus is None or np.isinf(patch.rim.spread):
         return np.minimum(distance, np.maximum((np.where(du > 0.0, patch.rim.u[1], patch.rim.u[0]) - u) / du, 0.0))

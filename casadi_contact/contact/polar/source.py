@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.contact.c_text import braces
-from casadi_contact.contact.polar.middle import MIDDLE_STEPS, OFF_TOP
+from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OFF_TOP
 from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import BRACKET_STEPS, EDGE_STEPS, SETTLED, Rays
@@ -35,6 +35,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "SWEEPS": SWEEPS,
         "LAST_STEP": LAST_STEP,
         "OFF_TOP": OFF_TOP,
+        "LEAST_CHORD": LEAST_CHORD_MM,
         "SINGLE": SINGLE,
         "STARTS": len(ACROSS),
     }
@@ -66,6 +67,7 @@ def _surfaces(patch: SmoothPatch) -> str:
     torus, rim = patch.torus or Torus(0.0, 1.0, 0.0, 1.0, 1.0), patch.rim
     spread = rim.spread if np.isfinite(rim.spread) else 0.0
     numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
-    numbers += [patch.z_0, patch.tube_radius, patch.centre_z, *patch.scale]
-    fields = [*(repr(float(number)) for number in numbers), f"{{{', '.join(map(braces, patch.turn))}}}"]
+    numbers += [patch.z_0, patch.tube_radius, patch.centre_z]
+    fields = [*(repr(float(number)) for number in numbers), braces(patch.scale)]
+    fields += [f"{{{', '.join(map(braces, patch.turn))}}}"]
     return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"

@@ -15,7 +15,10 @@ LEAST_CURVATURE = 1e-4  # [1/mm]
 
 @dataclass(frozen=True)
 class Spot:
-    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end."""
+    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end.
+
+    scale (n, 2): stretch of u and v that makes the region of contact around it about round.
+    """
 
     u: Array
     v: Array
@@ -23,6 +26,7 @@ class Spot:
     slope: Array
     curvature: Array
     ends: Ends
+    scale: Array
 
 
 def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
@@ -48,7 +52,7 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
         bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
         slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
     curvature = tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2)
-    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
+    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends, np.tile(patch.scale, (len(u), 1)))
 
 
 def _rank_one(weight: Array, vector: Array) -> Array:
