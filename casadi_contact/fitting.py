@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.active import candidates, models_to_ask, worst_samples
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.presets import Effort, effort_for
 from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import teacher_of
@@ -23,6 +24,7 @@ from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line, samples_record
 from casadi_contact.training import TrainingSettings, fit_all
+from casadi_contact.training.growth import widen
 from casadi_contact.workers import worker_pool
 
 _log = logging.getLogger(__name__)
@@ -56,7 +58,7 @@ def train(
 
     device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). Goes on from
     checkpoints where an earlier run stopped. Raises ValueError for a structure that the preset does not train or that
-    cannot stand for the scene's loads.
+    cannot stand for the scene's loads, and for active rounds on samples of another model than the library's.
     """
     structures = structures_for_scene(project)
     if structure is not None and structure not in structures:
@@ -65,6 +67,8 @@ def train(
             f"expected one of {', '.join(structures)}"
         )
     samples = project.samples()
+    if project.preset.active:
+        models_to_ask(project, samples)  # refused here, not after hours of training
     around = moved_samples(samples)
     command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
     paths, made = [], surrogates_made(project)
@@ -75,10 +79,41 @@ def train(
             surrogate = fit_surrogate(
                 project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device
             )
+            surrogate = _active_rounds(project, samples, surrogate, folder, command, update, workers, device)
         made[name] = with_trust(surrogate, samples, around)
         made[name].save(path)
         paths.append(path)
     return paths
+
+
+def _active_rounds(
+    project: Project,
+    samples: Samples,
+    surrogate: Surrogate,
+    checkpoints: Path,
+    command: str,
+    update: Update | None,
+    executor: Executor,
+    device: str,
+) -> Surrogate:
+    """The surrogate trained on through those of the preset's active rounds that its structure takes part in."""
+    name, learned = surrogate.structure, samples
+    for number, chosen in enumerate(project.preset.active, start=1):
+        if name not in chosen.efforts:
+            continue
+        title = f"{name}, round {number}"
+
+        def tell(done: int, total: int, title: str = title) -> None:
+            if update is not None:
+                update(f"{title}: candidates", done, total, "")
+
+        drawn = candidates(project, samples, number, chosen.times, tell, executor)
+        learned = learned.join_samples(worst_samples(surrogate, drawn, chosen.worst_share))
+        folder, efforts = checkpoints / f"active-{number}", chosen.efforts[name]
+        surrogate = fit_surrogate(
+            project, learned, name, efforts, folder, command, title, update, executor, device=device, onward=surrogate
+        )
+    return surrogate
 
 
 def moved_samples(samples: Samples) -> Samples | None:
@@ -103,6 +138,7 @@ def fit_surrogate(
     loads: Sequence[str] | None = None,
     made: Mapping[str, Surrogate] | None = None,
     device: str = "cpu",
+    onward: Surrogate | None = None,
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
@@ -111,7 +147,8 @@ def fit_surrogate(
     that is its own mirror image one side is fitted, on the samples of both. update is called as (title and network,
     Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their budget was
     used up. made: surrogates of the same samples by structure, from which some structures train on
-    (`Surrogate.starts`). device: as in `train`.
+    (`Surrogate.starts`). device: as in `train`. onward: a surrogate whose networks go on from their weights, widened to
+    the first size of their effort; a fit that stalls does not begin again from random ones.
     """
     kind = STRUCTURES[structure]
     needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
@@ -125,14 +162,22 @@ def fit_surrogate(
         wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
         regressions.append(_at_most(wanted, effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
-            sizes=effort.sizes, activation=effort.activation, max_gflop=effort.gflop, device=device
+            sizes=effort.sizes,
+            activation=effort.activation,
+            max_gflop=effort.gflop,
+            restarts=TrainingSettings.restarts if onward is None else 0,
+            device=device,
         )
 
     def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
         if update is not None:
             update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
 
-    starts = kind.starts({name: chosen.sizes[0] for name, chosen in settings.items()}, made or {})
+    first = {name: chosen.sizes[0] for name, chosen in settings.items()}
+    if onward is None:
+        starts = kind.starts(first, made or {})
+    else:
+        starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
     fits = fit_all(regressions, settings, executor, checkpoints, progress, starts)
     for name, fit in fits.items():
         if update is not None:
@@ -145,10 +190,25 @@ def fit_surrogate(
     if loads is not None:
         networks = {name: networks[name] for name in needed}
     bare = kind(project.scene, networks)
-    surrogate = kind(project.scene, networks, _record(project, samples, bare, fits, command, device))
+    record = _record(project, samples, bare, fits, command, device)
+    surrogate = kind(project.scene, networks, record if onward is None else _gone_on(onward.record, record))
     if line := budget_line(surrogate.record):
         _log.warning("%s: %s", title, line)
     return surrogate
+
+
+def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
+    return network if network.hidden == hidden else widen(network, hidden, seed=0)
+
+
+def _gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of networks that went on from others: work and time are those of both, all else is the later's."""
+    both = {
+        key: {name: round(spent + before[key].get(name, 0.0), 1) for name, spent in record[key].items()}
+        for key in ("gflop", "seconds")
+    }
+    added = sum(record["samples"].values()) - sum(before["samples"].values())
+    return {**record, **both, "active": [*before.get("active", []), added]}
 
 
 def size_text(hidden: Sequence[int]) -> str:

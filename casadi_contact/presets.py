@@ -40,12 +40,26 @@ class ChartEffort:
 
 
 @dataclass(frozen=True)
+class ActiveRound:
+    """Training goes on with samples on which the surrogate of before is worst (see `active`).
+
+    times: candidates to choose from, as a multiple of the preset's samples; worst_share: the share of them that is
+    learned; efforts: as a preset's, of this round alone. Sizes are those of before or wider: weights are kept.
+    """
+
+    times: float
+    worst_share: float
+    efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Preset:
     """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
-    network's name (see `effort_for`); chart: what the speed-accuracy chart trains."""
+    network's name (see `effort_for`); active: rounds that follow; chart: what the speed-accuracy chart trains."""
 
     sampling_scale: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
+    active: tuple[ActiveRound, ...] = ()
     chart: ChartEffort = field(default_factory=ChartEffort)
 
 
@@ -72,6 +86,15 @@ def _as_in_the_paper(gflop: float) -> dict[str, Effort]:
         "": Effort(_PAPER_NETWORK, gflop, "tanh", max_rows=_PAPER_ROWS, tolerance_share=0.1),
         "root": Effort(((16, 16, 16),), 1_000.0, max_rows=_PAPER_ROWS, tolerance_share=0.2),
     }
+
+
+def _reach_round(root_gflop: float, ratios_gflop: float) -> ActiveRound:
+    """The worst tenth of six times the samples, learned by wider networks."""
+    efforts = {
+        "root": Effort(((32, 32, 32),), root_gflop, tolerance_share=0.2),
+        "ratios": Effort(((28, 28),), ratios_gflop, tolerance_share=0.2),
+    }
+    return ActiveRound(times=6.0, worst_share=0.1, efforts={"trunk": efforts})
 
 
 PRESETS: dict[str, Preset] = {
@@ -119,14 +142,15 @@ PRESETS: dict[str, Preset] = {
             peer_gflop=9_000.0,
         ),
     ),
-    "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger roots than around a motion
+    "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((24, 24, 24),), 32_000.0, tolerance_share=0.2),
+                "root": Effort(((24, 24, 24),), 60_000.0, tolerance_share=0.2),
                 "ratios": Effort(((20, 20),), 12_000.0, tolerance_share=0.2),
             }
         },
+        active=(_reach_round(2_000.0, 2_000.0), _reach_round(6_000.0, 4_000.0), _reach_round(8_000.0, 6_000.0)),
     ),
     "paper": Preset(
         sampling_scale=1.0,

@@ -2,7 +2,16 @@
 
 from casadi_contact.sampling.chunk import plan_chunks
 from casadi_contact.sampling.domains import Block, plan_domains
-from casadi_contact.sampling.draw import MODELS, draw_samples, elastic_foundations, foundations, model_pair, teacher_of
+from casadi_contact.sampling.draw import (
+    MODELS,
+    draw_samples,
+    elastic_foundations,
+    foundations,
+    model_pair,
+    models_of,
+    settings_of,
+    teacher_of,
+)
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.hammersley import hammersley
 from casadi_contact.sampling.reference import ReferenceMotion, ReferenceReport, reference_motion, reference_poses
@@ -25,9 +34,11 @@ __all__ = [
     "foundations",
     "hammersley",
     "model_pair",
+    "models_of",
     "plan_chunks",
     "plan_domains",
     "reference_motion",
     "reference_poses",
+    "settings_of",
     "teacher_of",
 ]

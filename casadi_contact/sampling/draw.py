@@ -84,12 +84,21 @@ def model_pair(name: str) -> ModelPair:
     return MODELS[name]
 
 
+def models_of(samples: Samples) -> ModelPair | None:
+    """What makes the contact models of samples, to draw more of them; None for a user's own, and for a table."""
+    named = {_full_name(models): models for models in MODELS.values()}
+    return named.get(samples.provenance.get("models", ""))
+
+
 def teacher_of(samples: Samples) -> WrenchModel | None:
     """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
-    for models in MODELS.values():
-        if samples.provenance.get("models") == _full_name(models):
-            return models(samples.scene, SamplingSettings.from_table(samples.provenance["settings"]))[1]
-    return None
+    models = models_of(samples)
+    return None if models is None else models(samples.scene, settings_of(samples))[1]
+
+
+def settings_of(samples: Samples) -> SamplingSettings:
+    """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
+    return SamplingSettings.from_table(samples.provenance["settings"])
 
 
 def _full_name(models: ModelPair) -> str:

@@ -13,6 +13,7 @@ all others are kept and printed as they are:
                                                                     and of errors below the expected error
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    active           [33000, 34000]                                 samples that each active round added (see `active`)
     convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
     command, versions, seed, ...                                    how it was made
 """

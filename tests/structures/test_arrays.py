@@ -29,6 +29,7 @@ def surrogates(scene, structure, *, older=False):
 
 
 @needs_compiler
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize(
     ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("hip", "patch"), (IN_PARTS, "two_stage")]
 )
