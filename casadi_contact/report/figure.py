@@ -15,11 +15,12 @@ KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
 
 
 def two_panels(front: Front, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
-    """A figure and its two axes; measured says on what (the walking sequence if left out), note goes below;
-    failures of the file's models are listed there too."""
+    """A figure and its two axes; measured says on what (poses of its motion that no model has seen if left out); note
+    goes below, and failures of the file's models are listed there too."""
     figure = new_page(14.0, 6.8)
     header = front.header
-    walking = f"{header.get('walking_poses', '?')} unseen walking poses, errors against {header.get('reference', '?')}"
+    seen = header.get("walking_poses", "?")
+    unseen = f"{seen} unseen poses of its motion, errors against {header.get('reference', '?')}"
     machine = ", ".join(
         (
             header.get("processor", "unknown processor"),
@@ -27,7 +28,7 @@ def two_panels(front: Front, title: str, measured: str | None = None, note: str 
             f"{header.get('threads', '?')} thread",
         )
     )
-    figure.suptitle(f"{header['scene']}: {title}\n{measured or walking}; {machine}", fontsize=10)
+    figure.suptitle(f"{header['scene']}: {title}\n{measured or unseen}; {machine}", fontsize=10)
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
     if footnote:

@@ -11,7 +11,7 @@ from casadi_contact.dataset import DOMAINS
 from casadi_contact.report.figure import KINDS, families, legend_beside, log_scale, two_panels
 from casadi_contact.report.style import family_styles
 
-WALKING = "unseen walking"
+UNSEEN = "unseen motion"
 ROUNDING = 1e-6  # N or N·mm
 
 
@@ -55,8 +55,13 @@ def _extremes(points: Sequence[Point], error: str) -> list[tuple[Point, str]]:
     return [(best, "-")] if cheapest is best else [(cheapest, "--"), (best, "-")]
 
 
+def _domains(points: Sequence[Point]) -> list[str]:
+    """Of D1, D3 and D4 those that the scene has: a joint of one patch has no D4."""
+    return [domain for domain in ("D1", "D3", "D4") if all(domain in p.domain_force_rms_n for p in points)]
+
+
 def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str) -> Any | None:
-    """The swept points with the model they vary, on walking and in three domains; None if the file has none."""
+    """The swept points with the model they vary, on unseen poses and up to three domains; None if the file has none."""
     points = [p for p in front.points if p.sweep == sweep and not p.failure]
     if not points:
         return None
@@ -64,9 +69,9 @@ def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str)
     points = sorted([*points, *(p for p in front.models if p.name == model)], key=cost)
     figure, axes = two_panels(front, f"error of {model} against {label.partition(' [')[0]}")
     for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
-        for where, style in family_styles([WALKING, "D1", "D3", "D4"]).items():
-            rms = [getattr(p, error) if where == WALKING else getattr(p, f"domain_{error}")[where] for p in points]
-            legend = where if where == WALKING else f"test samples of {where}, against the samples' own EF"
+        for where, style in family_styles([UNSEEN, *_domains(points)]).items():
+            rms = [getattr(p, error) if where == UNSEEN else getattr(p, f"domain_{error}")[where] for p in points]
+            legend = where if where == UNSEEN else f"test samples of {where}, against the samples' own EF"
             axis.plot([cost(p) for p in points], rms, ms=5, lw=1.0, label=legend, **style.keywords)
         log_scale(axis)
         axis.set(xlabel=label, ylabel=f"RMS {kind} error [{unit}]")

@@ -17,7 +17,6 @@ from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
 from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.quantities import FORCE, quantity
-from casadi_contact.transcription.kernel import compiler
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -46,7 +45,6 @@ def project(tmp_path_factory):
     patch.setattr(
         import_module("casadi_contact.contact.choice"), "POLAR_RAYS", (Rays(8, 3),)
     )  # coarser than the chosen
-    patch.setenv(compiler.CFLAGS_VARIABLE, "-O1")  # compiled sooner; how fast they are is not tested
     try:
         made = pipeline.Project.open(folder / "knee.toml", "tiny", folder / "out")
         with ThreadPoolExecutor(1) as here:

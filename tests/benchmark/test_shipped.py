@@ -68,6 +68,7 @@ def test_no_scene_but_the_very_same_has_the_shipped_front(project):
     assert shipped_front(cc.load_scene("hip")) is None
 
 
+@pytest.mark.usefixtures("as_shipped")  # which model is the fastest is what users get told
 @pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"]])
 def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion, loads, monkeypatch):
     monkeypatch.setattr("casadi_contact.benchmark.at_hand.motion_at_hand", lambda project: motion)

@@ -42,6 +42,18 @@ def test_charts_without_numbers_are_left_out(front, tmp_path):
     assert names == set(CHARTS) - {"error_by_samples", "error_by_training_time"}
 
 
+def test_a_joint_of_one_patch_has_no_d4(front, tmp_path):
+    def without(point):
+        kept = {
+            name: {domain: rms for domain, rms in getattr(point, name).items() if domain != "D4"}
+            for name in ("domain_force_rms_n", "domain_torque_rms_nmm")
+        }
+        return replace(point, **kept)
+
+    one_patch = Front(front.header, tuple(without(point) for point in front.points))
+    assert {path.stem for path in draw_charts(one_patch, tmp_path)} == set(CHARTS)
+
+
 def test_the_families_of_the_file_differ_in_lightness_colour_and_marker(front):
     styles = family_styles([point.family for point in front.points])
     first = [styles[family] for family in ("patch", "EF", "two_stage")]

@@ -52,7 +52,7 @@ class Kriging:
         mean, deviation = data.load_scale
         centre, spread = data.centre, data.spread
         process.fit((data.poses[:count] - centre) / spread, (data.loads[:count] - mean) / deviation)
-        self.load_names, self._ceiling, self._mean = data.load_names, data.ceiling, mean
+        self.load_names, self._limits, self._mean = data.load_names, data.limits, mean
         self.condition = _condition(process.L_)
         scale, matern = process.kernel_.k1.k1, process.kernel_.k1.k2
         self._shift, self._inverse = centre, np.sqrt(5.0) / (spread * matern.length_scale)
@@ -79,7 +79,7 @@ class Kriging:
             k = z[rows] @ self._points.T
             _matern(k, np.empty_like(k))
             loads[rows] = k @ self._alpha.T
-        return np.minimum(loads + self._mean, self._ceiling)
+        return self._limits.hold(loads + self._mean)
 
     def one(self, pose: Array) -> Array:
         """Loads (L) of one pose, in an array that the next call overwrites."""
@@ -87,7 +87,7 @@ class Kriging:
         _matern(self._k, self._r)
         np.dot(self._alpha, self._k, out=self._loads)
         np.add(self._loads, self._mean, out=self._loads)
-        return np.minimum(self._loads, self._ceiling, out=self._loads)
+        return self._limits.hold(self._loads)
 
     def jacobian_one(self, pose: Array) -> Array:
         """d loads / d pose (L, 6) of one pose: dk/dz = -c/3·(1 + r)·exp(-r)·(z - z_i)."""
@@ -101,7 +101,7 @@ class Kriging:
         k *= e
         k *= 1.0 / 3.0
         k += r
-        clamped = self._alpha @ k + self._mean > self._ceiling
+        clamped = self._limits.beyond(self._alpha @ k + self._mean)
         sums = (self._alpha * r) @ self._ones_and_points / 3.0
         jacobian = (sums[:, 1:] - sums[:, :1] * self._z[:6]) * self._inverse
         jacobian[clamped] = 0.0
@@ -246,7 +246,7 @@ def kriging(data: TrainingSet, gflop: float) -> Iterator[Candidate]:
             parameters=model.parameter_count,
             remark=(
                 f"condition number {model.condition:.1e}, nugget {kernel.k2.noise_level:.1e}, kernel tuned on {subset} "
-                "points, pulling forces clamped to zero"
+                f"points{data.limits.remark}"
             ),
         )
 

@@ -50,7 +50,7 @@ class LazyLearner:
         scene = data.scene
         tolerances = [scene.tolerances.get(name, scene.boundary_load) for name in data.load_names]
         self._squared_limit = (tolerance_multiple * np.array(tolerances)) ** 2
-        self._ceiling = data.ceiling
+        self._limits = data.limits
         self.reset()
 
     def reset(self) -> None:
@@ -93,7 +93,7 @@ class LazyLearner:
         miss = weights @ (off * off) / (weights.sum() * (1.0 - 7.0 / NEIGHBOURS))
         if (miss > self._squared_limit).any():
             return self._ask(pose, z)
-        return np.minimum(fit[0], self._ceiling)
+        return self._limits.hold(fit[0])
 
     def _ask(self, pose: Array, z: Array) -> Array:
         loads: Array = self._model(pose[None])[0, self._columns]

@@ -83,7 +83,7 @@ class Polynomial:
         monomials = Monomials(degree)
         if len(data) < len(monomials):
             raise ValueError(f"degree {degree} has {len(monomials)} terms, more than the {len(data)} training samples")
-        self.load_names, self._ceiling = data.load_names, data.ceiling
+        self.load_names, self._limits = data.load_names, data.limits
         low, high = data.poses.min(axis=0), data.poses.max(axis=0)
         self._shift, self._inverse = 0.5 * (low + high), 1.0 / np.where(high > low, 0.5 * (high - low), 1.0)
         u = (data.poses - self._shift) * self._inverse
@@ -115,23 +115,23 @@ class Polynomial:
         u = (as_poses(poses) - self._shift) * self._inverse
         loads = np.empty((len(u), len(self.load_names)))
         _evaluate_all(u, self._parents, self._variables, self._tables[0], loads)
-        return np.minimum(loads, self._ceiling, out=loads)
+        return self._limits.hold(loads)
 
     def one(self, pose: Array) -> Array:
         """Loads (L) of one pose, in an array that the next call overwrites."""
         loads = self._order(pose, 0)
-        return np.minimum(loads, self._ceiling, out=loads)
+        return self._limits.hold(loads)
 
     def jacobian_one(self, pose: Array) -> Array:
         """d loads / d pose (L, 6) of one pose."""
-        clamped = self._order(pose, 0) > self._ceiling
+        clamped = self._limits.beyond(self._order(pose, 0))
         jacobian = self._order(pose, 1).reshape(-1, 6)
         jacobian[clamped] = 0.0
         return jacobian
 
     def hessian_one(self, pose: Array, multipliers: Array) -> Array:
         """Second derivatives (6, 6) of multipliers·loads at one pose."""
-        multipliers = np.where(self._order(pose, 0) > self._ceiling, 0.0, multipliers)
+        multipliers = np.where(self._limits.beyond(self._order(pose, 0)), 0.0, multipliers)
         return (multipliers @ self._order(pose, 2).reshape(-1, 21))[self._full]
 
 
@@ -171,5 +171,5 @@ def polynomials(data: TrainingSet, gflop: float) -> Iterator[Candidate]:
             samples=len(data),
             training_seconds=took,
             parameters=model.parameter_count,
-            remark=f"condition number {model.condition:.1e}, compiled loop, pulling forces clamped to zero",
+            remark=f"condition number {model.condition:.1e}, compiled loop{data.limits.remark}",
         )

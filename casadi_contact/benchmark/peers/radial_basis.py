@@ -25,7 +25,7 @@ class RadialBasis:
     """Loads by an interpolator on scaled poses; neighbours None: all `count` points take part in every call."""
 
     def __init__(self, data: TrainingSet, count: int, kernel: str, neighbours: int | None = None) -> None:
-        self.load_names, self._ceiling = data.load_names, data.ceiling
+        self.load_names, self._limits = data.load_names, data.limits
         self._shift, self._inverse = data.centre, 1.0 / data.spread
         poses = (data.poses[:count] - self._shift) * self._inverse
         self._interpolator = RBFInterpolator(poses, data.loads[:count], neighbors=neighbours, kernel=kernel)
@@ -33,14 +33,14 @@ class RadialBasis:
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, L)."""
-        return np.minimum(self._interpolator((as_poses(poses) - self._shift) * self._inverse), self._ceiling)
+        return self._limits.hold(self._interpolator((as_poses(poses) - self._shift) * self._inverse))
 
     def one(self, pose: Array) -> Array:
         """Loads (L) of one pose."""
         np.subtract(pose, self._shift, out=self._z[0])
         np.multiply(self._z, self._inverse, out=self._z)
         loads: Array = self._interpolator(self._z)[0]
-        return np.minimum(loads, self._ceiling, out=loads)
+        return self._limits.hold(loads)
 
 
 def best_kernel(data: TrainingSet) -> str:
@@ -78,7 +78,7 @@ def _candidate(data: TrainingSet, count: int, kernel: str, neighbours: int | Non
         samples=count,
         training_seconds=took,
         parameters=count * (6 + len(data.load_names)),
-        remark=f"{kernel} kernel, SciPy has no derivatives, pulling forces clamped to zero"
+        remark=f"{kernel} kernel, SciPy has no derivatives{data.limits.remark}"
         + (f", solves {neighbours} neighbours anew in every call" if local else ""),
     )
 

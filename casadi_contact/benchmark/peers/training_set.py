@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,13 +15,47 @@ from casadi_contact.structures.sample_rows import finite, fitted_rows
 
 
 @dataclass(frozen=True)
+class Limits:
+    """Least and largest value (L,) of each load: contact cannot pull, so a predicted pulling force is clamped to zero,
+    as the paper does [EF15 §3.5]. Loads that press in no single direction have no limits."""
+
+    floor: Array
+    ceiling: Array
+
+    @classmethod
+    def of(cls, scene: Scene, load_names: Sequence[str]) -> Limits:
+        """Of a scene's normal loads with a direction: zero on the side that would pull."""
+        signs = {normal.loads[0]: normal.sign for normal in scene.normal_loads if normal.component is not None}
+        pressing = np.array([signs.get(name, 0.0) for name in load_names])
+        return cls(np.where(pressing > 0.0, 0.0, -np.inf), np.where(pressing < 0.0, 0.0, np.inf))
+
+    @cached_property
+    def _steps(self) -> list[tuple[np.ufunc, Array]]:
+        both = ((np.minimum, self.ceiling), (np.maximum, self.floor))
+        return [(clamp, bound) for clamp, bound in both if np.isfinite(bound).any()]
+
+    @property
+    def remark(self) -> str:
+        """What a candidate's remark says of them."""
+        return ", pulling forces clamped to zero" if self._steps else ""
+
+    def hold(self, loads: Array) -> Array:
+        """The loads (..., L) themselves, clamped in place."""
+        for clamp, bound in self._steps:
+            clamp(loads, bound, out=loads)
+        return loads
+
+    def beyond(self, loads: Array) -> np.ndarray:
+        """True (..., L) where loads are clamped."""
+        return np.asarray((loads > self.ceiling) | (loads < self.floor))
+
+
+@dataclass(frozen=True)
 class TrainingSet:
     """Training rows in random order, so that the first n are a fair choice of n.
 
     poses (n, 6), loads (n, L) of ``load_names``; validation_poses, validation_loads alike. centre and spread (6,) are
-    mean and standard deviation of the training poses (spread 1 where a parameter never varies). ceiling (L,) is zero
-    for the scene's sensitive loads and infinite for others: contact cannot pull, so a predicted pulling force is
-    clamped to zero, as the paper does [EF15 §3.5].
+    mean and standard deviation of the training poses (spread 1 where a parameter never varies).
     """
 
     scene: Scene
@@ -54,9 +89,9 @@ class TrainingSet:
         return np.where(spread > 1e-9, spread, 1.0)
 
     @property
-    def ceiling(self) -> Array:
-        """Largest value of each load (loads,): 0 for sensitive loads, which never pull."""
-        return np.array([0.0 if name in self.scene.sensitive_loads else np.inf for name in self.load_names])
+    def limits(self) -> Limits:
+        """What the loads may be at most and at least."""
+        return Limits.of(self.scene, self.load_names)
 
     @property
     def load_scale(self) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from casadi_contact.benchmark.peers.history.cycles import Cycles
 from casadi_contact.benchmark.peers.history.hammerstein_wiener import hammerstein_wiener
 from casadi_contact.benchmark.peers.history.in_time import follow
 from casadi_contact.benchmark.peers.history.time_delay import with_history
-from casadi_contact.benchmark.peers.training_set import TrainingSet
+from casadi_contact.benchmark.peers.training_set import Limits, TrainingSet
 from casadi_contact.sampling import ReferenceMotion, SamplePoint
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
@@ -83,7 +83,8 @@ def test_a_hammerstein_wiener_system_is_found_again():
     for t in range(1, u.shape[1]):
         w[:, t] = 0.6 * w[:, t - 1] + 0.4 * u[:, t]
     loads = np.tanh(0.5 * w)[..., None] * 100.0
-    cycles = Cycles(("Fy",), poses, loads, 2, loads.mean((0, 1)), loads.std((0, 1)), np.array([np.inf]))
+    limits = Limits(np.array([-np.inf]), np.array([np.inf]))
+    cycles = Cycles(("Fy",), poses, loads, 2, loads.mean((0, 1)), loads.std((0, 1)), limits)
     model = hammerstein_wiener(cycles, 3.0)
     unseen, want = cycles.judged
     assert np.sqrt(np.mean((follow(model, unseen) - want) ** 2)) < 0.1 * want.std()

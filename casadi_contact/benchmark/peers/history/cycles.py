@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.benchmark.peers.training_set import TrainingSet
+from casadi_contact.benchmark.peers.training_set import Limits, TrainingSet
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.sampling import ReferenceMotion
@@ -19,7 +19,7 @@ class Cycles:
     """poses (cycles, frames, 6) [mm, rad] and loads (cycles, frames, L) [N, N·mm] of ``load_names``.
 
     held_back: how many of the last cycles only judge a fit. centre, spread (L,): mean and standard deviation of the
-    loads; ceiling (L,): see `TrainingSet`.
+    loads; limits: see `TrainingSet`.
     """
 
     load_names: tuple[str, ...]
@@ -28,7 +28,7 @@ class Cycles:
     held_back: int
     centre: Array
     spread: Array
-    ceiling: Array
+    limits: Limits
 
     @classmethod
     def of(cls, data: TrainingSet, motion: ReferenceMotion | None) -> Cycles:
@@ -47,7 +47,7 @@ class Cycles:
         flat = loads[:-held_back].reshape(-1, loads.shape[2])
         deviation = flat.std(axis=0)
         spread = np.where(deviation > 0.0, deviation, 1.0)
-        return cls(data.load_names, motion.poses, loads, held_back, flat.mean(axis=0), spread, data.ceiling)
+        return cls(data.load_names, motion.poses, loads, held_back, flat.mean(axis=0), spread, data.limits)
 
     @property
     def frames(self) -> int:

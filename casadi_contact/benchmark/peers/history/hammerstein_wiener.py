@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from casadi_contact.benchmark.peers.history.cycles import Cycles
+from casadi_contact.benchmark.peers.training_set import Limits
 from casadi_contact.conventions import Array
 
 INPUT_KNOTS = 10
@@ -58,8 +59,8 @@ def _filtered(u: Array, pole: float, now: float) -> Array:
 class HammersteinWiener:
     """One filter with its curves for each load; parameters (L, 6·INPUT_KNOTS + 2 + OUTPUT_KNOTS)."""
 
-    def __init__(self, curves: _Curves, parameters: Array, mean_loads: Array, spread: Array, ceiling: Array) -> None:
-        self._curves, self._mean, self._spread, self._ceiling = curves, mean_loads, spread, ceiling
+    def __init__(self, curves: _Curves, parameters: Array, mean_loads: Array, spread: Array, limits: Limits) -> None:
+        self._curves, self._mean, self._spread, self._limits = curves, mean_loads, spread, limits
         self._inputs, self._filter, self._heights = _split(parameters)
         self.parameter_count = parameters.size
         self.remark = f"{INPUT_KNOTS} knots an input, {OUTPUT_KNOTS} for the output, one filter for each load"
@@ -75,7 +76,7 @@ class HammersteinWiener:
         pole, now = self._filter.T
         w = pole * w_before + (1.0 - pole) * (now * u + (1.0 - now) * u_before)
         shares = w + np.einsum("nlk,lk->nl", _hinges(w), self._heights)
-        return (u, w), np.minimum(self._mean + self._spread * shares, self._ceiling)
+        return (u, w), self._limits.hold(self._mean + self._spread * shares)
 
 
 def _split(parameters: Array) -> tuple[Array, Array, Array]:
@@ -94,7 +95,7 @@ def hammerstein_wiener(cycles: Cycles, gflop: float) -> HammersteinWiener:
     targets = (loads - cycles.centre) / cycles.spread
     evaluations = _evaluations(gflop / targets.shape[2], basis)
     rows = [_fitted(basis, targets[..., k], evaluations) for k in range(targets.shape[2])]
-    return HammersteinWiener(curves, np.stack(rows), cycles.centre, cycles.spread, cycles.ceiling)
+    return HammersteinWiener(curves, np.stack(rows), cycles.centre, cycles.spread, cycles.limits)
 
 
 def _evaluations(gflop: float, basis: Array) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.benchmark.peers.history.cycles import Cycles
+from casadi_contact.benchmark.peers.training_set import Limits
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import TrainingSettings, fit
@@ -26,8 +27,8 @@ State = tuple[Array, Array]
 class Narx:
     """One network of all loads that is fed its own output."""
 
-    def __init__(self, network: Network, mean_loads: Array, spread: Array, ceiling: Array) -> None:
-        self._network, self._mean, self._spread, self._ceiling = network, mean_loads, spread, ceiling
+    def __init__(self, network: Network, mean_loads: Array, spread: Array, limits: Limits) -> None:
+        self._network, self._mean, self._spread, self._limits = network, mean_loads, spread, limits
         self.parameter_count = network.parameter_count
         self.remark = f"2 frames and its own last loads, {HIDDEN} neurons for all loads"
 
@@ -41,7 +42,7 @@ class Narx:
     def advance(self, state: State, poses: Array) -> tuple[State, Array]:
         """Poses and loads as the next state, and the loads (n, L)."""
         value = self._network.value(np.hstack([poses, *state])).reshape(len(poses), -1)
-        loads = np.minimum(self._mean + self._spread * value, self._ceiling)
+        loads = self._limits.hold(self._mean + self._spread * value)
         return (poses, loads), loads
 
 
@@ -56,4 +57,4 @@ def narx(cycles: Cycles, gflop: float) -> Narx:
     targets = targets[:, 0] if targets.shape[1] == 1 else targets
     regression = Regression("all loads", inputs, targets, np.ones(targets.shape), cycles.validation, 0.0)
     network = fit(regression, TrainingSettings(sizes=((HIDDEN,),), max_gflop=gflop)).network
-    return Narx(network, cycles.centre, cycles.spread, cycles.ceiling)
+    return Narx(network, cycles.centre, cycles.spread, cycles.limits)

@@ -9,6 +9,7 @@ import numpy as np
 
 from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.peers.history.cycles import Cycles
+from casadi_contact.benchmark.peers.training_set import Limits
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import TrainingSettings, fit
@@ -32,14 +33,14 @@ class DelayNetworks:
     A state is the poses seen last, (n, 6·FRAMES_SEEN), the latest first.
     """
 
-    def __init__(self, networks: list[Network], ceiling: Array) -> None:
+    def __init__(self, networks: list[Network], limits: Limits) -> None:
         hidden = [len(network.biases[0]) for network in networks]
         first = networks[0]
         if any(len(n.weights) != 2 or n.activation != first.activation for n in networks):
             raise ValueError(
                 "the networks differ in layers or activation, expected one hidden layer and one activation"
             )
-        self._ceiling, self._sigma = ceiling, activation_of(first.activation).derivatives
+        self._limits, self._sigma = limits, activation_of(first.activation).derivatives
         # The scaling of the inputs is folded into the weights, each network's own.
         scaled = [n.weights[0] / n.input_scale for n in networks]
         self._weights = np.vstack(scaled)
@@ -60,7 +61,7 @@ class DelayNetworks:
         """The poses seen last, and the loads (n, L)."""
         state = np.hstack([poses, state[:, :-6]])
         (hidden,) = self._sigma(np, state @ self._weights.T + self._biases, 0)
-        return state, np.minimum(hidden @ self._output.T + self._constant, self._ceiling)
+        return state, self._limits.hold(hidden @ self._output.T + self._constant)
 
 
 def time_delay(cycles: Cycles, gflop: float) -> DelayNetworks:
@@ -74,5 +75,5 @@ def time_delay(cycles: Cycles, gflop: float) -> DelayNetworks:
             fit(Regression(name, inputs, loads[:, k], ones, cycles.validation, 0.0), settings).network
             for k, name in enumerate(cycles.load_names)
         ],
-        cycles.ceiling,
+        cycles.limits,
     )
