@@ -72,21 +72,19 @@ def relax(
             pose[columns] = state[:size] * scales
             return pose
 
-        def imbalance(state: Array, k: int = k) -> tuple[Array, Array]:
-            """Generalised forces (free,) and their derivatives by q (free, free)."""
-            pose = pose_at(state)
-            loads, jacobian = model.jacobian(pose[None])
-            motion = _conjugate_motion(model, equations.names, pose)[:, columns] * scales
-            slope = jacobian[0, loads_of][:, columns] * scales
-            return motion.T @ (equations.wanted[k] - loads[0, loads_of]), -motion.T @ slope
+        def motion_of(pose: Array) -> Array:
+            return _conjugate_motion(model, equations.names, pose)[:, columns] * scales
 
-        def rate(_: float, state: Array) -> Array:
-            return np.concatenate([state[size:], (imbalance(state)[0] - damping * state[size:]) / _MASS])
+        def rate(_: float, state: Array, k: int = k) -> Array:
+            pose = pose_at(state)
+            force = motion_of(pose).T @ (equations.wanted[k] - model(pose[None])[0, loads_of])
+            return np.concatenate([state[size:], (force - damping * state[size:]) / _MASS])
 
         def rate_slope(_: float, state: Array) -> Array:
-            slope = np.zeros((2 * size, 2 * size))
+            pose, slope = pose_at(state), np.zeros((2 * size, 2 * size))
+            by_q = model.jacobian(pose[None])[1][0, loads_of][:, columns] * scales
             slope[:size, size:] = np.eye(size)
-            slope[size:, :size] = imbalance(state)[1] / _MASS
+            slope[size:, :size] = -motion_of(pose).T @ by_q / _MASS
             slope[size:, size:] = -damping / _MASS * np.eye(size)
             return slope
 

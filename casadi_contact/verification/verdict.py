@@ -45,6 +45,11 @@ class Verdict:
         return self.solved & (np.abs(self.errors) <= self.allowed).all(axis=1)
 
     @property
+    def differs(self) -> np.ndarray:
+        """True (n,) for frames that are solved, but of which the contact model says otherwise."""
+        return self.solved & ~self.verified if self.checked else np.zeros_like(self.solved)
+
+    @property
     def words(self) -> list[str]:
         """The verdict of each frame (n,), with the load that differs most against what is allowed."""
         return [self._of_frame(k) for k in range(len(self.solved))]

@@ -9,7 +9,7 @@ import typer
 
 from casadi_contact.assembly import load_assembly
 from casadi_contact.files import writable_folder
-from casadi_contact.verification import judge, own_model
+from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.own_cycle import own_cycle
 from problems.assembly_poses.problem import build
@@ -32,6 +32,7 @@ def run(
     """Find the poses of all bodies of an assembly over a cycle: one from the loads that were measured in its contact,
     all others where contacts, ligaments, pulls and applied forces balance.
 
+    Frames in which a contact model differs from its foundation go on with the contact models.
     Exit status 2: some frames are not solved; 3: all are, but a contact model differs in some.
     """
     writable_folder(out)
@@ -39,13 +40,9 @@ def run(
     given = own_cycle(joint) if cycle is None else read_assembly_cycle(cycle, joint)
     problem = build(joint, given)
     result = solve(problem)
-    verdicts = {
-        part.name: judge(
-            part.model, joint.contact_poses(part.name, result.poses), result.converged, own_model(part.model.scene)
-        )
-        for part in joint.contacts
-    }
     tried = solve_from_random_starts(assembly, given, result, starts) if starts else None
+    result = corrected(assembly, problem, result)
+    verdicts = verdicts_of(problem, result)
     report(problem, result, verdicts, out, tried)
     end_with(worst(verdicts.values()), NAME, out)
 

@@ -42,6 +42,22 @@ class AssemblyCycle:
         """Percentage of the cycle (n,), 0 to 100."""
         return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
+    def frames(self, rows: np.ndarray) -> AssemblyCycle:
+        """The same of these frames alone."""
+
+        def taken(curves: Mapping[str, Array]) -> dict[str, Array]:
+            return {name: curve[rows] for name, curve in curves.items()}
+
+        return AssemblyCycle(
+            self.name,
+            self.time_s[rows],
+            {body: taken(curves) for body, curves in self.pose.items()},
+            self.contact,
+            taken(self.loads),
+            taken(self.tensions),
+            {body: taken(curves) for body, curves in self.applied.items()},
+        )
+
 
 def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
     """Read a cycle from a CSV file with time_s and whatever was measured of the assembly.

@@ -44,11 +44,12 @@ def report(
         "verdicts": {name: str(verdict) for name, verdict in verdicts.items()},
         "frames": len(result.converged),
         "converged": int(result.converged.sum()),
+        "on_contact_model": int(result.on_model.sum()),
         "largest_residual_N": float(result.residual_n.max()),
         **solver_record(result),
     }
     if starts is not None:
-        summary["random_starts"] = {"frames_reached": starts.frames_reached, "iterations": starts.iterations}
+        summary["random_starts"] = starts.record()
     write_summary(out / "summary.json", summary)
     draw(problem, result, out / "assembly_poses.png")
     console.print(f"results in {out}", highlight=False)
@@ -61,6 +62,7 @@ def _write_table(path: Path, problem: AssemblyPoses, result: AssemblyResult) -> 
     columns |= {f"{pull}_N": curve for pull, curve in problem.cycle.tensions.items()}
     columns |= assembly_columns(problem.assembly.load_names, result.loads)
     columns |= {"residual_N": result.residual_n, "converged": result.converged.astype(int)}
+    columns |= {"on_contact_model": result.on_model.astype(int)}
     write_columns(path, columns, digits=DIGITS)
 
 

@@ -24,13 +24,17 @@ _ROUNDS = 3  # of IPOPT, at most: hard frames use up the iterations of all, and 
 @dataclass(frozen=True)
 class AssemblyResult:
     """Poses (n, bodies, 6), loads (n, L) of the assembly's ``load_names``, what is left on balanced bodies [N] (n,),
-    errors (n, wanted) of what was measured, and what became of each frame."""
+    errors (n, wanted) of what was measured, and what became of each frame.
+
+    on_model (n,): True for frames that are solved on the contact models themselves, with their loads (`corrected`).
+    """
 
     poses: Array
     loads: Array
     residual_n: Array
     errors: Array
     converged: np.ndarray
+    on_model: np.ndarray
     reason: np.ndarray
     ipopt_status: str
     iterations: int
@@ -102,7 +106,18 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
     loads = np.asarray(problem.assembly.function().map(count)(poses.reshape(-1, 6).T)).T
     reason = np.array([_why(problem, residual[k], errors[k], bool(converged[k])) for k in range(count)], dtype=object)
     seconds = time.perf_counter() - began
-    return AssemblyResult(poses, loads, residual, errors, converged, reason, outcome.status, iterations, seconds)
+    return AssemblyResult(
+        poses,
+        loads,
+        residual,
+        errors,
+        converged,
+        np.zeros(count, dtype=bool),
+        reason,
+        outcome.status,
+        iterations,
+        seconds,
+    )
 
 
 def _beside_solved(problem: AssemblyPoses, poses: Array, solved: np.ndarray) -> Array:

@@ -14,7 +14,7 @@ from problems.assembly_poses.cycle import AssemblyCycle
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.assembly_poses.solve import AssemblyResult, solve
 from problems.patella.follow import ASIDE_MM, ASIDE_RAD, SAME_N, loads_apart_n
-from problems.pose_estimation.starts import RandomStarts, moved
+from problems.pose_estimation.starts import RandomStarts, StartOutcome, moved
 
 
 def random_start(problem: AssemblyPoses, poses: Array, rng: np.random.Generator) -> Array:
@@ -31,12 +31,12 @@ def random_start(problem: AssemblyPoses, poses: Array, rng: np.random.Generator)
     return start
 
 
-def one_start(name: str, cycle: AssemblyCycle, poses: Array, loads: Array, seed: tuple[int, int]) -> tuple[float, int]:
-    """Solve from one random start about a solution; returns the share of frames with the same loads, and iterations."""
+def one_start(name: str, cycle: AssemblyCycle, poses: Array, loads: Array, seed: tuple[int, int]) -> StartOutcome:
+    """Solve from one random start about a solution, which it reaches where frames have the same loads."""
     problem = build(load_assembly(name), cycle)
     result = solve(problem, random_start(problem, poses, np.random.default_rng(seed)))
     same = loads_apart_n(problem.assembly, result.loads, loads) < SAME_N
-    return float((result.converged & same).mean()), result.iterations
+    return StartOutcome.of(result.converged, same, result.iterations)
 
 
 def solve_from_random_starts(
@@ -47,5 +47,4 @@ def solve_from_random_starts(
         jobs = [pool.submit(one_start, name, cycle, reference.poses, reference.loads, (seed, k)) for k in range(count)]
         for job in track(as_completed(jobs), "random starts", total=count):
             job.result()
-    outcomes = [job.result() for job in jobs]
-    return RandomStarts(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))
+    return RandomStarts(tuple(job.result() for job in jobs))

@@ -29,6 +29,7 @@ from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
+from problems.muscle_contact.synergies import driven_by_synergies
 from problems.muscle_contact.walk import read_length_range
 from problems.muscle_contact.with_patella import build_with_patella, fitted_to_arms, patella_verdict
 
@@ -62,6 +63,7 @@ def run(
     share_heads: Annotated[bool, typer.Option(help="heads of one muscle share an activation")] = True,
     ankle: Annotated[bool, typer.Option(help="the calf balances the ankle too, with soleus")] = True,
     shank: Annotated[float, typer.Option(help="length of the shank, knee to ankle [m]")] = SHANK_M,
+    synergies: Annotated[int, typer.Option(min=0, help="so many drive all muscles; 0: each is driven alone")] = 0,
     activation_dynamics: Annotated[bool, typer.Option(help="activations rise in 15 ms and fall in 60 ms")] = False,
     compliant_tendons: Annotated[bool, typer.Option(help="tendons stretch by 4.9 % under the greatest force")] = False,
     patella: Annotated[
@@ -107,7 +109,7 @@ def run(
         activation_dynamics=activation_dynamics,
         compliant_tendons=compliant_tendons,
     )
-    result = solve(problem)
+    result = solve(driven_by_synergies(problem, synergies) if synergies else problem)
     verdict = judge(contact_model, result.poses, result.converged, own_model(contact_model.scene), CONTACT_LOADS)
     patellar = patella_verdict(problem, result)
     report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind, patellar)

@@ -3,6 +3,9 @@
 infeasible                   the contact model settles from no start, or no contact has their centre of pressure
 outside the learned range    the contact model has a pose there: the frame goes on with it, "on the contact model"
 not found                    its pose lies inside the range: the surrogate is solved again from there
+
+Frames that are solved on a foundation, where the contact model differs from it by more than a verified frame may, go on
+with the contact model too. Those of a surrogate stay as they are: refining is their cure.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.conventions import Array
+from casadi_contact.verification import judge
+from casadi_contact.verification.verdict import DIFFERS
 from casadi_contact.verification.verify import loads_on
 from problems.common.learned_range import beyond_learned
 from problems.pose_estimation.march import solve_alone
@@ -32,7 +37,10 @@ def solve_and_complete(problem: PoseEstimation, start: Array | None, model: Cont
     result = solve(problem, start, alone=False)
     if not problem.learned:
         result = complete(problem, result, problem.model)
-    return result if isinstance(model, str) else complete(problem, result, model)
+    if isinstance(model, str):
+        return result
+    result = complete(problem, result, model)
+    return result if problem.learned else _corrected(problem, result, model)
 
 
 def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
@@ -83,6 +91,39 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
         on_rim=on_rim,
         reason=reason,
         iterations=result.iterations + iterations,
+        seconds=result.seconds + time.perf_counter() - began,
+    )
+
+
+def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
+    """The result with the frames in which the contact model differs solved on it, from where they stand; with
+    smoothness, and where it has no pose there, they stay."""
+    began = time.perf_counter()
+    names = problem.wanted.load_names
+    verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
+    if problem.smoothness > 0.0 or not verdict.differs.any():
+        return result
+    found = search(model, problem, result.poses, verdict.verified, verdict.differs, None)
+    moved = verdict.differs & found.found
+    loads, reason, on_rim = result.loads.copy(), result.reason.copy(), result.on_rim.copy()
+    loads[moved] = loads_on(model, found.poses[moved], names)
+    errors = problem.wanted.errors(loads)
+    moved &= problem.wanted.carried(errors)
+    kept = ~moved
+    loads[kept], errors[kept] = result.loads[kept], result.errors[kept]
+    if hasattr(model, "at_edge"):
+        on_rim[moved] = model.at_edge(found.poses[moved]).any(axis=1)
+    for k in np.flatnonzero(moved):
+        off = verdict.words[k].removeprefix(f"{DIFFERS} by ")
+        reason[k] = f"on the contact model: in the pose of the foundation it differs by {off}"
+    return replace(
+        result,
+        poses=np.where(moved[:, None], found.poses, result.poses),
+        loads=loads,
+        errors=errors,
+        on_model=result.on_model | moved,
+        on_rim=on_rim,
+        reason=reason,
         seconds=result.seconds + time.perf_counter() - began,
     )
 

@@ -105,7 +105,7 @@ def build(
 
     model: a surrogate or a foundation. compiled: as a C kernel, which solves several times faster once it is compiled;
     if left out, a foundation is and a surrogate is not. Raises ValueError for a negative smoothness, a model without
-    the wanted loads, and a cycle that measures too little to tell the pose.
+    the wanted loads, and a cycle that measures too little to tell the pose, or so much that nothing is free to press.
     """
     if not smoothness >= 0.0:
         raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
@@ -116,6 +116,12 @@ def build(
         raise ValueError(
             f"cycle {cycle.name}: {len(wanted.values)} loads ({', '.join(wanted.values)}) cannot tell "
             f"{len(free)} pose parameters ({', '.join(free)}): measure more of either"
+        )
+    held = [name for name in model.scene.sensitive_pose if name in measured]
+    if len(wanted.pressing) > len(model.scene.sensitive_pose) - len(held):
+        raise ValueError(
+            f"cycle {cycle.name} gives {', '.join(held)}, expected {'it' if len(held) == 1 else 'them'} free: "
+            f"{', '.join(model.scene.sensitive_pose)} carry {', '.join(wanted.pressing)}"
         )
     contact = ContactFrames(model, count, locked=measured, loads=wanted.load_names, compiled=compiled)
     residuals = contact.misfit(wanted.values)

@@ -106,12 +106,7 @@ def report(
     if (result.on_model & ~result.on_rim).any():
         summary["refine"] = _REFINE
     if starts is not None:
-        summary["random_starts"] = {
-            "count": len(starts.reached),
-            "reached": int(starts.reached.sum()),
-            "share_of_frames": float(starts.frames_reached.mean()),
-            "median_iterations": float(np.median(starts.iterations)),
-        }
+        summary["random_starts"] = starts.record()
     write_summary(out / "summary.json", summary)
     draw(problem, result, tracked, kind, out / "pose_estimation.png")
     PlainConsole().print(f"results in {out}", highlight=False)

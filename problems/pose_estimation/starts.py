@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import track
@@ -22,22 +23,52 @@ ASIDE_MM, ASIDE_RAD = 4.0, 0.1  # along and about whatever does not press
 
 
 @dataclass(frozen=True)
-class RandomStarts:
-    """Of each random start: share of its frames that converge to the reference solution, and IPOPT iterations."""
+class StartOutcome:
+    """Of one random start: shares of its frames that are solved, and by the reference solution; IPOPT iterations."""
 
-    frames_reached: Array
-    iterations: np.ndarray
+    solved: float
+    reached: float
+    iterations: int
+
+    @classmethod
+    def of(cls, solved: np.ndarray, same: np.ndarray, iterations: int) -> StartOutcome:
+        """Of frames (n,) that are solved, and that end as the reference does."""
+        return cls(float(solved.mean()), float((solved & same).mean()), iterations)
+
+
+@dataclass(frozen=True)
+class RandomStarts:
+    """What became of each of several random starts. Where contact carries the wanted loads in several poses, all frames
+    may be solved and some of them by another solution."""
+
+    outcomes: tuple[StartOutcome, ...]
 
     @property
-    def reached(self) -> np.ndarray:
-        """True (starts,) where every frame converges to the reference solution."""
-        return self.frames_reached == 1.0
+    def solved(self) -> int:
+        """Number of starts from which every frame is solved."""
+        return sum(outcome.solved == 1.0 for outcome in self.outcomes)
+
+    @property
+    def reached(self) -> int:
+        """Number of starts from which every frame is solved by the reference solution."""
+        return sum(outcome.reached == 1.0 for outcome in self.outcomes)
+
+    def record(self) -> dict[str, Any]:
+        """Plain values for a summary."""
+        return {
+            "count": len(self.outcomes),
+            "solved": self.solved,
+            "reached": self.reached,
+            "share_of_frames": float(np.mean([outcome.reached for outcome in self.outcomes])),
+            "median_iterations": float(np.median([outcome.iterations for outcome in self.outcomes])),
+        }
 
     def __str__(self) -> str:
+        of = self.record()
         return (
-            f"{int(self.reached.sum())} of {len(self.reached)} random starts reach the same solution in every frame "
-            f"({100.0 * self.frames_reached.mean():.1f} % of all frames), "
-            f"median {np.median(self.iterations):.0f} IPOPT iterations"
+            f"{self.solved} of {len(self.outcomes)} random starts solve every frame, {self.reached} of them by the "
+            f"same solution ({of['share_of_frames']:.1%} of all frames), "
+            f"median {of['median_iterations']:.0f} IPOPT iterations"
         )
 
 
@@ -76,23 +107,26 @@ def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Ar
     return start
 
 
-def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple[int, int]) -> tuple[float, int]:
-    """Solve from one random start about the reference poses (n, 6) (`moved`), without any other contact model. Returns
-    the share of frames reached, and iterations."""
+def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple[int, int]) -> StartOutcome:
+    """Solve from one random start about the reference poses (n, 6) (`moved`), without any other contact model."""
     problem = build(source.load(), cycle)
     start = moved(problem, reference, np.random.default_rng(seed))
     result = solve_and_complete(problem, start, "the model alone")
     same = np.abs((result.poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM
-    return float((result.converged & same).mean()), result.iterations
+    return StartOutcome.of(result.converged, same, result.iterations)
 
 
 def solve_from_random_starts(
     source: ContactSource, cycle: Cycle, reference: Array, count: int = 200, seed: int = 1
 ) -> RandomStarts:
-    """Solve a cycle from `count` random starts on all cores; reference: the solution's poses (n, 6)."""
+    """Solve a cycle from `count` random starts on all cores; reference: the solution's poses (n, 6).
+
+    Starts are about the poses that the contact alone finds from there: frames of the solution may stand on another
+    contact model.
+    """
+    reference = solve_and_complete(build(source.load(), cycle), reference, "the model alone").poses
     with worker_pool() as pool:
         jobs = [pool.submit(one_start, source, cycle, reference, (seed, k)) for k in range(count)]
         for job in track(as_completed(jobs), "random starts", total=count):
             job.result()
-    outcomes = [job.result() for job in jobs]
-    return RandomStarts(np.array([o[0] for o in outcomes]), np.array([o[1] for o in outcomes]))
+    return RandomStarts(tuple(job.result() for job in jobs))

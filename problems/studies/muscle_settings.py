@@ -1,6 +1,6 @@
 """Every setting of muscle_contact that was tried, against measured contact forces: what each rule is worth.
 
-The first 15 were fixed before they met these forces; the combinations after them were put together of what had helped,
+The first 16 were fixed before they met these forces; the combinations after them were put together of what had helped,
 and are blind to no more than the size of each rule.
 """
 
@@ -43,12 +43,14 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "squared, closed 10": {"margin_mm": 10.0},
     "squared, closed 20": {"margin_mm": 20.0},
     "squared, collaterals": {"pretension_n": PRETENSION_N},
+    "squared, five synergies": {"synergies": muscle_contact.SYNERGIES},
     "squared, closed 20, ankle, optimum": {"margin_mm": 20.0, "ankle": True, "longest_fibre": 1.0},
     "cubed, closed 20, ankle, optimum": {"exponent": 3.0, "margin_mm": 20.0, "ankle": True, "longest_fibre": 1.0},
     "cubed, closed 20": {"exponent": 3.0, "margin_mm": 20.0},
     "cubed, closed 20, heads": {"exponent": 3.0, "margin_mm": 20.0, "share_heads": True},
     "cubed, closed 30": {"exponent": 3.0, "margin_mm": 30.0},
     "cubed, closed 20, heads, ankle": _CHOSEN,
+    "the same, five synergies": {**_CHOSEN, "synergies": muscle_contact.SYNERGIES},
     "the same, activation dynamics": {**_CHOSEN, "activation_dynamics": True},
     "the same, compliant tendons": {**_CHOSEN, "compliant_tendons": True},
     "the same, both": {**_CHOSEN, "activation_dynamics": True, "compliant_tendons": True},
@@ -82,7 +84,9 @@ def prediction_error(
         walk, settings["fit_lengths"] = replace(walk, muscles=walk.muscles.fitted_to(walk.lengths_m, longest)), False
     pretension_n = 2.0 * settings.pop("pretension_n", 0.0)
     walk = replace(walk, loads={**walk.loads, "knee_ty": walk.loads["knee_ty"] + pretension_n})
-    result = muscle_contact.solve(muscle_contact.build(contact, walk, **settings))
+    synergies = settings.pop("synergies", 0)
+    problem = muscle_contact.build(contact, walk, **settings)
+    result = muscle_contact.solve(muscle_contact.driven_by_synergies(problem, synergies) if synergies else problem)
     off = -result.loads[:, : len(SIDES)] - measured
     found = {"solved": float(result.converged.sum()), "frames": float(len(walk))}
     for side, column in zip(SIDES, off.T, strict=True):

@@ -11,9 +11,11 @@ from casadi_contact.contact import CupFoundation, PolarFoundation, Rays
 from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import judge, own_model
+from casadi_contact.verification.verify import loads_on
 from problems import pose_estimation, static_equilibrium
 from problems.common.contact import ContactSource
 from problems.pose_estimation import __main__
+from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.starts import moved
 from tests.support.compiler import needs_compiler
 
@@ -65,6 +67,22 @@ def test_every_joint_s_own_motion_is_found_again_from_random_starts(name, model,
 
 
 @needs_compiler
+def test_frames_in_which_a_coarse_foundation_is_off_go_on_with_the_contact_model(patellofemoral):
+    coarse, teacher = PolarFoundation(patellofemoral.scene, Rays(4, 1)), own_model(patellofemoral.scene)
+    problem = pose_estimation.build(coarse, few_frames(scene_cycles(coarse.scene)[0], every=50))
+    names = problem.wanted.load_names
+    alone = solve_and_complete(problem, None, "no contact model")
+    assert judge(coarse, alone.poses, alone.converged, teacher, names).exit_code == 3
+    result = solve_and_complete(problem, None, teacher)
+    assert result.on_model.any()
+    assert judge(coarse, result.poses, result.converged, teacher, names, result.on_model).exit_code == 0
+    there = result.poses[result.on_model]
+    np.testing.assert_allclose(loads_on(teacher, there, names), result.loads[result.on_model])
+    assert problem.wanted.carried(problem.wanted.errors(result.loads)).all()
+    assert all("in the pose of the foundation it differs by" in why for why in result.reason[result.on_model])
+
+
+@needs_compiler
 def test_a_centre_of_pressure_tells_a_pose_parameter_that_was_not_measured(patellofemoral):
     """Force on one facet, and where the total crosses x = 0, stand for the forces on both.
 
@@ -90,6 +108,14 @@ def test_a_cycle_file_holds_any_loads_and_centres_of_a_scene(tmp_path, patellofe
     assert list(cycle.wanted()) == ["Fx_med", "Fx_lat", "cop_z"]
     assert list(cycle.targets()) == ["Fx_med", "Fx_lat"]
     with pytest.raises(ValueError, match=r"3 loads \(Fx_med, Fx_lat, cop_z\) cannot tell 5 pose parameters"):
+        pose_estimation.build(patellofemoral, cycle)
+
+
+def test_a_cycle_that_prescribes_what_presses_is_told_so(tmp_path, patellofemoral):
+    text = "time_s,tx_mm,ry_rad,rz_rad,ty_mm,Fx_med_N,Fx_lat_N\n0,-47,0,-0.3,20,200,300\n0.5,-47,0,-0.4,20,210,320\n"
+    (tmp_path / "squat.csv").write_text(text)
+    cycle = read_joint_cycle(tmp_path / "squat.csv", patellofemoral.scene)
+    with pytest.raises(ValueError, match="gives tx, expected it free: tx, tz carry Fx_med, Fx_lat"):
         pose_estimation.build(patellofemoral, cycle)
 
 

@@ -10,8 +10,10 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import ipopt_options
+from casadi_contact.verification import own_model
 from problems import assembly_poses, patella
 from problems.assembly_poses import AssemblyCycle
+from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.solve import _beside_solved
 from problems.assembly_poses.starts import random_start
@@ -72,6 +74,39 @@ def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
         again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
         assert again.converged.all(), again.reason
         assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
+
+
+BALL = """format = 1
+name = "ball"
+ground = "plane"
+[bodies.ball]
+pose = [0.0, 29.9, 0.0, 0.0, 0.0, 0.0]
+[contacts.ball]
+scene = "sphere_on_plane"
+fixed = "plane"
+moving = "ball"
+change = { teacher = [40, 40] }
+"""
+
+
+@needs_compiler
+def test_a_frame_that_the_contact_model_denies_goes_on_with_it(tmp_path):
+    """Four rays of one point each carry 5 N as elements do, 500 N not: there the ball lies where elements carry it."""
+    (tmp_path / "ball.toml").write_text(BALL)
+    coarse = cc.load_assembly(tmp_path / "ball.toml", lambda scene: PolarFoundation(scene, Rays(4, 1)))
+    weight = np.array([-5.0, -500.0])
+    locked = {name: np.zeros(2) for name in ("tx", "tz", "rx", "ry", "rz")}
+    cycle = AssemblyCycle("weighed", np.array([0.0, 1.0]), {"ball": locked}, applied={"ball": {"Fy": weight}})
+    problem = assembly_poses.build(coarse, cycle)
+    solved = assembly_poses.solve(problem)
+    assert solved.converged.all()
+    assert verdicts_of(problem, solved)["ball"].verified.tolist() == [True, False]
+    result = corrected(tmp_path / "ball.toml", problem, solved)
+    assert result.on_model.tolist() == [False, True]
+    assert verdicts_of(problem, result)["ball"].exit_code == 0
+    elements = own_model(coarse.contact("ball").model.scene)
+    assert elements(result.poses[1])[0, 1] == pytest.approx(weight[1], abs=1e-3)
+    np.testing.assert_array_equal(result.poses[0], solved.poses[0])
 
 
 def test_an_unsolved_frame_begins_again_where_the_nearest_solved_one_lies(problem):

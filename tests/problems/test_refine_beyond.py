@@ -81,7 +81,7 @@ def test_walking_alone_teaches_nothing_of_other_domains():
     domain = np.where(np.arange(606) % 6 == 0, 3, 1).astype(np.uint8)
     role = np.where(rng.random(606) < 0.2, 1, 0).astype(np.uint8)
     samples = Samples(scene, poses, model.wrenches(poses), model.gaps(poses), domain, role)
-    surrogate, narrow = refine_beyond.walking_only(samples, 20.0)
+    surrogate, narrow = refine_beyond.walking_only(samples, 3.0)
     assert set(narrow.domain) == {1}
     assert surrogate.record["samples"]["D3"] == 0
     assert (surrogate.validity(walking) > 0.5).mean() > 0.9

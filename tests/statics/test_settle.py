@@ -67,6 +67,28 @@ def test_two_mm_and_five_degrees_off_four_free_parameters_come_back(knee):
     np.testing.assert_allclose(found, truth, atol=1e-3)
 
 
+class WavySpheres(TwoSpheres):
+    """Centres of pressure that go to and fro, as those on a mesh do: x + 0.06·sin(20·x)."""
+
+    def _centres(self, poses):
+        centres, slopes = super()._centres(poses)
+        x = centres[..., 0].copy()
+        centres[..., 0] += 0.06 * np.sin(20.0 * x)
+        slopes[..., 0, :] *= 1.0 + 1.2 * np.cos(20.0 * x)[..., None]
+        return centres, slopes
+
+
+def test_torques_that_rise_and_fall_on_the_way_are_met_all_the_same():
+    model, rng = WavySpheres(two_spheres.knee()), np.random.default_rng(2)
+    truth = np.repeat(at(26.94), 60, axis=0)
+    truth[:, 0] = rng.uniform(-3.0, 3.0, 60)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), model(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    start = truth + np.pad(rng.uniform(-1.0, 1.0, (60, 4)) * [1.0, 0.5, 1.0, 0.01], ((0, 0), (0, 2)))
+    found, report = cc.settle(model, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(model(found), model(truth), atol=1e-3)
+
+
 def test_poses_that_carry_their_loads_stay(knee):
     poses, targets = walking(5)
     truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)

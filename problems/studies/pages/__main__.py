@@ -1,10 +1,11 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
-``python -m casadi_contact.benchmark.shipped knee``), sizes.csv (``casadi-contact chart``), solve_time.csv and
-muscle_settings.json (``python -m problems.studies.solve_time`` and ``.muscle_settings``), evaluation.json
-(``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the
-problems), and stability.json (``python -m problems.studies.stability``). A page is written for each that is there.
+``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
+solve_time.csv and muscle_settings.json (``python -m problems.studies.solve_time`` and ``.muscle_settings``),
+evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json
+(summaries of the problems), and stability.json (``python -m problems.studies.stability``). A page is written for each
+that is there.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from problems.studies.pages.surrogates import (
     speed_accuracy_page,
 )
 
+CHARTS = "chart-*.csv"
 app = new_app()
 
 
@@ -39,6 +41,8 @@ def pages(data: Path) -> dict[str, str]:
         found["speed-accuracy.md"] = speed_accuracy_page(path)
     if (path := data / "sizes.csv").is_file():
         found["sizes.md"] = speed_accuracy_page(path, "Sizes, samples and training")
+    for path in sorted(data.glob(CHARTS)):
+        found[f"{path.stem}.md"] = speed_accuracy_page(path, f"Speed and accuracy: {path.stem.partition('-')[2]}")
     if (path := data / "solve_time.csv").is_file():
         found["solve-time.md"] = solve_time_page(path)
     if (path := data / "evaluation.json").is_file():
@@ -70,9 +74,9 @@ def run(
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
         print(f"written {out / name}")
-    for name in ("speed_accuracy.csv", "sizes.csv"):
-        if (data / name).is_file():
-            draw_speed_accuracy(data / name, out)
+    for path in (data / "speed_accuracy.csv", data / "sizes.csv", *sorted(data.glob(CHARTS))):
+        if path.is_file():
+            draw_speed_accuracy(path, out)
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:

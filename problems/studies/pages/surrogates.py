@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,8 +14,9 @@ from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
 from problems.studies.pages.markdown import machine, number, page, table
 
+_OWN_NUMBERS = re.compile(r"\d\.\d|\bof \d")
 _CHARTS = {
-    "speed_accuracy": "Time per pose against error on unseen walking",
+    "speed_accuracy": "Time per pose against error on unseen poses",
     "gradient_hessian_time": "Time of Jacobian and Hessian against error",
     "error_by_domain": "Error by domain of the cheapest and of the most accurate model of each family",
     "error_by_samples": "Error against the number of samples",
@@ -34,18 +36,20 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     command = f"python -m casadi_contact.benchmark.shipped {header['scene']}"
     if "preset" in header:
         command = f"casadi-contact chart {header['scene']} --preset {header['preset']}"
+        command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
     intro = (
         f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
-        f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
-        f"the time per pose. `{command}` measures this table."
+        f"{header['walking_poses']} poses of its motion that no model has seen, against {header['reference']}; medians "
+        f"of the time per pose. `{command}` measures this table."
     )
     compared = [p for p in front.points if p.sweep == SIZE and not p.failure]
     swept = [p for p in front.points if p.sweep != SIZE and not p.failure]
     first = [pictures[x] for x in ("speed_accuracy", "gradient_hessian_time")]
     parts = [intro, machine(header), *first, "## All models", _front_table(compared)]
-    remarks = sorted({p.remark for p in compared if p.remark})
-    if remarks:
-        parts.append(f"Remarks of the file: {'; '.join(remarks)}.")
+    remarks = {part.strip() for p in compared for part in p.remark.split(";")} - {""}
+    general = sorted(remark for remark in remarks if not _OWN_NUMBERS.search(remark))
+    if general:
+        parts.append(f"Remarks of the file, but for numbers of single models: {'; '.join(general)}.")
     if swept:
         series = [pictures[x] for x in needs if x in pictures]
         parts += ["## One size with fewer samples and less training", _front_table(swept), *series]
