@@ -1,6 +1,7 @@
 """Work on a Dask cluster: the same results as on one machine, whatever dies on the way."""
 
 import json
+import multiprocessing
 import os
 import signal
 import time
@@ -21,8 +22,20 @@ WORKERS = 4
 PATIENCE = 3000  # tenths of a second
 
 
+@pytest.fixture(scope="module")
+def forked():
+    """Workers are forked from a process that has imported what they need, which each would take seconds for."""
+    import dask
+    from distributed.utils import get_mp_context
+
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context()  # sets what it imports by itself
+        multiprocessing.set_forkserver_preload(["distributed", "casadi_contact.training", "tests.sampling.test_draw"])
+        yield
+
+
 @pytest.fixture
-def cluster():
+def cluster(forked):
     """Four worker processes; a task may end as many of them as the tests kill."""
     import dask
 

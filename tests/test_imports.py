@@ -18,7 +18,7 @@ ROOMS = [
     *("conventions", "pressure_laws"),
     *("activations", "spots", "network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures"),
-    *("presets", "project", "fitting", "verification", "optimisation", "assembly", "bridges"),
+    *("presets", "project", "active", "fitting", "verification", "optimisation", "assembly", "bridges"),
     *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
     *("commands", "cli", "__main__"),
 ]

@@ -20,26 +20,27 @@ def _tensor(array) -> torch.Tensor:
 def _network(network: Network, x: torch.Tensor, output: int = 0) -> torch.Tensor:
     a = (x - _tensor(network.input_shift)) / _tensor(network.input_scale)
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
-        z = _tensor(weight) @ a + _tensor(bias)
+        z = a @ _tensor(weight).T + _tensor(bias)
         a = {"tanh": torch.tanh, "algebraic": lambda z: z / torch.sqrt(1 + z**2)}[network.activation](z)
     scale = np.ravel(network.output_scale)[output]
-    return scale * (_tensor(network.weights[-1])[output] @ a + network.biases[-1][output])
+    return scale * (a @ _tensor(network.weights[-1])[output] + network.biases[-1][output])
 
 
 def _rotation(q: torch.Tensor) -> torch.Tensor:
-    (sx, sy, sz), (cx, cy, cz), zero, one = torch.sin(q), torch.cos(q), torch.zeros(()), torch.ones(())
-    rx = torch.stack([one, zero, zero, zero, cx, -sx, zero, sx, cx]).reshape(3, 3)
-    ry = torch.stack([cy, zero, sy, zero, one, zero, -sy, zero, cy]).reshape(3, 3)
-    rz = torch.stack([cz, -sz, zero, sz, cz, zero, zero, zero, one]).reshape(3, 3)
+    (sx, sy, sz), (cx, cy, cz) = torch.sin(q).T, torch.cos(q).T
+    zero, one = torch.zeros(len(q)), torch.ones(len(q))
+    rx = torch.stack([one, zero, zero, zero, cx, -sx, zero, sx, cx]).T.reshape(-1, 3, 3)
+    ry = torch.stack([cy, zero, sy, zero, one, zero, -sy, zero, cy]).T.reshape(-1, 3, 3)
+    rz = torch.stack([cz, -sz, zero, sz, cz, zero, zero, zero, one]).T.reshape(-1, 3, 3)
     return rx @ ry @ rz
 
 
-def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
+def _patch(surrogate: Surrogate, poses: torch.Tensor, loads: bool) -> torch.Tensor:
     scene, wrenches, roots = surrogate.scene, [], [[] for _ in surrogate.patch_names]
     for part in scene.parts:
         patch, anchor, pressed = part.name, part.anchor_mm, scene.tables["loads"]["sensitive"][part.patch]
         sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
-        local = torch.cat([pose[:3] + _rotation(pose[3:]) @ _tensor(anchor), pose[3:]])
+        local = torch.cat([poses[:, :3] + _rotation(poses[:, 3:]) @ _tensor(anchor), poses[:, 3:]], dim=1)
         root = surrogate.networks[f"root_{patch}"]
         of_spots = [_network(root, local, k) for k in range(root.outputs)]
         roots[part.patch] += of_spots
@@ -51,7 +52,9 @@ def _patch(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tenso
                 wrenches.append(normal * _ratio(surrogate, patch, component, local))
     of_patches = load_selection(surrogate.load_names, scene.patch_names)
     selection = of_patches[:, [part.patch for part in scene.parts]].reshape(len(surrogate.load_names), -1)
-    return _tensor(selection) @ torch.stack(wrenches) if loads else torch.stack([_together(s) for s in roots])
+    if loads:
+        return torch.stack(wrenches, dim=1) @ _tensor(selection).T
+    return torch.stack([torch.stack([_together(s) for s in torch.stack(of_patch, dim=1)]) for of_patch in roots], dim=1)
 
 
 def _ratio(surrogate: Surrogate, patch: str, component: str, local: torch.Tensor) -> torch.Tensor:
@@ -60,47 +63,43 @@ def _ratio(surrogate: Surrogate, patch: str, component: str, local: torch.Tensor
     outputs = trunk_outputs(surrogate.scene).get(f"ratios_{patch}", ())
     if component in outputs:
         return _network(surrogate.networks[f"ratios_{patch}"], local, outputs.index(component))
-    return torch.zeros(())  # no load needs it
+    return torch.zeros(len(local))  # no load needs it
 
 
-def _together(roots: list[torch.Tensor]) -> torch.Tensor:
+def _together(s: torch.Tensor) -> torch.Tensor:
     """Root load of a patch from those of its parts."""
-    if len(roots) == 1:
-        return roots[0]
-    s = torch.stack(roots)
+    if len(s) == 1:
+        return s[0]
     pressed = s[s > 0.0]
     return torch.linalg.norm(pressed) if len(pressed) else -1.0 / torch.sqrt((s**-2.0).sum())
 
 
-def _two_stage(surrogate: Surrogate, pose: torch.Tensor, loads: bool) -> torch.Tensor:
+def _two_stage(surrogate: Surrogate, poses: torch.Tensor, loads: bool) -> torch.Tensor:
     scene = surrogate.scene
-    raw = [_network(surrogate.networks[name], pose) for name in scene.sensitive_loads]
+    raw = [_network(surrogate.networks[name], poses) for name in scene.sensitive_loads]
     if not loads:
-        n = -torch.stack(raw) / scene.reference_load
+        n = -torch.stack(raw, dim=1) / scene.reference_load
         return n / (n**2 + (0.01 * scene.boundary_load / scene.reference_load) ** 2) ** 0.25
     clamped = {name: torch.clamp(f, max=0.0) for name, f in zip(scene.sensitive_loads, raw, strict=True)}
-    u = torch.cat([pose, torch.stack(list(clamped.values()))])
+    u = torch.cat([poses, torch.stack(list(clamped.values()), dim=1)], dim=1)
     return torch.stack(
-        [clamped[name] if name in clamped else _network(surrogate.networks[name], u) for name in scene.load_names]
+        [clamped[name] if name in clamped else _network(surrogate.networks[name], u) for name in scene.load_names],
+        dim=1,
     )
 
 
-def oracle(
-    surrogate: Surrogate, pose: np.ndarray, weights: np.ndarray, *, loads: bool = True
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Value (m,), Jacobian (m, 6) and Hessian (6, 6) of weights (m,)·value, of loads or root loads by autograd."""
-    rule = {"patch": _patch, "trunk": _patch, "two_stage": _two_stage}[surrogate.structure]
-
-    def f(x):
-        return rule(surrogate, x, loads)
-
-    x = _tensor(pose)
-    hessian = torch.autograd.functional.hessian(lambda y: _tensor(weights) @ f(y), x)
-    return f(x).numpy(), torch.autograd.functional.jacobian(f, x).numpy(), hessian.numpy()
+def _slopes(rows: torch.Tensor, poses: torch.Tensor, *, differentiable: bool = False) -> torch.Tensor:
+    """Derivatives (n, k, 6) of rows (n, k), each of which depends on its own pose alone: so all poses go at once."""
+    of_row = (torch.autograd.grad(row.sum(), poses, retain_graph=True, create_graph=differentiable) for row in rows.T)
+    return torch.stack([slope for (slope,) in of_row], dim=1)
 
 
 def oracles(surrogate: Surrogate, poses: np.ndarray, weights: np.ndarray, *, loads: bool = True) -> list[np.ndarray]:
-    """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of poses (n, 6) with weights (n, m) each."""
-    rows = [oracle(surrogate, pose, w, loads=loads) for pose, w in zip(poses, weights, strict=True)]
-    values, jacobians, hessians = (np.stack(column) for column in zip(*rows, strict=True))
-    return [values, jacobians, hessians[:, None]]
+    """Of loads or root loads: values (n, m), Jacobians (n, m, 6), Hessians (n, 1, 6, 6) of their weighted sums."""
+    rule = {"patch": _patch, "trunk": _patch, "two_stage": _two_stage}[surrogate.structure]
+    x = _tensor(poses).requires_grad_()
+    values = rule(surrogate, x, loads)
+    sums = (_tensor(weights) * values).sum(dim=1, keepdim=True)
+    (gradients,) = _slopes(sums, x, differentiable=True).unbind(dim=1)
+    found = values, _slopes(values, x), _slopes(gradients, x)[:, None]
+    return [numbers.detach().numpy() for numbers in found]

@@ -18,7 +18,7 @@ from fmpy.validation import validate_fmu  # noqa: E402
 import casadi_contact as cc  # noqa: E402
 from casadi_contact.conventions import POSE_NAMES  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
-from tests.support.compiler import needs_compiler  # noqa: E402
+from tests.support.compiler import flags_of_the_library, needs_compiler  # noqa: E402
 from tests.support.random_surrogates import random_poses, random_surrogate, scene_called  # noqa: E402
 from tests.support.random_trust import random_trust  # noqa: E402
 
@@ -33,7 +33,8 @@ def knee():
 
 @pytest.fixture(scope="module")
 def path(knee, tmp_path_factory):
-    return knee.export_fmu(tmp_path_factory.mktemp("fmu") / "knee.fmu")
+    with flags_of_the_library():
+        return knee.export_fmu(tmp_path_factory.mktemp("fmu") / "knee.fmu")
 
 
 @pytest.fixture

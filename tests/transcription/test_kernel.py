@@ -76,6 +76,7 @@ def test_kernel_equals_numpy_and_torch(scene, structure, activation):
             agree(got, want, order, amplified=amplified)
 
 
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
 def test_loads_and_roots_together_and_single_loads(structure):
     surrogate, pose, poses = (
@@ -94,6 +95,7 @@ def test_loads_and_roots_together_and_single_loads(structure):
             agree(got, want, order)
 
 
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
 @pytest.mark.parametrize("batch", [33])
 def test_batches_equal_single_calls(structure, batch):
@@ -126,6 +128,7 @@ def test_batches_map_over_threads():
     agree(mapped(poses.T).full().T, surrogate(poses))
 
 
+@pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("name", ["knee", "knee_patch", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     surrogate = load_surrogate(name)
@@ -145,6 +148,7 @@ def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     agree([jacobian(pose, 0).full() for pose in few], jacobians[::9], 1, usual_size(jacobians), amplified)
 
 
+@pytest.mark.usefixtures("as_shipped")
 def test_no_pose_however_far_gives_nan():
     surrogate = load_surrogate("knee")
     function = surrogate.function(compiled=True)
