@@ -5,7 +5,7 @@ import multiprocessing
 import os
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 import pytest
@@ -39,7 +39,11 @@ def cluster(forked):
     """Four worker processes; a task may end as many of them as the tests kill."""
     import dask
 
-    settings = {"distributed.scheduler.allowed-failures": 20, "distributed.admin.large-graph-warning-threshold": "1GB"}
+    settings = {
+        "distributed.scheduler.allowed-failures": 20,
+        "distributed.admin.large-graph-warning-threshold": "1GB",
+        "distributed.comm.timeouts.connect": "10s",  # to one that was killed, 30 s by default
+    }
     with (
         dask.config.set(settings),
         distributed.LocalCluster(
@@ -56,19 +60,34 @@ class Killer:
         self.client, self.left, self.killed = distributed.Client(address, set_as_default=False), count, []
 
     def __call__(self, *progress):
-        if self.left:
-            os.kill(self._next(), signal.SIGKILL)
-            self.left -= 1
+        self.kill(lambda: None)
 
-    def _next(self):
-        """A worker that lives; the scheduler starts another for each that is killed."""
+    def kill(self, workers):
+        """One of `workers()`, addresses, that lives; the scheduler starts another for each that is killed."""
+        if not self.left:
+            return
         for _ in range(PATIENCE):
-            fresh = sorted(set(self.client.run(os.getpid, on_error="ignore").values()) - set(self.killed))
+            pids = self.client.run(os.getpid, workers=workers(), on_error="ignore").values()
+            fresh = sorted(set(pids) - set(self.killed))
             if fresh:
                 self.killed.append(fresh[0])
-                return fresh[0]
+                os.kill(fresh[0], signal.SIGKILL)
+                self.left -= 1
+                return
             time.sleep(0.1)
-        raise TimeoutError("no worker was started in the place of those killed")
+        raise TimeoutError("no worker was started in the place of those killed, or none is at work")
+
+
+class KillingExecutor:
+    """An executor whose workers are killed at the work that they are given."""
+
+    def __init__(self, executor, killer):
+        self.executor, self.killer = executor, killer
+
+    def submit(self, *task):
+        future = self.executor.submit(*task)
+        self.killer.kill(lambda: [worker for worker, tasks in self.killer.client.processing().items() if tasks])
+        return future
 
 
 def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
@@ -83,12 +102,12 @@ def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
 
 def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_machine(cluster, tmp_path):
     data = [smooth(seed=seed, name=name) for seed, name in enumerate(("root_med", "Fx/lat"))]
-    settings = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=200)
+    settings = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=1000)
     scheduler_file = tmp_path / "scheduler.json"
     scheduler_file.write_text(json.dumps({"address": cluster.scheduler_address}))
     killer = Killer(cluster.scheduler_address, 1)
     with killer.client, cluster_workers(str(scheduler_file)) as executor:
-        there = fit_all(data, lambda r: settings, executor, tmp_path / "checkpoints", killer)
+        there = fit_all(data, lambda r: settings, KillingExecutor(executor, killer), tmp_path / "checkpoints")
     here = fit_all(data, lambda r: settings)
     assert killer.left == 0
     for name, fit in here.items():
@@ -111,6 +130,23 @@ def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path
         draw(path, executor)
         draw(tmp_path / "whole.h5", executor)
     assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+def test_every_task_of_a_lost_scheduler_comes_to_an_end(cluster):
+    with cluster_workers(cluster.scheduler_address) as executor:
+        futures = [executor.submit(np.full, 20_000, number) for number in range(400)]
+        assert futures[0].result()[-1] == 0
+        cluster.close()
+        open_still = wait(futures, timeout=300).not_done
+        assert not open_still
+        lost = [future for future in futures if future.exception() is not None]
+        assert lost
+        assert all("was lost: run the same command again" in str(future.exception()) for future in lost)
+
+
+def test_an_error_of_the_work_arrives_as_it_is(cluster):
+    with cluster_workers(cluster.scheduler_address) as executor, pytest.raises(ZeroDivisionError):
+        executor.submit(divmod, 1, 0).result()
 
 
 @pytest.mark.parametrize(
