@@ -17,7 +17,7 @@ from casadi_contact.contact.cup.cup import CUP_SHAPE
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.kept import keep_record, kept_record
 from casadi_contact.contact.kernel_source import C_LAWS
-from casadi_contact.contact.polar.choice import CANDIDATES as POLAR_RAYS
+from casadi_contact.contact.polar.choice import LADDER as POLAR_RAYS
 from casadi_contact.contact.polar.choice import polar_foundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.patches import POLAR_SHAPES
@@ -67,7 +67,7 @@ def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
     if scene.shape == CUP_SHAPE:
         ladder = (CupFoundation(scene, points) for points in CUP_POINTS[::2])
     elif scene.shape in POLAR_SHAPES:
-        ladder = (PolarFoundation(scene, rays) for rays in POLAR_RAYS[::2])
+        ladder = (PolarFoundation(scene, rays) for rays in POLAR_RAYS)
     elif scene.shape in CELL_SHAPES:
         ladder = (CellFoundation(scene, square_cells(size_mm)) for size_mm in cell_sizes_mm(scene)[::2])
     shown = set()

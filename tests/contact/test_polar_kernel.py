@@ -97,6 +97,37 @@ def test_hessians_are_the_derivatives_of_the_jacobians(pair):
     check_hessians(model, poses)
 
 
+@pytest.fixture(scope="module")
+def bending():
+    """Poses of the knee pressed at flexions at which junctions of its arcs lie off, across and amid its spots."""
+    model = cc.PolarFoundation(cc.load_scene("knee"), Rays(8, 3))
+    start = [[0.5, 27.23, 0.1, 0.0, -0.05, angle] for angle in -np.deg2rad(np.linspace(-5.0, 85.0, 19))]
+    poses, found = cc.settle(model, start, free=("ty", "rx"), targets={"Fy_med": -900.0, "Fy_lat": -500.0})
+    assert found.converged.all()
+    return poses
+
+
+def test_eight_rays_are_enough_wherever_arcs_meet(bending):
+    few, many = (cc.PolarFoundation(cc.load_scene("knee"), rays) for rays in (Rays(8, 3), Rays(96, 6)))
+    scales = [900.0 if name.startswith("F") else 20e3 for name in few.load_names]
+    np.testing.assert_allclose(few(bending) / scales, many(bending) / scales, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("rays", "tolerance"), [(8, 5e-6), (16, 5e-7)])
+def test_second_derivatives_are_those_of_the_first_wherever_arcs_meet(bending, rays, tolerance):
+    """Differences of fourth order; an angle counts 25 mm to the radian."""
+    model = cc.PolarFoundation(cc.load_scene("knee"), Rays(rays, 3))
+    x, scales = ca.MX.sym("pose", 6), np.repeat([1.0, 25.0], 3)
+    total = ca.dot(ca.DM([1.0] * 4 + [0.04] * 3), model.function()(x))
+    gradient, hessian = (ca.Function("f", [x], [f]) for f in (ca.gradient(total, x), ca.hessian(total, x)[0]))
+    for pose in bending:
+        moves = np.diag(3e-5 / scales)
+        ends = [[np.array(gradient(pose + k * move))[:, 0] for k in (-2, -1, 1, 2)] for move in moves]
+        columns = [(a - 8.0 * b + 8.0 * c - d) / (12.0 * 3e-5) / scales for a, b, c, d in ends]
+        exact = np.array(hessian(pose)) / np.outer(scales, scales)
+        np.testing.assert_allclose(exact, np.column_stack(columns), rtol=0.0, atol=tolerance * np.abs(exact).max())
+
+
 def test_some_loads_a_batch_and_a_pose_that_is_not_a_number():
     model = cc.PolarFoundation(cc.load_scene("knee"), RAYS)
     poses = np.array([KNEE, LIFTED, KNEE])

@@ -1,5 +1,17 @@
 /* Polar quadrature of a patch: the formulas of contact/polar/quadrature.py. */
 
+FUNCTION void lines_of(const Surfaces *s, const Place *p, const Middle *middle, Lines *lines) {
+  lines->count = 0;
+  add_rays(middle, lines);
+#if ARCS > 1
+  for (int junction = 0; middle->whole && junction < ARCS - 1; junction++) {
+    const Chord chord = chord_of(s, p, &middle->spot, junction);
+    if (chord.half > 0.0) add_cap(s, p, middle, &chord, lines);
+  }
+#endif
+  find_edges(s, p, lines);
+}
+
 /* V = (N, c x N) of a ray */
 INLINE void load_of(const Ray *ray, Lanes u, Lanes z, Lanes load[6]) {
   load[0] = ray->n_x, load[1] = all(1.0), load[2] = ray->n_z;
@@ -11,11 +23,12 @@ INLINE void load_of(const Ray *ray, Lanes u, Lanes z, Lanes load[6]) {
 INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, double wrench[6]) {
   Lanes sum[6] = {{0.0}};
   for (int i = 0; i < points->count; i++) {
+    const Lanes u = points->at[i].u, v = points->at[i].v;
     Lanes load[6], force;
     Ray ray;
-    cast(s, p, points->u[i], points->v[i], DEPTH_ONLY, &ray);
-    force = points->weight[i] * pressure_at(ray.step * ray.length);
-    load_of(&ray, points->u[i], points->v[i] + s->z_0, load);
+    cast(s, p, u, v, points->at[i].arc, DEPTH_ONLY, &ray);
+    force = points->at[i].weight * pressure_at(ray.step * ray.length);
+    load_of(&ray, u, v + s->z_0, load);
     for (int k = 0; k < 6; k++) sum[k] -= force * load[k];
   }
   for (int k = 0; k < 6; k++) wrench[k] = sum_of(sum[k]);
@@ -26,13 +39,14 @@ INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *poi
                             double stiffness[6][6]) {
   Lanes load[6][ENDS], slope[6][ENDS], sum[6] = {{0.0}};
   for (int i = 0; i < points->count; i++) {
+    const Lanes u = points->at[i].u, v = points->at[i].v, weight = points->at[i].weight;
     Lanes here[6], twist[6], arm[3], depth, force, scale;
     Ray ray;
-    cast(s, p, points->u[i], points->v[i], TO_END, &ray);
+    cast(s, p, u, v, points->at[i].arc, TO_END, &ray);
     depth = ray.step * ray.length;
-    force = points->weight[i] * pressure_at(depth);
-    scale = points->weight[i] * pressure_slope_at(depth) * ray.length / steepness(&ray);
-    load_of(&ray, points->u[i], points->v[i] + s->z_0, here);
+    force = weight * pressure_at(depth);
+    scale = weight * pressure_slope_at(depth) * ray.length / steepness(&ray);
+    load_of(&ray, u, v + s->z_0, here);
     for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - p->t[k];
     twist_of(ray.gradient, arm, twist);
     for (int k = 0; k < 6; k++) {
@@ -51,22 +65,23 @@ INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *poi
  * ray's end, differentiated twice, with b_a = -n d_a - (velocity of the body there) and m = (0, n x G):
  *   sigma d_ab = b_a (Hessian of g) b_b + m_a d_b + d_a m_b + turning,   -sum weight (p' d_ab + p'' d_a d_b);
  * the Hessian of g has the curvatures 1/tube_radius and kappa. At the edges p' jumps to zero, which adds
- * -turn/RAYS r p'(0) d_a d_b / |d_r|. All are sums of products left_a right_b. */
-#define PRODUCTS (4 * ENDS + RAY_BLOCKS)
+ * -width p'(0) d_a d_b / |d_r|. All are sums of products left_a right_b. */
+#define PRODUCTS (4 * ENDS + LINE_BLOCKS)
 
-INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, const Plan *plan, const Points *points,
+INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *lines, const Points *points,
                             const double weights[6], double h[6][6]) {
   const double k_1 = 1.0 / s->tube_radius;
   const int n = points->count;
   Lanes left[6][PRODUCTS], right[6][PRODUCTS], forces[3] = {{0.0}}, turning[3][3] = {{{0.0}}};
   double force[3], arms[3][3];
-  for (int i = 0; i < n + RAY_BLOCKS; i++) {
+  for (int i = 0; i < n + lines->count; i++) {
     const int edge = i - n; /* the points, then the edges */
-    const Lanes u = edge < 0 ? points->u[i] : m->u + plan->edge[edge] * plan->du[edge];
-    const Lanes v = edge < 0 ? points->v[i] : m->v + plan->edge[edge] * plan->dv[edge];
+    const Line *line = lines->line + (edge < 0 ? 0 : edge);
+    const Lanes u = edge < 0 ? points->at[i].u : line->u + line->edge * line->du;
+    const Lanes v = edge < 0 ? points->at[i].v : line->v + line->edge * line->dv;
     Lanes load[6], d[6], arm[3], depth, pull = all(0.0), sigma, inverse;
     Ray ray;
-    cast(s, p, u, v, TO_END, &ray);
+    cast(s, p, u, v, edge < 0 ? points->at[i].arc : line->arc, TO_END, &ray);
     depth = ray.step * ray.length;
     inverse = 1.0 / ray.length;
     sigma = ray.length / steepness(&ray);
@@ -76,7 +91,7 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
     twist_of(ray.gradient, arm, d);
     for (int k = 0; k < 6; k++) d[k] *= -sigma;
     if (edge < 0) {
-      const Lanes normal[3] = {ray.n_x * inverse, inverse, ray.n_z * inverse}, weight = -points->weight[i] * pull;
+      const Lanes normal[3] = {ray.n_x * inverse, inverse, ray.n_z * inverse}, weight = -points->at[i].weight * pull;
       const Lanes mu = weight * pressure_slope_at(depth) * sigma, nu = 0.5 * weight * pressure_bend_at(depth);
       const Lanes over = dot_of(normal, ray.across), on = dot_of(normal, ray.along);
       Lanes across[6], along[6], turn[6];
@@ -96,15 +111,15 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Spot *m, co
         for (int b = 0; b < 3; b++) turning[a][b] += mu * ray.gradient[a] * arm[b];
       }
     } else {
-      const Lanes steep = smaller_of(sigma * rise_of(&ray, plan->du[edge], plan->dv[edge]), all(-LEAST_RISE));
-      const Lanes jump = FULL_TURN / RAYS * STIFFNESS_AT_ZERO * plan->edge[edge] * plan->inside[edge];
+      const Lanes steep = smaller_of(sigma * rise_of(&ray, line->du, line->dv), all(-LEAST_RISE));
+      const Lanes jump = STIFFNESS_AT_ZERO * edge_width(line);
       for (int k = 0; k < 6; k++) {
         left[k][4 * n + edge] = jump * pull / steep * d[k], right[k][4 * n + edge] = d[k];
       }
     }
   }
   KEEP_LOOP for (int a = 0; a < 6; a++) {
-    KEEP_LOOP for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(product_sum(4 * n + RAY_BLOCKS, left[a], right[b]));
+    KEEP_LOOP for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(product_sum(4 * n + lines->count, left[a], right[b]));
   }
   for (int a = 0; a < 3; a++) {
     force[a] = sum_of(forces[a]);
@@ -173,14 +188,15 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
                            PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
   const Place place = place_of(s, pose, frame);
-  Spot middle, nearest;
+  Middle middle;
+  Spot nearest;
   const int touching = middle_of(s, &place, &middle, &nearest);
   memset(out, 0, sizeof *out);
-  if (touching && order == GAPS) nearest = nearest_to(s, &place, middle.u, middle.v);
+  if (touching && order == GAPS) nearest = nearest_to(s, &place, middle.spot.u, middle.spot.v);
   if (!touching || order == GAPS) {
     Lanes arm[3], push[6];
     Ray ray;
-    cast(s, &place, all(nearest.u), all(nearest.v), AT_START, &ray);
+    cast(s, &place, all(nearest.u), all(nearest.v), OWN_ARC, AT_START, &ray);
     out->gap = ray.g[0];
     for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - place.t[k];
     twist_of(ray.gradient, arm, push);
@@ -188,17 +204,17 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     if (order == SECOND) gap_curvature(s, &nearest, &ray, arm, out->gap_curvature);
   }
   if (touching && order != GAPS) {
-    Plan plan;
+    Lines lines;
     Points points;
-    plan_rays(s, &place, &middle, &plan);
-    place_points(&middle, &plan, &points);
-    out->cut = plan.cut;
+    lines_of(s, &place, &middle, &lines);
+    place_points(&lines, &points);
+    out->cut = lines.cut;
     if (order == VALUE) polar_wrench(s, &place, &points, out->wrench);
     if (order == FIRST) polar_stiffness(s, &place, &points, out->wrench, out->stiffness);
     if (order == SECOND) {
       double turned_weights[6];
       turn_twist(s->turn, weights, turned_weights);
-      polar_curvature(s, &place, &middle, &plan, &points, turned_weights, out->curvature);
+      polar_curvature(s, &place, &lines, &points, turned_weights, out->curvature);
     }
   }
   turn_back(s->turn, order, out);

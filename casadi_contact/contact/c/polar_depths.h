@@ -10,7 +10,7 @@ FUNCTION void patch_depths(int patch, const double *pose, const Frame *frame, in
       const double *place = places + 2 * (i + l < n ? i + l : i);
       u[l] = place[0], v[l] = place[1];
     }
-    cast(s, &p, u, v, DEPTH_ONLY, &ray);
+    cast(s, &p, u, v, OWN_ARC, DEPTH_ONLY, &ray);
     for (int l = 0; l < BLOCK && i + l < n; l++) depths[i + l] = (ray.step * ray.length)[l];
   }
 }

@@ -87,43 +87,62 @@ FUNCTION Spot chord_middle(const Surfaces *s, const Place *p, const Spot *spot, 
   return tried.depth >= 0.5 * spot->depth ? tried : *spot;
 }
 
-/* The scale that makes the chords through a spot equally long. */
-INLINE void make_round(const Surfaces *s, Spot *spot) {
-  double ends[2][2], length[2];
+/* The spot at the middle; form: of determinant 1, maps a circle to a curve like the edge of contact. */
+typedef struct {
+  Spot spot;
+  double form[2][2];
+  int whole; /* the rim does not cut it */
+} Middle;
+
+/* K^(-1/2) = (adj K + s 1)/sqrt(s (tr K + 2 s)), s = sqrt(det K), scaled to a determinant of 1 */
+INLINE void as_ellipse(Middle *middle) {
+  const double *k = middle->spot.curvature, s = sqrt(k[0] * k[2] - k[1] * k[1]);
+  const double size = sqrt(s * (k[0] + k[2] + 2.0 * s));
+  middle->form[0][0] = (k[2] + s) / size, middle->form[1][1] = (k[0] + s) / size;
+  middle->form[0][1] = middle->form[1][0] = -k[1] / size;
+}
+
+/* As long and wide as the chords through the spot */
+INLINE void as_long(const Surfaces *s, Middle *middle) {
+  double ends[2][2], length[2], ratio;
   for (int along = 0; along < 2; along++) {
-    chord_ends(s, spot, along, ends);
+    chord_ends(s, &middle->spot, along, ends);
     length[along] = larger(ends[1][along] - ends[0][along], LEAST_CHORD);
   }
-  spot->scale[0] = sqrt(length[0] / length[1]);
-  spot->scale[1] = 1.0 / spot->scale[0];
+  ratio = sqrt(length[0] / length[1]);
+  middle->form[0][0] = ratio, middle->form[1][1] = 1.0 / ratio;
+  middle->form[0][1] = middle->form[1][0] = 0.0;
 }
 
 /* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through the point
- * nearest to the body, which rays scan as if its chords were equally long. Returns 0 where there is no contact, which
- * leaves this point in `nearest`. */
-FUNCTION int middle_of(const Surfaces *s, const Place *p, Spot *middle, Spot *nearest) {
-  const double *k = middle->curvature, *slope = middle->slope;
+ * nearest to the body. Returns 0 where there is no contact, which leaves this point in `nearest`. */
+FUNCTION int middle_of(const Surfaces *s, const Place *p, Middle *middle, Spot *nearest) {
+  Spot *spot = &middle->spot;
+  const double *k = spot->curvature, *slope = spot->slope;
   double u, v, determinant, reach_u, reach_v, depth;
   int whole;
   deepest(s, p, &u, &v);
   whole = is_within(s, u, v);
   within(s, &u, &v);
-  *middle = spot_at(s, p, u, v, TO_END);
-  depth = larger(middle->depth, 0.0);
+  *spot = spot_at(s, p, u, v, TO_END);
+  depth = larger(spot->depth, 0.0);
   determinant = larger(k[0] * k[2] - k[1] * k[1], LEAST_CURVATURE * LEAST_CURVATURE);
   whole = whole && k[0] > 0.0 && determinant > LEAST_CURVATURE * LEAST_CURVATURE;
   reach_u = whole ? sqrt(2.0 * depth * k[2] / determinant) : 0.0;
   reach_v = whole ? sqrt(2.0 * depth * k[0] / determinant) : 0.0;
-  whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) && is_within(s, u, v - reach_v) &&
-          is_within(s, u, v + reach_v) &&
-          k[2] * slope[0] * slope[0] - 2.0 * k[1] * slope[0] * slope[1] + k[0] * slope[1] * slope[1] <
-              OFF_TOP * depth * determinant;
-  if (whole) return 1;
+  middle->whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) &&
+                  is_within(s, u, v - reach_v) && is_within(s, u, v + reach_v) &&
+                  k[2] * slope[0] * slope[0] - 2.0 * k[1] * slope[0] * slope[1] + k[0] * slope[1] * slope[1] <
+                      OFF_TOP * depth * determinant;
+  if (middle->whole) {
+    as_ellipse(middle);
+    return 1;
+  }
   *nearest = nearest_to(s, p, u, v);
   if (!(nearest->depth > 0.0)) return 0;
-  *middle = spot_at(s, p, nearest->u, nearest->v, TO_END);
-  *middle = chord_middle(s, p, middle, 0);
-  *middle = chord_middle(s, p, middle, 1);
-  make_round(s, middle);
+  *spot = spot_at(s, p, nearest->u, nearest->v, TO_END);
+  *spot = chord_middle(s, p, spot, 0);
+  *spot = chord_middle(s, p, spot, 1);
+  as_long(s, middle);
   return 1;
 }

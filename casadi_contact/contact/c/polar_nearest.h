@@ -112,7 +112,7 @@ FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, double u, double v) 
     for (int i = 0; i < STARTS; i += BLOCK) {
       const Lanes places = (low[0] + (high[0] - low[0]) * lanes_at(starts + i)) * stretch[0];
       Ray ray;
-      cast(s, p, places, all(across[row]), AT_START, &ray);
+      cast(s, p, places, all(across[row]), OWN_ARC, AT_START, &ray);
       for (int l = 0; l < BLOCK && i + l < STARTS; l++) {
         if (ray.g[l] < least[row]) least[row] = ray.g[l], along[row] = places[l];
       }

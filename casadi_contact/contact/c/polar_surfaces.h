@@ -9,7 +9,6 @@ typedef struct {
   double u_low, u_high, v_low, v_high, spread;     /* rim */
   double z_0;
   double tube_radius, centre_z;
-  double scale[2]; /* of the rays' directions, where the rim does not cut the contact */
   double turn[3][3];
   Arc arc[ARCS];
 } Surfaces;
@@ -55,12 +54,14 @@ INLINE void to_chart(const Place *p, Lanes x, Lanes y, Lanes z, Lanes out[3]) {
 }
 
 enum { DEPTH_ONLY, TO_END, AT_START };
+#define OWN_ARC (-1)
 
 /* The ray from (u, v) along -N: one Newton step of g(c - step N) = 0 and the part of g's curvature along the ray. What
  * else: at its end on the body (TO_END), or at the fixed point itself (AT_START), the gradient of g, its directions of
- * curvature and the curvature along the arc. */
-INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int what, Ray *ray) {
-  const Arc *last = s->arc + ARCS - 1;
+ * curvature and the curvature along the arc. On the torus of the arc `on`, also beyond its ends, or of each ray's own
+ * (OWN_ARC). */
+INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int on, int what, Ray *ray) {
+  const Arc *last = s->arc + (on < 0 ? ARCS - 1 : on);
   Lanes axis_x = last->axis_x + 0.0 * u, axis_y = last->axis_y + 0.0 * u, offset = last->offset + 0.0 * u;
   Lanes q[3], m[3], x, y, z, rho, out, distance, inverse, a, b, m_r, m_t, slope, bend, bent;
   fixed_point(s, u, v, ray);
@@ -69,8 +70,8 @@ INLINE void cast(const Surfaces *s, const Place *p, Lanes u, Lanes v, int what, 
     to_body(p, from, q);
     to_body(p, normal, m);
   }
-  if (what != DEPTH_ONLY) ray->arc = ARCS - 1 + 0.0 * u;
-  for (int k = ARCS - 2; k >= 0; k--) {
+  if (what != DEPTH_ONLY) ray->arc = (on < 0 ? ARCS - 1 : on) + 0.0 * u;
+  for (int k = ARCS - 2; on < 0 && k >= 0; k--) {
     const Arc *arc = s->arc + k;
     const Mask past = (q[0] - arc->axis_x) * arc->tangent_x + (q[1] - arc->axis_y) * arc->tangent_y > 0.0;
     axis_x = pick(past, axis_x, all(arc->axis_x));
@@ -126,10 +127,9 @@ INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
- * one; the fixed surface's own, towards the body; the end on the body; the stretch of u and v that makes the region of
- * contact around it about round. AT_START: all of -g instead of the depth. */
+ * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
 typedef struct {
-  double u, v, depth, slope[2], curvature[3], fixed_form[3], scale[2];
+  double u, v, depth, slope[2], curvature[3], fixed_form[3];
   double tangent[2][3], end[3], along[3], kappa;
   int arc;
 } Spot;
@@ -143,14 +143,13 @@ INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int w
   Spot spot;
   Ray ray;
   double gradient[3], across[3], inverse, k_1, (*tau)[3] = spot.tangent;
-  cast(s, p, all(u), all(v), what, &ray);
+  cast(s, p, all(u), all(v), OWN_ARC, what, &ray);
   for (int i = 0; i < 3; i++) {
     spot.end[i] = ray.x[i][0], spot.along[i] = ray.along[i][0];
     gradient[i] = ray.gradient[i][0], across[i] = ray.across[i][0];
   }
   spot.u = u, spot.v = v, spot.depth = what == AT_START ? -ray.g[0] : (ray.step * ray.length)[0];
   spot.kappa = ray.kappa[0], spot.arc = (int)ray.arc[0];
-  spot.scale[0] = s->scale[0], spot.scale[1] = s->scale[1];
   tau[0][0] = 1.0, tau[0][1] = -ray.n_x[0], tau[0][2] = 0.0;
   tau[1][0] = 0.0, tau[1][1] = -ray.n_z[0], tau[1][2] = 1.0;
   inverse = what == AT_START ? -1.0 : (ray.length / steepness(&ray))[0];

@@ -13,6 +13,7 @@ from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
+LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))  # from coarse to fine, shown beside one another
 CONVERGED = Rays(96, 6)
 _POSES = 256
 

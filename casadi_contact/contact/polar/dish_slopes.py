@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import Ends, ray_ends
+from casadi_contact.contact.polar.ends import Ends
 from casadi_contact.contact.polar.middle import middle
 from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
-from casadi_contact.contact.polar.quadrature import points_of
-from casadi_contact.contact.polar.rays import Rays, ray_plan
+from casadi_contact.contact.polar.quadrature import integration
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.spot import Spot
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.conventions import Array
@@ -38,11 +38,11 @@ def dish_slopes(
     """
     if patch.torus is None or patch.torus.w_sign > 0.0:
         raise ValueError("a patch has no dish, expected a scene of the shape knee")
-    spot = middle(patch, R, t)
-    u, v, weight = points_of(ray_plan(patch, R, t, spot, rays), spot.u, spot.v, rays)
-    ends = ray_ends(patch, R, t, u, v)
+    m = middle(patch, R, t)
+    found = integration(patch, R, t, m, rays)
+    spot, ends, u, v = m.spot, found.ends, found.u, found.v
     p, dp = pressure_slopes(*law, ends.depth)
-    weight = np.where((spot.depth > 0.0)[:, None, None], weight, 0.0)
+    weight = np.where((spot.depth > 0.0)[:, None, None], found.weight, 0.0)
     there = deepest_within(patch, R, t, spot.u, spot.v)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     by_radius, deepest_by_radius = [], []

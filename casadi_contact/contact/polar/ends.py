@@ -10,6 +10,7 @@ from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.conventions import Array
 
 LEAST_RISE = 1e-9
+LEAST_LENGTH = 1e-12
 _MOST_SHORTER = -0.5  # by the curvature along the ray: a ray from inside the body ends at a depth above zero
 _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
 
@@ -35,6 +36,13 @@ class Ends:
     kappa_1: Array
     kappa_2: Array
     arc: np.ndarray
+
+    @property
+    def tangents(self) -> Array:
+        """τ_u, τ_v (..., 2, 3) of the fixed surface."""
+        one, zero = np.ones_like(self.length), np.zeros_like(self.length)
+        along_u, along_v = (one, -self.N[..., 0], zero), (zero, -self.N[..., 2], one)
+        return np.stack([np.stack(along_u, -1), np.stack(along_v, -1)], -2)
 
     @property
     def slope(self) -> Array:
@@ -65,9 +73,9 @@ def fixed_point(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array, A
 def tube_frame(x: Array, y: Array, z: Array, offset: Array | float) -> tuple[Array, Array, Array, Array, Array]:
     """For a point relative to a torus's axis (z): distances from axis and tube centre, unit radius (x, y), and the
     components of the unit vector from the tube's centre along the radius and along z are out/distance, z/distance."""
-    rho = np.maximum(np.hypot(x, y), 1e-12)
+    rho = np.maximum(np.hypot(x, y), LEAST_LENGTH)
     out = rho - offset
-    return rho, x / rho, y / rho, out, np.maximum(np.hypot(out, z), 1e-12)
+    return rho, x / rho, y / rho, out, np.maximum(np.hypot(out, z), LEAST_LENGTH)
 
 
 def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
@@ -79,11 +87,14 @@ def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
     return arc
 
 
-def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Ends:
+def ray_ends(
+    patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, arc: np.ndarray | None = None, at_start: bool = False
+) -> Ends:
     """Depths along the normals at (u, v) (n, ...) of the body at (R, t) (n, 3, 3), (n, 3), and the ends there.
 
-    One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it. at_start: nothing of the
-    step, so that each ray ends at its fixed point.
+    One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it. arc (n, ...): the arcs on
+    whose tori, also beyond their ends, rays end; each ray's own where it is below 0 or left out. at_start: nothing of
+    the step, so that each ray ends at its fixed point.
     """
     c, N, length = fixed_point(patch, u, v)
     wide = (slice(None),) + (None,) * (u.ndim - 1)
@@ -91,12 +102,14 @@ def ray_ends(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_s
     q = np.einsum("...ji,...j->...i", R, c - t)
     m = np.einsum("...ji,...j->...i", R, N)
     number = arc_of(patch, q[..., 0], q[..., 1])
-    arc = patch.arcs[number]
+    if arc is not None:
+        number = np.where(arc < 0, number, arc)
+    torus = patch.arcs[number]
 
     def field(q: Array) -> tuple[Array, ...]:
         """Distance from the body, and in its frame the gradient, the unit vectors across and along, κ1, κ2."""
         z = q[..., 2] - patch.centre_z
-        rho, ex, ey, out, distance = tube_frame(q[..., 0] - arc[..., 0], q[..., 1] - arc[..., 1], z, arc[..., 2])
+        rho, ex, ey, out, distance = tube_frame(q[..., 0] - torus[..., 0], q[..., 1] - torus[..., 1], z, torus[..., 2])
         a, b = out / distance, z / distance
         gradient, across = np.stack([a * ex, a * ey, b], -1), np.stack([-b * ex, -b * ey, a], -1)
         along = np.stack([-ey, ex, np.zeros_like(ex)], -1)

@@ -34,12 +34,13 @@ class PolarFoundation(CompiledPressures):
         if rays.count < 4 or rays.count % 4 or rays.points < 1:
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
         self.rays = rays
+        self.lanes = 8 if rays.count % 8 == 0 else 4
         self.patches = smooth_patches(scene)
         self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
 
     @property
     def resolution(self) -> str:
-        """Rays of a patch, and Gauss points on each of their two pieces."""
+        """Rays of a patch, and Gauss points on each of them."""
         return str(self.rays)
 
     def _patch_source(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,9 +63,20 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
     return arc
 
 
-def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
-    """The deepest point; where the rim cuts the spot, the middle of chords through the point nearest to the body, with
-    the scale that makes them equally long: the rays of a circle miss a long, thin spot along the rim.
+@dataclass(frozen=True)
+class Middle:
+    """The spot at the middle; form (n, 2, 2): of determinant 1, makes of a circle a curve like the edge of contact;
+    whole (n,): the rim does not cut the spot.
+    """
+
+    spot: Spot
+    form: Array
+    whole: np.ndarray
+
+
+def middle(patch: SmoothPatch, R: Array, t: Array) -> Middle:
+    """The deepest point and the ellipse of the curvatures there, K^(-1/2); where the rim cuts the spot, the middle of
+    chords through the point nearest to the body, and a form as long and wide as they are.
 
     Its depth is above zero exactly where some of the patch lies inside the body.
     """
@@ -79,13 +90,29 @@ def middle(patch: SmoothPatch, R: Array, t: Array) -> Spot:
     needed = [tuple(found), (u - reach_u, v), (u + reach_u, v), (u, v - reach_v), (u, v + reach_v)]
     whole = np.all([np.all(np.stack(within(patch, *point)) == np.stack(point), axis=0) for point in needed], axis=0)
     whole &= convex & (k_vv * b_u**2 - 2.0 * k_uv * b_u * b_v + k_uu * b_v**2 < OFF_TOP * depth * determinant)
-    if whole.all():
-        return spot
-    u, v, cut = u.copy(), v.copy(), ~whole
-    near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
-    u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], near.u, near.v)
-    spot = spot_at(patch, R, t, u, v)
-    return replace(spot, scale=np.where(cut[:, None], _round(patch, spot), spot.scale))
+    if not whole.all():
+        u, v, cut = u.copy(), v.copy(), ~whole
+        near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
+        u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], near.u, near.v)
+        spot = spot_at(patch, R, t, u, v)
+    w = whole[:, None, None]
+    return Middle(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), _as_long(patch, spot)), whole)
+
+
+def _ellipse(curvature: Array) -> Array:
+    """K^(-1/2) of curvatures (n, 2, 2), scaled to a determinant of 1: (adj K + s·1)/√(s·(tr K + 2 s)), s = √det K."""
+    k_uu, k_uv, k_vv = curvature[:, 0, 0], curvature[:, 0, 1], curvature[:, 1, 1]
+    s = np.sqrt(k_uu * k_vv - k_uv**2)
+    form = np.stack([np.stack([k_vv + s, -k_uv], -1), np.stack([-k_uv, k_uu + s], -1)], 1)
+    return np.asarray(form / np.sqrt(s * (k_uu + k_vv + 2.0 * s))[:, None, None])
+
+
+def _as_long(patch: SmoothPatch, spot: Spot) -> Array:
+    """The form (n, 2, 2) as long and wide as the chords through a spot."""
+    begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
+    length = np.maximum(end - begin, LEAST_CHORD_MM)
+    ratio = np.sqrt(length[0] / length[1])
+    return np.stack([ratio, 1.0 / ratio], -1)[:, :, None] * np.eye(2)
 
 
 def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
@@ -96,14 +123,6 @@ def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
         end[axis] += sign * edge_distance(depth, sign * slope, k)
         end[:] = within(patch, *end)
     return ends
-
-
-def _round(patch: SmoothPatch, spot: Spot) -> Array:
-    """The scale (n, 2) that makes the chords through a spot equally long."""
-    begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
-    length = np.maximum(end - begin, LEAST_CHORD_MM)
-    ratio = np.sqrt(length[0] / length[1])
-    return np.stack([ratio, 1.0 / ratio], -1)
 
 
 def _chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:

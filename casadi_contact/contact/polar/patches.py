@@ -49,7 +49,7 @@ class SmoothPatch:
 
     turn: rotation (3, 3) from the fixed body's axes to chart axes. z_0: chart's origin along z [mm].
     arcs (k, 5): axis x, y; distance of the tube's centre from it; tangent x, y at the arc's end [mm]. tube_radius and
-    centre_z [mm] of the moving tube. scale: stretch of u and v that makes usual contact regions round.
+    centre_z [mm] of the moving tube.
     """
 
     torus: Torus | None
@@ -59,7 +59,6 @@ class SmoothPatch:
     arcs: Array
     tube_radius: float
     centre_z: float
-    scale: tuple[float, float]
 
 
 def smooth_patches(scene: Scene) -> list[SmoothPatch]:
@@ -106,18 +105,4 @@ def _facet(scene: Scene, side: float, surface: MovingSurface) -> SmoothPatch:
 def _patch(torus: Torus | None, rim: Rim, turn: Array, z_0: float, surface: MovingSurface) -> SmoothPatch:
     arcs = surface.parameters[3:].reshape(-1, 5)
     tube_radius, centre_z = float(surface.parameters[1]), float(surface.parameters[2])
-    patch = SmoothPatch(torus, rim, turn, z_0, arcs, tube_radius, centre_z, (1.0, 1.0))
-    along, across = _relative_curvatures(patch)
-    stretch = (across / along) ** 0.25
-    return SmoothPatch(torus, rim, turn, z_0, arcs, tube_radius, centre_z, (stretch, 1.0 / stretch))
-
-
-def _relative_curvatures(patch: SmoothPatch) -> tuple[float, float]:
-    """Curvatures of the moving surface relative to the fixed one [1/mm], along u (middle of the arcs) and along v."""
-    radii = patch.arcs[:, 2] + patch.tube_radius
-    along, across = 1.0 / radii, 1.0 / patch.tube_radius
-    if patch.torus is not None:
-        rho = patch.torus.offset + patch.torus.rho_sign * patch.torus.radius
-        along = along + patch.torus.w_sign / rho
-        across -= 1.0 / patch.torus.radius
-    return float(np.sqrt(along.min() * along.max())), across
+    return SmoothPatch(torus, rim, turn, z_0, arcs, tube_radius, centre_z)

@@ -1,6 +1,6 @@
 """Pressure moments by polar quadrature (`contact.pressure_outputs`), in NumPy.
 
-The area's derivative comes from the edge r_j of each ray: Σ Δθ·r_j·|N|·∂r_j, with ∂r_j = -∂d/d_r, none where the rim
+The area's derivative comes from the edge r_j of each line: Σ width·|N|·∂r_j, with ∂r_j = -∂d/d_r, none where the rim
 ends it. The kernel in C (``c/polar_pressures.h``) follows the same formulas.
 """
 
@@ -12,8 +12,8 @@ from casadi_contact.contact.polar.ends import LEAST_RISE, Ends, ray_ends, rise
 from casadi_contact.contact.polar.middle import middle
 from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.quadrature import points_of, twist
-from casadi_contact.contact.polar.rays import RayPlan, Rays, ray_plan
+from casadi_contact.contact.polar.quadrature import Integration, integration, twist
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.contact.pressure_outputs import MOMENTS
 from casadi_contact.conventions import Array
@@ -24,21 +24,20 @@ def patch_moments(
 ) -> tuple[Array, Array]:
     """Moments (n, 6) of one patch and their derivatives by the twist of the moving body about t (n, 6, 6)."""
     R, t = patch.turn @ R, t @ patch.turn.T
-    spot = middle(patch, R, t)
-    loaded = spot.depth > 0.0
-    plan = ray_plan(patch, R, t, spot, rays)
-    u, v, weight = points_of(plan, spot.u, spot.v, rays)
-    ends = ray_ends(patch, R, t, u, v)
+    m = middle(patch, R, t)
+    loaded = m.spot.depth > 0.0
+    found = integration(patch, R, t, m, rays)
+    ends = found.ends
     p, dp = pressure_slopes(*law, ends.depth)
-    area = weight * ends.length
+    area = found.weight * ends.length
     by_twist = _depth_slope(ends, t)
     value, slope = np.zeros((len(t), MOMENTS)), np.zeros((len(t), MOMENTS, 6))
     value[:, 0], value[:, 1] = np.sum(area, (1, 2)), np.sum(area * p, (1, 2))
     value[:, 2:5] = np.einsum("nmg,nmgi->ni", area * p, ends.c) @ patch.turn
-    slope[:, 0] = _area_slope(patch, R, t, spot.u, spot.v, plan, rays)
+    slope[:, 0] = _area_slope(patch, R, t, found)
     slope[:, 1] = np.einsum("nmg,nmga->na", area * dp, by_twist)
     slope[:, 2:5] = patch.turn.T @ np.einsum("nmg,nmgi,nmga->nia", area * dp, ends.c, by_twist)
-    there = deepest_within(patch, R, t, spot.u, spot.v)
+    there = deepest_within(patch, R, t, m.spot.u, m.spot.v)
     value[:, 5], slope[:, 5] = there.depth, _depth_slope(there.ends, t)
     slope = slope @ np.kron(np.eye(2), patch.turn)
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
@@ -50,10 +49,10 @@ def _depth_slope(ends: Ends, t: Array) -> Array:
     return -twist(ends.G, arm) / ends.slope[..., None]
 
 
-def _area_slope(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, plan: RayPlan, rays: Rays) -> Array:
+def _area_slope(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> Array:
     """Derivative (n, 6) of the area by the twist, in chart axes."""
-    du, dv = np.moveaxis(plan.directions, -1, 0)
-    ends = ray_ends(patch, R, t, u[:, None] + plan.edge * du, v[:, None] + plan.edge * dv)
-    steepness = np.minimum(rise(ends, du, dv) / ends.slope, -LEAST_RISE)
-    width = 2.0 * np.pi / rays.count * plan.edge * ends.length * ~plan.cut
+    lines = found.lines
+    ends = ray_ends(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
+    steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.slope, -LEAST_RISE)
+    width = (lines.width + lines.spread * lines.edge) * ends.length * ~found.cut
     return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))

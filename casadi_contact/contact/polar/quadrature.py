@@ -1,13 +1,13 @@
 """Polar quadrature of an elastic foundation between smooth surfaces with one spot of contact, in NumPy.
 
-Rays run in the chart (u, v) of the fixed surface from the spot's middle to its edge. The patch's wrench
+In the chart (u, v) of the fixed surface the patch's wrench
 
     W = -∫ p(d)·V du dv,   V = (N, c × N),   N = τ_v × τ_u (not a unit vector), d the depth along it
 
-is a sum over equally spaced rays (the trapezoidal rule of a periodic function) and Gauss points on two pieces of each,
-broken where the ray crosses from one moving arc to the next: the depth is smooth on each piece, no element jumps in or
-out. Derivatives are those of the integral. The kernel in C (``c/polar.h``) follows the same formulas; each is the
-other's check.
+is a sum over Gauss points on rays from the spot's middle (the trapezoidal rule of a periodic function), as if the
+moving arc there went on, and on lines across the caps that other arcs press: the depth is smooth on each of them, no
+element jumps in or out. Derivatives are those of the integral. The kernel in C (``c/polar.h``) follows the same
+formulas; each is the other's check.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import ray_ends
-from casadi_contact.contact.polar.middle import middle
+from casadi_contact.contact.polar.caps import caps
+from casadi_contact.contact.polar.ends import Ends, ray_ends
+from casadi_contact.contact.polar.lines import Lines, joined, to_edges
+from casadi_contact.contact.polar.middle import Middle, middle
 from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.rays import RayPlan, Rays, ray_plan
+from casadi_contact.contact.polar.rays import Rays, rays_from
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.conventions import Array
 
@@ -42,11 +44,10 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     """Evaluate one patch at rotations (n, 3, 3) and translations (n, 3)."""
     R, t = patch.turn @ R, t @ patch.turn.T
     both = np.kron(np.eye(2), patch.turn)
-    spot = middle(patch, R, t)
-    free = ~(spot.depth > 0.0)
-    plan = ray_plan(patch, R, t, spot, rays)
-    u, v, weight = points_of(plan, spot.u, spot.v, rays)
-    ends = ray_ends(patch, R, t, u, v)
+    m = middle(patch, R, t)
+    free = ~(m.spot.depth > 0.0)
+    found = integration(patch, R, t, m, rays)
+    ends, weight = found.ends, found.weight
     p, dp = pressure_slopes(*law, ends.depth)
     weight = np.where(free[:, None, None], 0.0, weight)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
@@ -54,21 +55,32 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     by_twist = twist(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
     stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
-    near = nearest(patch, R, t, spot.u, spot.v)
+    near = nearest(patch, R, t, m.spot.u, m.spot.v)
     gap_slope = -twist(near.ends.G_start, near.ends.c - t)
-    cut = plan.cut.any(axis=1) & ~free
+    cut = found.cut.any(axis=1) & ~free
     return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_slope @ both, cut)
 
 
-def points_of(plan: RayPlan, u: Array, v: Array, rays: Rays) -> tuple[Array, Array, Array]:
-    """(u, v) and weights (n, rays, points) of the quadrature."""
-    x, weight = np.polynomial.legendre.leggauss(rays.points)
-    x, weight = 0.5 * (1.0 + x), 0.5 * weight
-    inner, outer = plan.junction[..., None], (plan.edge - plan.junction)[..., None]
-    r = np.concatenate([inner * x, inner + outer * x], -1)
-    w = 2.0 * np.pi / rays.count * r * np.concatenate([inner * weight, outer * weight], -1)
-    du, dv = np.moveaxis(plan.directions, -1, 0)[..., None]
-    return u[:, None, None] + r * du, v[:, None, None] + r * dv, w
+@dataclass(frozen=True)
+class Integration:
+    """What spots are integrated on: lines, which of them the rim ends, and points (n, lines, points) on them in the
+    chart, with weights (areas in the chart) and the ends of rays from there.
+    """
+
+    lines: Lines
+    cut: np.ndarray
+    u: Array
+    v: Array
+    weight: Array
+    ends: Ends
+
+
+def integration(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -> Integration:
+    """Rays from the middle of each spot, and the lines of its caps."""
+    lines, cut = to_edges(patch, R, t, joined([*rays_from(m, rays), *caps(patch, R, t, m, rays.in_caps)]))
+    r, weight = lines.points(rays.points)
+    u, v = lines.at(r)
+    return Integration(lines, cut, u, v, weight, ray_ends(patch, R, t, u, v, arc=lines.arc[..., None]))
 
 
 def twist(force: Array, arm: Array) -> Array:

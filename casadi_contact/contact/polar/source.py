@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.contact.c_text import braces
+from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
+from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED
 from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OFF_TOP
 from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
-from casadi_contact.contact.polar.rays import BRACKET_STEPS, EDGE_STEPS, SETTLED, Rays
+from casadi_contact.contact.polar.rays import Rays, ray_angles
 from casadi_contact.transcription.kernel.source import c_text
 
 _C = "casadi_contact.contact.c"
@@ -18,18 +20,24 @@ _C = "casadi_contact.contact.c"
 
 def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
     """Tables of the patches and `patch_loads`."""
-    angle = 2.0 * np.pi * (np.arange(rays.count) + 0.5) / rays.count
+    free, at_rim = ray_angles(rays.count), ray_angles(rays.at_rim)
     x, weight = np.polynomial.legendre.leggauss(rays.points)
+    fan = fan_angles(rays.in_caps)
     sizes = {
         "RAYS": rays.count,
+        "RIM_RAYS": rays.at_rim,
         "GAUSS": rays.points,
         "ARCS": len(patches[0].arcs),
         "TORUS": int(patches[0].torus is not None),
         "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
         "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
+        "CAP_LINES": rays.in_caps,
+        "CHORD_STEPS": CHORD_STEPS,
+        "LEAST_TILT": LEAST_TILT,
         "MIDDLE_STEPS": MIDDLE_STEPS,
         "EDGE_STEPS": EDGE_STEPS,
         "BRACKET_STEPS": BRACKET_STEPS,
+        "FINE": FINE,
         "SETTLED": SETTLED,
         "SEARCH_STEPS": SEARCH_STEPS,
         "SWEEPS": SWEEPS,
@@ -40,10 +48,15 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "STARTS": len(ACROSS),
     }
     tables = {
-        "ray_cos[RAYS]": np.cos(angle),
-        "ray_sin[RAYS]": np.sin(angle),
+        "ray_cos[RAYS]": free[0],
+        "ray_sin[RAYS]": free[1],
+        "rim_cos[RIM_RAYS]": at_rim[0],
+        "rim_sin[RIM_RAYS]": at_rim[1],
         "gauss_x[GAUSS]": 0.5 * (1.0 + x),
         "gauss_w[GAUSS]": 0.5 * weight,
+        "fan_cos[CAP_LINES]": fan[0],
+        "fan_sin[CAP_LINES]": fan[1],
+        "fan_weight[CAP_LINES]": fan[2],
         "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
     }
     return "\n".join(
@@ -55,7 +68,9 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
             c_text("polar_nearest.h", _C),
             c_text("polar_middle.h", _C),
+            c_text("polar_lines.h", _C),
             c_text("polar_rays.h", _C),
+            *([c_text("polar_caps.h", _C)] if len(patches[0].arcs) > 1 else []),
             c_text("polar.h", _C),
             c_text("orders.h", _C),
         ]
@@ -68,6 +83,6 @@ def _surfaces(patch: SmoothPatch) -> str:
     spread = rim.spread if np.isfinite(rim.spread) else 0.0
     numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
     numbers += [patch.z_0, patch.tube_radius, patch.centre_z]
-    fields = [*(repr(float(number)) for number in numbers), braces(patch.scale)]
+    fields = [repr(float(number)) for number in numbers]
     fields += [f"{{{', '.join(map(braces, patch.turn))}}}"]
     return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"

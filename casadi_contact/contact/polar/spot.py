@@ -15,10 +15,7 @@ LEAST_CURVATURE = 1e-4  # [1/mm]
 
 @dataclass(frozen=True)
 class Spot:
-    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end.
-
-    scale (n, 2): stretch of u and v that makes the region of contact around it about round.
-    """
+    """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end."""
 
     u: Array
     v: Array
@@ -26,7 +23,6 @@ class Spot:
     slope: Array
     curvature: Array
     ends: Ends
-    scale: Array
 
 
 def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
@@ -36,13 +32,12 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
     k_uv = τ_u·(∇²g - ∇²F)τ_v.
     """
     ends = ray_ends(patch, R, t, u, v, at_start=at_start)
-    zero, one = np.zeros_like(u), np.ones_like(u)
-    tangents = np.stack([np.stack([one, -ends.N[:, 0], zero], -1), np.stack([zero, -ends.N[:, 2], one], -1)], 1)
+    tangents = ends.tangents
     fixed = np.zeros((len(u), 3, 3))
     if (f := patch.torus) is not None:
         rho, ex, ey, out, distance = tube_frame(u, ends.c[:, 1] - f.height, v, f.offset)
         across = np.stack([-v * ex, -v * ey, out], -1) / distance[:, None]
-        along = np.stack([-ey, ex, zero], -1)
+        along = np.stack([-ey, ex, np.zeros_like(u)], -1)
         fixed = _rank_one(1.0 / distance, across) + _rank_one(out / (distance * rho), along)
     moving = _rank_one(ends.kappa_1, ends.across) + _rank_one(ends.kappa_2, ends.along)
     if at_start:
@@ -52,7 +47,7 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
         bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
         slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
     curvature = tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2)
-    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends, np.tile(patch.scale, (len(u), 1)))
+    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
 
 
 def _rank_one(weight: Array, vector: Array) -> Array:

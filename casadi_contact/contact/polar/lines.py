@@ -1,0 +1,117 @@
+"""Lines in the chart along which polar quadrature integrates, each to the edge of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from casadi_contact.contact.polar.ends import LEAST_LENGTH, LEAST_RISE, ray_ends, rise
+from casadi_contact.contact.polar.patches import SmoothPatch
+from casadi_contact.conventions import Array
+
+EDGE_STEPS = 2
+FINE = 2e-3  # part of an edge: where the last step moved one by more, all take one step more
+BRACKET_STEPS = 12  # where it moved one by more than a larger part
+SETTLED = 0.1
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines (n, m) from (u, v) along directions (n, m, 2) as far as the edge; a piece dr at a distance r stands for an
+    area (width + spread·r) dr.
+
+    arc: the arc of the moving body whose torus a line is integrated on, also beyond the arc's ends.
+    """
+
+    u: Array
+    v: Array
+    directions: Array
+    edge: Array
+    arc: np.ndarray
+    width: Array
+    spread: Array
+
+    def at(self, r: Array) -> tuple[Array, Array]:
+        """(u, v) at distances (n, m) or (n, m, points)."""
+        more = (...,) + (None,) * (r.ndim - 2)
+        du, dv = np.moveaxis(self.directions, -1, 0)
+        return self.u[more] + r * du[more], self.v[more] + r * dv[more]
+
+    def points(self, count: int) -> tuple[Array, Array]:
+        """Distances and weights (n, m, count) of Gauss points."""
+        x, weight = np.polynomial.legendre.leggauss(count)
+        r = self.edge[..., None] * (0.5 * (1.0 + x))
+        return r, self.edge[..., None] * (0.5 * weight) * (self.width[..., None] + self.spread[..., None] * r)
+
+
+def joined(parts: list[Lines]) -> Lines:
+    """All lines of several sets."""
+    return Lines(*(np.concatenate([getattr(part, field.name) for part in parts], axis=1) for field in fields(Lines)))
+
+
+def to_edges(patch: SmoothPatch, R: Array, t: Array, lines: Lines) -> tuple[Lines, np.ndarray]:
+    """The lines with edges, so far estimates, found by Newton's method on g = 0, and which of them the rim ends."""
+    reach = _rim_distance(patch, lines.u, lines.v, lines.directions)
+    edge = last = np.minimum(lines.edge, reach)
+    for _ in range(EDGE_STEPS):
+        last, edge = edge, _stepped(patch, R, t, lines, edge, reach)
+    found = edge.copy()
+    for search, part in ((_stepped, FINE), (_bracketed, SETTLED)):
+        far = np.flatnonzero((np.abs(edge - last) > part * np.maximum(last, LEAST_LENGTH)).any(axis=1))
+        if len(far):
+            few = Lines(*(getattr(lines, field.name)[far] for field in fields(Lines)))
+            found[far] = search(patch, R[far], t[far], few, found[far], reach[far])
+    return replace(lines, edge=found), (found >= reach) & ((lines.width != 0.0) | (lines.spread != 0.0))
+
+
+def _stepped(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array, reach: Array) -> Array:
+    """Edges after a step of Newton's method, at most half or twice as far as before."""
+    g, slope = _along(patch, R, t, lines, edge)
+    return np.minimum(np.clip(edge - g / slope, 0.5 * edge, 2.0 * edge), reach)
+
+
+def _bracketed(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array, reach: Array) -> Array:
+    """Edges by Newton's method between a point within the body and one beyond it, halved where a step leaves them."""
+    low, high = np.zeros_like(edge), reach
+    for _ in range(BRACKET_STEPS):
+        g, slope = _along(patch, R, t, lines, edge)
+        low, high = np.where(g < 0.0, edge, low), np.where(g < 0.0, high, edge)
+        moved = np.minimum(edge - g / slope, reach)
+        edge = np.where((moved >= low) & (moved <= high), moved, 0.5 * (low + high))
+    return edge
+
+
+def _along(patch: SmoothPatch, R: Array, t: Array, lines: Lines, r: Array) -> tuple[Array, Array]:
+    """g at distances (n, m) and its slope along the lines, not below a least one."""
+    ends = ray_ends(patch, R, t, *lines.at(r), arc=lines.arc, at_start=True)
+    return ends.g, np.maximum(rise(ends, *np.moveaxis(lines.directions, -1, 0)), LEAST_RISE)
+
+
+def _rim_distance(patch: SmoothPatch, u: Array, v: Array, directions: Array) -> Array:
+    """Distance along every line to the rim.
+
+    A curved side, u = ±spread·ρ(v), is an ellipse in the chart: A·r² + 2·B·r + C = 0.
+    """
+    du, dv = np.moveaxis(directions, -1, 0)
+    distance = _box_distance(patch.rim.v, v, dv)
+    if patch.torus is None or np.isinf(patch.rim.spread):
+        return np.minimum(distance, _box_distance(patch.rim.u, u, du))
+    f = patch.torus
+    for side in (-patch.rim.spread, patch.rim.spread):
+        from_centre = u - side * f.offset
+        a, b = du**2 + (side * dv) ** 2, du * from_centre + side**2 * v * dv
+        c = from_centre**2 - side**2 * (f.radius**2 - v * v)
+        root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+        # The patch lies outside the ellipse where the tube is bent away from the axis, else inside.
+        meets = (b < 0.0) & (b * b > a * c) if f.rho_sign < 0.0 else np.full(b.shape, True)
+        there = np.maximum((f.rho_sign * root - b) / a, 0.0)
+        distance = np.where(meets, np.minimum(distance, there), distance)
+    return distance
+
+
+def _box_distance(bounds: tuple[float, float], x: Array, dx: Array) -> Array:
+    """Distance at which x + r·dx, from between the bounds, reaches one of them."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = ((bound - x) / dx for bound in bounds)
+    return np.maximum(np.fmax(low, high), 0.0)
