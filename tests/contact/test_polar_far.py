@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact import Rays
 from casadi_contact.contact.polar.nearest import nearest
+from casadi_contact.contact.polar.reach import pressed_poses
 from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import rotation
 from tests.contact.test_polar import check_jacobian, polar
@@ -85,6 +87,28 @@ def test_c_and_numpy_are_the_same_formulas_far_off_too():
         scene = cc.load_scene(name)
         compiled, plain = (cc.PolarFoundation(scene, RAYS, compiled=c) for c in (True, False))
         check_same_formulas(compiled, plain, np.array(poses))
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("radii_mm", "junctions_deg"),
+    [
+        ([45.0, 20.0, 45.0, 20.0], [8.0, 14.0, 20.0]),
+        ([20.0, 28.0, 38.0, 50.0], [8.0, 11.0, 14.0]),
+        ([50.0, 40.0, 33.0, 27.0, 22.0, 18.0], [0.0, 10.0, 18.0, 30.0, 55.0]),
+        ([30.0], []),
+    ],
+)
+def test_condyles_of_any_arcs_agree_with_a_fine_element_grid(radii_mm, junctions_deg):
+    """Several junctions in one spot, of arcs that turn flatter or rounder; in C as in NumPy."""
+    scene = cc.load_scene("knee", sagittal_radii=radii_mm, sagittal_junctions_deg=junctions_deg)
+    compiled, plain = (cc.PolarFoundation(scene, Rays(8, 3), compiled=c) for c in (True, False))
+    R, t = pressed_poses(plain.patches[0], plain.law, (20.0, 2500.0), 60)
+    poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+    np.testing.assert_allclose(compiled.wrenches(poses), plain.wrenches(poses), rtol=1e-7, atol=1e-4)
+    elements = cc.ElasticFoundation(scene, (320, 160))
+    wanted, found = elements.wrenches(poses)[:, 0, :3], compiled.wrenches(poses)[:, 0, :3]
+    assert (np.linalg.norm(found - wanted, axis=1) <= 4e-3 * np.linalg.norm(wanted, axis=1) + 0.1).all()
 
 
 @needs_compiler

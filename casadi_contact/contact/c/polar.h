@@ -4,9 +4,13 @@ FUNCTION void lines_of(const Surfaces *s, const Place *p, const Middle *middle, 
   lines->count = 0;
   add_rays(middle, lines);
 #if ARCS > 1
-  for (int junction = 0; middle->whole && junction < ARCS - 1; junction++) {
-    const Chord chord = chord_of(s, p, &middle->spot, junction);
-    if (chord.half > 0.0) add_cap(s, p, middle, &chord, lines);
+  if (middle->whole) {
+    Chord chord[ARCS - 1];
+    for (int i = 0; i < ARCS - 1; i++) place_chord(s, p, &middle->spot, i, chord + i);
+    for (int i = 0; i < ARCS - 1; i++) {
+      measure_chord(s, p, &middle->spot, chord, i, chord + i);
+      if (chord[i].half > 0.0) add_cap(s, p, middle, chord + i, lines);
+    }
   }
 #endif
   find_edges(s, p, lines);

@@ -105,8 +105,9 @@ INLINE void find_edges(const Surfaces *s, const Place *p, Lines *lines) {
   }
   lines->cut = 0;
   for (int j = 0; j < lines->count; j++) {
-    lines->line[j].inside = pick(lines->line[j].edge < reach[j], all(1.0), all(0.0));
-    lines->cut |= any(lines->line[j].edge >= reach[j]);
+    const Line *line = lines->line + j;
+    lines->line[j].inside = pick(line->edge < reach[j], all(1.0), all(0.0));
+    lines->cut |= any((line->edge >= reach[j]) & ((line->width != 0.0) | (line->spread != 0.0)));
   }
 }
 

@@ -51,31 +51,80 @@ class _Chord:
 
 def caps(patch: SmoothPatch, R: Array, t: Array, middle: Middle, count: int) -> list[Lines]:
     """Lines (n, count) of both arcs of each junction; without area where the junction does not cross a spot."""
-    chords = [_chord(patch, R, t, middle, number) for number in range(len(patch.arcs) - 1)]
+    junctions = range(len(patch.arcs) - 1)
+    distances = np.array([_distance(patch, R, t, middle.spot, number) for number in junctions])
+    chords = [_chord(patch, R, t, middle, number, distances) for number in junctions]
     return [lines for chord in chords for lines in _lines(patch, R, t, middle, chord, count)]
 
 
-def _chord(patch: SmoothPatch, R: Array, t: Array, middle: Middle, junction: int) -> _Chord:
-    m = middle.spot
+@dataclass(frozen=True)
+class _Plane:
+    """The plane of a junction in n poses, its normal away from the middle: point and normal (n, 3), rates along the
+    chart (n, 2) at which points run behind it, whether the arcs behind it have higher numbers."""
+
+    point: Array
+    normal: Array
+    rates: Array
+    forward: np.ndarray
+
+
+def _plane(patch: SmoothPatch, R: Array, t: Array, m: Spot, junction: int) -> _Plane:
     forward = junction >= m.ends.arc
-    plane = np.where(forward, 1.0, -1.0)[:, None] * (R[:, :, :2] @ patch.arcs[junction, 3:])
-    axis = t + R[:, :, :2] @ patch.arcs[junction, :2]
-    rates = np.einsum("nai,ni->na", m.ends.tangents, plane)
-    rate = np.maximum(np.linalg.norm(rates, axis=1), LEAST_TILT)
-    across = rates / rate[:, None]
+    normal = np.where(forward, 1.0, -1.0)[:, None] * (R[:, :, :2] @ patch.arcs[junction, 3:])
+    rates = np.einsum("nai,ni->na", m.ends.tangents, normal)
+    return _Plane(t + R[:, :, :2] @ patch.arcs[junction, :2], normal, rates, forward)
+
+
+def _distance(patch: SmoothPatch, R: Array, t: Array, m: Spot, junction: int) -> Array:
+    """Of the middle from a junction, along the chart (n,)."""
+    plane = _plane(patch, R, t, m, junction)
+    rate = np.maximum(np.linalg.norm(plane.rates, axis=1), LEAST_TILT)
+    return np.asarray(-np.sum((m.ends.x - plane.point) * plane.normal, -1) / rate)
+
+
+def _chord(patch: SmoothPatch, R: Array, t: Array, middle: Middle, junction: int, distances: Array) -> _Chord:
+    m, plane = middle.spot, _plane(patch, R, t, middle.spot, junction)
+    rate = np.maximum(np.linalg.norm(plane.rates, axis=1), LEAST_TILT)
+    across = plane.rates / rate[:, None]
     along = np.stack([-across[:, 1], across[:, 0]], -1)
-    distance = -np.sum((m.ends.x - axis) * plane, -1) / rate
+    distance = distances[junction]
     # The depth on the line, from the middle's: greatest at `top`
     both = np.stack([across, along], 1)
     slope, k = np.einsum("nia,na->ni", both, m.slope), both @ m.curvature @ np.swapaxes(both, 1, 2)
     k_along, slope_along = bounded(k[:, 1, 1]), slope[:, 1] - k[:, 0, 1] * distance
     top = slope_along / k_along
     depth = np.maximum(m.depth, 0.0) + (slope[:, 0] - 0.5 * k[:, 0, 0] * distance) * distance + 0.5 * slope_along * top
+    depth = depth - 0.5 * _bend(m, across) * _more_depth(patch, R, t, m, junction, distances)
     crosses = middle.whole & (depth > 0.0)
     off = np.where(crosses[:, None], distance[:, None] * across + top[:, None] * along, 0.0)
     half = np.sqrt(2.0 * np.where(crosses, depth, 0.0) / k_along)
-    before, behind = np.where(forward, junction, junction + 1), np.where(forward, junction + 1, junction)
-    return _Chord(np.stack([m.u, m.v], -1) + off, along, across, half, plane, axis, rate, before, behind)
+    before = np.where(plane.forward, junction, junction + 1)
+    behind = np.where(plane.forward, junction + 1, junction)
+    return _Chord(np.stack([m.u, m.v], -1) + off, along, across, half, plane.normal, plane.point, rate, before, behind)
+
+
+def _bend(m: Spot, across: Array) -> Array:
+    """(n,): squared component along the middle's arc of a unit step along directions (n, 2) in the chart."""
+    return np.einsum("na,nai,ni->n", across, m.ends.tangents, m.ends.along) ** 2
+
+
+def _more_depth(patch: SmoothPatch, R: Array, t: Array, m: Spot, junction: int, distances: Array) -> Array:
+    """Sum over the junctions before this one, seen from the middle, of how much more curved the body is behind each,
+    times the square of the way from there."""
+    more = np.zeros_like(m.u)
+    for number in range(len(patch.arcs) - 1):
+        between = (m.ends.arc <= number) & (number < junction) | (junction < number) & (number < m.ends.arc)
+        forward = number >= m.ends.arc
+        step = (
+            np.where(forward, 1.0, -1.0)
+            * (
+                _more_curved(patch, R, t, m, np.full((len(m.u), 1), number + 1))
+                - _more_curved(patch, R, t, m, np.full((len(m.u), 1), number))
+            )[:, 0]
+        )
+        way = np.maximum(distances[junction] - distances[number], 0.0)
+        more += np.where(between, step * way**2, 0.0)
+    return more
 
 
 def _lines(patch: SmoothPatch, R: Array, t: Array, middle: Middle, chord: _Chord, count: int) -> list[Lines]:
@@ -84,13 +133,17 @@ def _lines(patch: SmoothPatch, R: Array, t: Array, middle: Middle, chord: _Chord
     start, directions, r, weight = _fan(middle, _ends(patch, R, t, chord), count)
     arc, behind = (np.repeat(a[:, None], count, 1) for a in (chord.before, chord.behind))
     du, dv = np.moveaxis(directions, -1, 0)
+    turned = np.einsum("nma,na->nm", directions, chord.across)
+    weight = np.where(turned > 0.0, weight, 0.0)  # too short a chord to have a direction
     crosses = weight > 0.0
-    rate = np.where(crosses, chord.rate[:, None] * np.einsum("nma,na->nm", directions, chord.across), np.inf)
+    rate = np.where(crosses, chord.rate[:, None] * turned, np.inf)
     for _ in range(CHORD_STEPS):  # Newton's, onto the junction
         ends = ray_ends(patch, R, t, start[:, :1] + r * du, start[:, 1:] + r * dv, arc=arc)
         r = r - np.einsum("nmi,ni->nm", ends.x - chord.axis[:, None], chord.plane) / rate
     u, v = start[:, :1] + r * du, start[:, 1:] + r * dv
     left, falls = np.maximum(-ends.g, 0.0), -rise(ends, du, dv)
+    weight = np.where(ends.g < 0.0, weight, 0.0)  # else there is no chord
+    crosses = weight > 0.0
     k = np.einsum("nma,nab,nmb->nm", directions, m.curvature, directions)
     bend = np.einsum("nma,nai,ni->nm", directions, m.ends.tangents, m.ends.along) ** 2
     found = []
