@@ -30,7 +30,8 @@ import numpy as np
 
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
-from casadi_contact.contact import SymbolicContact, foundation
+from casadi_contact.contact import PolarFoundation, SymbolicContact, foundation
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.quantities import quantity
@@ -40,6 +41,7 @@ from casadi_contact.shapes.checks import fail, number, plain_values, scene_name,
 FORMAT = 1
 _FRAMES = ("fixed_frame", "moving_frame")
 _ROOM = "casadi_contact.assembly"
+_RAYS = Rays(16, 3)
 
 
 def ready_assemblies() -> list[str]:
@@ -51,8 +53,8 @@ def ready_assemblies() -> list[str]:
 def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicContact] | None = None) -> Assembly:
     """Load a ready assembly by name, or an assembly file by its path.
 
-    contact: makes the contact model of a scene, whose loads hold the whole wrench; its foundation if left out. Raises
-    ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
+    contact: makes the contact model of a scene, whose loads hold the whole wrench; `joint_foundation` if left out.
+    Raises ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
     """
     path = Path(name_or_path)
     if str(name_or_path).endswith(".toml"):
@@ -66,9 +68,17 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
         )
     tables = toml_tables(text, str(name_or_path))
     try:
-        return _assembly(tables, path.parent, contact or foundation)
+        return _assembly(tables, path.parent, contact or joint_foundation)
     except ValueError as error:
         raise ValueError(f"{name_or_path}: {error}") from None
+
+
+def joint_foundation(scene: Scene) -> SymbolicContact:
+    """The scene's `foundation`, of polar quadrature with 16 rays at least: equilibrium asks for second derivatives, and
+    theirs are those of the sum over rays to 1e-6 of the largest (with 8, to 5e-6)."""
+    model = foundation(scene)
+    few = isinstance(model, PolarFoundation) and model.rays.count < _RAYS.count
+    return PolarFoundation(scene, _RAYS) if few else model
 
 
 def whole_wrench(scene: Scene) -> Scene:
