@@ -52,6 +52,14 @@ class WithinElements:
         """Those of the model (n, patches) [mm]."""
         return self.model.gaps(poses)
 
+    def part_wrenches(self, poses: Array) -> Array:
+        """Those of the patches' parts (n, parts, 6)."""
+        return self.model.part_wrenches(poses)
+
+    def part_gaps(self, poses: Array) -> Array:
+        """Those of the patches' parts (n, parts) [mm]."""
+        return self.model.part_gaps(poses)
+
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches the outermost elements."""
         return self.elements.at_edge(poses)

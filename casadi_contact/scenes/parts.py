@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.scenes.normal_load import FORCE_NAMES, NormalLoad
 
 
 @dataclass(frozen=True)
@@ -51,3 +51,23 @@ def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors
             at = np.array([anchor[0], anchor[1], 0.5 * (a + b)])
             parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name), spots))
     return tuple(parts)
+
+
+def tables_by_parts(tables: Mapping[str, Any], patch_names: Sequence[str], parts: Sequence[Part]) -> dict[str, Any]:
+    """Tables of the scene whose patches are these parts, each with its normal load alone."""
+    patches, names, pressed = {}, [], []
+    for part in parts:
+        whole = tables["geometry"]["patches"][patch_names[part.patch]]
+        bounds = {key: value for key, value in whole.items() if key not in ("split_z", "spots")}
+        within = {"z": list(part.z_mm)} if np.isfinite(part.z_mm).all() else {}
+        patches[part.name] = {**bounds, **within, "anchor": part.anchor_mm.tolist()}
+        component, sign = part.normal.component, "+" if part.normal.sign > 0.0 else "-"
+        names += [f"{force}_{part.name}" for force in ((component,) if component else FORCE_NAMES)]
+        pressed.append(f"{sign}{component}_{part.name}" if component else f"F_{part.name}")
+    loads = {key: value for key, value in tables["loads"].items() if key != "sensitive_pose"}
+    return {
+        **tables,
+        "geometry": {**tables["geometry"], "patches": patches},
+        "loads": {**loads, "names": names, "sensitive": pressed},
+        "tolerances": dict.fromkeys(names, 1.0),
+    }

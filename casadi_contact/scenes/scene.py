@@ -23,7 +23,7 @@ from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
-from casadi_contact.scenes.parts import Part, parts_of
+from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.shapes import shape_named
 from casadi_contact.shapes.checks import (
@@ -189,6 +189,14 @@ class Scene:
         """The first part of each patch, by number: sums over the parts of patches are ``np.add.reduceat`` of these."""
         patches = [part.patch for part in self.parts]
         return [patches.index(p) for p in range(len(self.patch_names))]
+
+    @cached_property
+    def by_parts(self) -> Scene:
+        """The scene whose patches are the parts of this one's, for contact models that know patches alone; this one,
+        where no patch is cut."""
+        if len(self.parts) == len(self.patch_names):
+            return self
+        return Scene.from_tables(tables_by_parts(self.tables, self.patch_names, self.parts))
 
     def part_selection(self, loads: Sequence[str]) -> Array:
         """`load_selection` by parts (loads, parts, 6): a part counts for its patch; raises ValueError likewise."""

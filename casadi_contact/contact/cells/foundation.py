@@ -16,7 +16,7 @@ from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure import law_number, layer_modulus
 from casadi_contact.contact.pressure_map import PressureMap
-from casadi_contact.conventions import Array, as_poses, rotation
+from casadi_contact.conventions import Array, as_poses, pose_or_poses, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes import Scene
@@ -45,6 +45,21 @@ class CellFoundation(CompiledPressures):
     def resolution(self) -> str:
         """Size of the cells, and sub-points of each."""
         return str(self.cells)
+
+    @pose_or_poses
+    def part_wrenches(self, poses: Array) -> Array:
+        """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], in cells of the same size."""
+        return self._parts.wrenches(poses)
+
+    @pose_or_poses
+    def part_gaps(self, poses: Array) -> Array:
+        """Distance of each part of the scene's patches (n, parts) [mm] from the moving body."""
+        return self._parts.gaps(poses)
+
+    @cached_property
+    def _parts(self) -> CellFoundation:
+        scene = self.scene.by_parts
+        return self if scene is self.scene else CellFoundation(scene, self.cells, compiled=self._compiled)
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Mean pressure of every cell in one pose (6,), patch by patch."""
