@@ -142,6 +142,15 @@ PRESETS: dict[str, Preset] = {
             peer_gflop=9_000.0,
         ),
     ),
+    "parts": Preset(  # for scenes whose patches are cut into parts: many small networks
+        sampling_scale=0.4,
+        efforts={
+            "trunk": {
+                "root": Effort(((16, 16, 16),), 400.0, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 150.0, tolerance_share=0.2),
+            }
+        },
+    ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
         efforts={
