@@ -139,6 +139,7 @@ def fit_surrogate(
     made: Mapping[str, Surrogate] | None = None,
     device: str = "cpu",
     onward: Surrogate | None = None,
+    seed: int = 0,
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
@@ -148,7 +149,7 @@ def fit_surrogate(
     Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their budget was
     used up. made: surrogates of the same samples by structure, from which some structures train on
     (`Surrogate.starts`). device: as in `train`. onward: a surrogate whose networks go on from their weights, widened to
-    the first size of their effort; a fit that stalls does not begin again from random ones.
+    the first size of their effort; a fit that stalls does not begin again from random ones. seed: of random weights.
     """
     kind = STRUCTURES[structure]
     needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
@@ -165,6 +166,7 @@ def fit_surrogate(
             sizes=effort.sizes,
             activation=effort.activation,
             max_gflop=effort.gflop,
+            seed=seed,
             restarts=TrainingSettings.restarts if onward is None else 0,
             device=device,
         )

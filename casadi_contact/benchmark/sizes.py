@@ -22,13 +22,14 @@ from casadi_contact.workers import worker_pool
 
 @dataclass(frozen=True)
 class Sized:
-    """A surrogate to train: structure, effort (see `presets.Effort`), samples learned from (None: all), and the sweep
-    of the chart it belongs to."""
+    """A surrogate to train: structure, effort (see `presets.Effort`), samples learned from (None: all), the sweep of
+    the chart it belongs to, and the seed of its random weights."""
 
     structure: str
     effort: Effort
     samples: int | None = None
     sweep: str = SIZE
+    seed: int = 0
 
     @property
     def name(self) -> str:
@@ -36,7 +37,8 @@ class Sized:
         extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.gflop:g} Gflop)"}[
             self.sweep
         ]
-        return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}"
+        again = f" (seed {self.seed})" if self.seed else ""
+        return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}{again}"
 
     @property
     def stem(self) -> str:
@@ -126,6 +128,7 @@ def train_sizes(
                     update,
                     workers,
                     loads,
+                    seed=sized.seed,
                 )
                 surrogate.save(sized_path(project, sized, loads))
     return [sized_path(project, sized, loads) for sized in wanted]

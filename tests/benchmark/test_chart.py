@@ -1,5 +1,6 @@
 """A tiny real front: sizes trained and kept, everything measured, a size chosen for fewer loads."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 
@@ -15,8 +16,10 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of
 from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
+from casadi_contact.dataset.errors import domain_errors, rms_by_kind
 from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.quantities import FORCE, quantity
+from problems.studies import seeds
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -198,3 +201,21 @@ def test_the_chart_leaves_out_structures_that_do_not_fit_the_scene():
     chart = PRESETS["quick"].chart
     assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("knee"))} == {"patch", "two_stage"}
     assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("glenohumeral"))} == {"patch"}
+
+
+def test_seeds_scatter_the_errors_of_a_size(project):
+    scene, folder = str(project.folder.parent / "knee.toml"), str(project.folder)
+    options = ["--preset", "tiny", "--seeds", "2", "--widest", "5", "--out", folder]
+    done = CliRunner().invoke(seeds.app, [scene, *options])
+    assert done.exit_code == 0, done.output
+    found = json.loads((project.folder / "seeds.json").read_text())["sizes"]
+    assert set(found) == {"patch 4-4", "two_stage 4"}
+    first, other = found["patch 4-4"]["D1"]["force"]
+    own = cc.load_surrogate(sized_path(project, chart_surrogates(TINY.chart, project.scene)[0]))
+    assert first == rms_by_kind(domain_errors(own, project.samples())["D1"])["force"]
+    assert 0.0 < other != first
+
+
+def test_a_preset_without_so_small_a_size_is_refused(project):
+    with pytest.raises(ValueError, match="no size of up to 3"):
+        seeds.seeded_sizes(project, 2, 3)
