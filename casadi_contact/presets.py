@@ -150,6 +150,10 @@ PRESETS: dict[str, Preset] = {
                 "ratios": Effort(((14, 14),), 150.0, tolerance_share=0.2),
             }
         },
+        chart=ChartEffort(
+            sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
+            peer_gflop=900.0,
+        ),
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
