@@ -17,13 +17,13 @@ from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, Regression
-from casadi_contact.presets import Effort, effort_for
+from casadi_contact.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line, samples_record
-from casadi_contact.training import TrainingSettings, fit_all
+from casadi_contact.training import TrainingSettings, fit_all, fit_all_parts
 from casadi_contact.training.growth import widen
 from casadi_contact.workers import worker_pool
 
@@ -180,7 +180,7 @@ def fit_surrogate(
         starts = kind.starts(first, made or {})
     else:
         starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
-    fits = fit_all(regressions, settings, executor, checkpoints, progress, starts)
+    fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, progress, starts)}
     for name, fit in fits.items():
         if update is not None:
             allotted = settings[name].max_gflop
@@ -188,6 +188,12 @@ def fit_surrogate(
                 f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
             )
     networks = {name: fit.network for name, fit in fits.items()}
+    if TOGETHER in efforts and loads is None:
+        together = TrainingSettings(max_gflop=efforts[TOGETHER].gflop, seed=seed)
+        whole = kind.parts_regressions(samples)
+        of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
+        networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
+        fits |= of_patches
     networks |= {twin: kind.reflection(twin, networks[of], project.scene) for twin, of in twins.items()}
     if loads is not None:
         networks = {name: networks[name] for name in needed}

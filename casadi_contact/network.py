@@ -122,3 +122,33 @@ class Regression:
         """Weighted residuals, (n,) or (n, m)."""
         values = network.value(self.inputs)
         return np.asarray(self.weights * ((joint_root(np, values)[0] if self.spots > 1 else values) - self.targets))
+
+
+@dataclass(frozen=True)
+class PartsRegression:
+    """The root loads s_k of a patch's K parts, one network each, to fit on together for what the whole patch carries.
+
+    Residuals of a row, with N_k/N0 = max(s_k, 0)²:
+
+        Σ_k shares_kj·max(s_k, 0)² - wanted_j    of the patch's wrench
+        weights_k·(s_k - targets_k)              of each part's own root load
+
+    names (K) of the networks; inputs (n, k) of each; shares (n, K, m), wanted (n, m), targets and weights (n, K);
+    validation (n,) and tolerance as in `Regression`.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    inputs: tuple[Array, ...]
+    shares: Array
+    wanted: Array
+    targets: Array
+    weights: Array
+    validation: np.ndarray
+    tolerance: float
+
+    def residuals(self, roots: Array, rows: np.ndarray | slice = slice(None)) -> Array:
+        """Residuals (n, m + K) of these rows at root loads (n, K)."""
+        pressed = np.maximum(roots, 0.0)
+        of_patch = np.einsum("nk,nkj->nj", pressed * pressed, self.shares[rows]) - self.wanted[rows]
+        return np.concatenate([of_patch, self.weights[rows] * (roots - self.targets[rows])], axis=1)

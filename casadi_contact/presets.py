@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+TOGETHER = "together"
+"""In place of a network's name: the effort of fitting on the root loads of each patch's parts together, for what the
+whole patch carries (`network.PartsRegression`); of it the work counts alone, for each patch."""
+
 
 @dataclass(frozen=True)
 class Effort:
@@ -148,6 +152,7 @@ PRESETS: dict[str, Preset] = {
             "trunk": {
                 "root": Effort(((16, 16, 16),), 400.0, tolerance_share=0.2),
                 "ratios": Effort(((14, 14),), 150.0, tolerance_share=0.2),
+                TOGETHER: Effort((), 3_000.0),
             }
         },
         chart=ChartEffort(

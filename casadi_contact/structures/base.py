@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, Regression
+from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
 from casadi_contact.structures.file import Content, write_file
@@ -108,6 +108,11 @@ class Surrogate(SurrogateFunctions):
     @abstractmethod
     def regressions(samples: Samples) -> list[Regression]:
         """The regressions, one for each network, that samples pose."""
+
+    @staticmethod
+    def parts_regressions(samples: Samples) -> list[PartsRegression]:
+        """What networks of root loads are fitted on to together, a patch that is cut into parts each."""
+        return []
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:

@@ -21,6 +21,7 @@ from casadi_contact.network import Network
 from casadi_contact.training import levenberg_marquardt as alone
 from casadi_contact.training.arrays import TorchArrays
 from casadi_contact.training.batch_mlp import BatchMlp, Columns
+from casadi_contact.training.mlp import ROWS_PER_PARAMETER
 
 
 @dataclass(eq=False)
@@ -134,7 +135,7 @@ class Batch:
         if not len(members):
             return
         rows, scales = [], []
-        wanted = int(alone.ROWS_PER_PARAMETER * self._size)
+        wanted = int(ROWS_PER_PARAMETER * self._size)
         for k in members:
             m, total = self.members[k], int(self._mlp.rows[k])
             drawn = alone.draw_rows(np.abs(self._mlp.row_weights[k]), wanted, [m.seed, m.assemblies])

@@ -22,7 +22,6 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.training.mlp import Mlp
 
-ROWS_PER_PARAMETER = 3.0
 ASSEMBLIES_WORTH = 1.5
 ACCURACY = 0.1  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
 MAX_PRODUCTS = 60
@@ -71,7 +70,8 @@ def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, fl
 
 
 class LevenbergMarquardt:
-    """Minimises ½Σr² of an `Mlp` step by step; reproducible for a seed, and from a `State` at any iteration."""
+    """Minimises ½Σr² of an `Mlp` (or `PartsMlp`) step by step; reproducible for a seed, and from a `State` at any
+    iteration."""
 
     def __init__(self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None) -> None:
         self.mlp, self.xp, self._seed = mlp, mlp.xp, seed
@@ -129,11 +129,11 @@ class LevenbergMarquardt:
 
     def _assemble(self) -> None:
         """Assemble the preconditioner at the current parameters, of some rows (see `draw_rows`) or of all."""
-        rows, wanted = self.mlp.rows, int(ROWS_PER_PARAMETER * self.mlp.parameter_count / self.mlp.per_row)
-        drawn = draw_rows(self.mlp.draw_weights, wanted, [self._seed, self._assemblies])
+        rows = self.mlp.rows
+        drawn = draw_rows(self.mlp.draw_weights, self.mlp.rows_to_draw, [self._seed, self._assemblies])
         self._gram = self.mlp.gram() if drawn is None else self.mlp.gram(*drawn)
         self._unit = float(self.mlp.arrays.diagonal(self._gram).mean()) or 1.0
-        self._allowance = allowed_products(self.mlp.parameter_count, rows if drawn is None else len(drawn[0]), rows)
+        self._allowance = allowed_products(self.mlp.block_parameters, rows if drawn is None else len(drawn[0]), rows)
         self._assembled_at, self._assemblies, self._products = self.parameters, self._assemblies + 1, 0
         self._factor, self._factored = None, np.nan
 
@@ -145,7 +145,7 @@ class LevenbergMarquardt:
         while True:
             self._factor = self.mlp.arrays.factor(self._gram, self.damping * self._unit)
             self._factored = self.damping
-            self._solver_flop += self.mlp.parameter_count**3 // 3
+            self._solver_flop += self.mlp.parameter_count * self.mlp.block_parameters**2 // 3
             if self._factor is not None or self.damping > MAX_DAMPING:
                 return
             self.damping *= 10.0
@@ -162,7 +162,7 @@ class LevenbergMarquardt:
             curvature = float(direction @ product)
             if not (curvature > 0.0 and rz > 0.0):
                 break
-            self._solver_flop += 2 * self.mlp.parameter_count**2
+            self._solver_flop += 2 * self.mlp.parameter_count * self.mlp.block_parameters
             length = rz / curvature
             x = x + length * direction
             residual = residual - length * product

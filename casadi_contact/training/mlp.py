@@ -24,6 +24,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 
+ROWS_PER_PARAMETER = 3.0  # that a preconditioner is assembled from
 # Relative ridge of the small least-squares problem of the output layer: below what double precision resolves well.
 OUTPUT_RIDGE = 1e-13
 
@@ -131,6 +132,16 @@ class Mlp:
         return 1
 
     @property
+    def block_parameters(self) -> int:
+        """Parameters of a block of JᵀJ: all, which stand in one."""
+        return self.parameter_count
+
+    @property
+    def rows_to_draw(self) -> int:
+        """Rows that a preconditioner is assembled from, about."""
+        return int(ROWS_PER_PARAMETER * self.parameter_count / self.per_row)
+
+    @property
     def draw_weights(self) -> Array:
         """Weight (rows,) by which rows are drawn for the preconditioner."""
         return np.abs(self.row_weights)
@@ -228,6 +239,11 @@ class Mlp:
     def residuals(self) -> Any:
         """r (rows,) at the current parameters."""
         return self._residuals
+
+    @property
+    def tried_residuals(self) -> Any:
+        """r (rows,) at the parameters that `evaluate` saw last."""
+        return self._tried_residuals
 
     def jvp(self, direction: Any) -> Any:
         """J·v (rows,)."""

@@ -9,19 +9,22 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 from urllib.parse import quote
 
 from casadi_contact.files import replacing
-from casadi_contact.network import Network, Regression
+from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.training.fit import Fit, Progress, check, fit
+from casadi_contact.training.parts_fit import PartsFit, fit_parts
 from casadi_contact.training.settings import TrainingSettings
 
 _TELL_EVERY_S = 0.5
 
+F = TypeVar("F")
 SettingsOf = Mapping[str, TrainingSettings] | Callable[[Regression], TrainingSettings]
 
 
@@ -117,6 +120,25 @@ def _fit_and_tell(
     regression: Regression, settings: TrainingSettings, checkpoint: Path | None, report: Path, start: Network | None
 ) -> Fit:
     """In the worker: fit, and write the progress file now and then."""
+    with _telling(report) as tell:
+        return fit(regression, settings, checkpoint, tell, start)
+
+
+def _fit_parts_and_tell(
+    regression: PartsRegression,
+    settings: TrainingSettings,
+    checkpoint: Path | None,
+    start: Sequence[Network],
+    report: Path,
+) -> PartsFit:
+    """Likewise, of a patch's parts."""
+    with _telling(report) as tell:
+        return fit_parts(regression, settings, checkpoint, tell, start)
+
+
+@contextmanager
+def _telling(report: Path) -> Iterator[Progress]:
+    """What writes the progress file now and then, which is gone at the end."""
     told = -_TELL_EVERY_S
 
     def tell(name: str, used: float, allotted: float, rms: float, hidden: tuple[int, ...]) -> None:
@@ -129,13 +151,13 @@ def _fit_and_tell(
             beside.write_text(json.dumps([name, used, allotted, rms, hidden]), "utf-8")
 
     try:
-        return fit(regression, settings, checkpoint, tell, start)
+        yield tell
     finally:
         with suppress(OSError):
             report.unlink(missing_ok=True)
 
 
-def _collect(futures: dict[str, Future[Fit]], reports: dict[str, Path], progress: Progress | None) -> dict[str, Fit]:
+def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: Progress | None) -> dict[str, F]:
     waiting = set(futures.values())
     told: dict[str, object] = {}
     try:
@@ -160,3 +182,31 @@ def _last_report(report: Path) -> tuple[str, float, float, float, tuple[int, ...
     except (OSError, ValueError):
         return None
     return name, used, allotted, rms, tuple(hidden)
+
+
+def fit_all_parts(
+    regressions: Sequence[PartsRegression],
+    settings: TrainingSettings,
+    starts: Mapping[str, Network],
+    executor: Executor | None = None,
+    checkpoint_folder: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, PartsFit]:
+    """`fit_parts` of each patch, side by side, from the networks of all parts by name; otherwise as `fit_all`."""
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
+        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        jobs = {
+            r.name: (
+                r,
+                settings,
+                None if checkpoint_folder is None else _beside(folder, r.name, "npz"),
+                [starts[name] for name in r.names],
+            )
+            for r in regressions
+        }
+        if executor is None:
+            return {name: fit_parts(r, s, path, progress, start) for name, (r, s, path, start) in jobs.items()}
+        reports = {name: _beside(folder, name, "progress.json") for name in jobs}
+        futures = {name: executor.submit(_fit_parts_and_tell, *job, reports[name]) for name, job in jobs.items()}
+        return _collect(futures, reports, progress)

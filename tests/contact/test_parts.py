@@ -84,6 +84,11 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     assert {"root_med_1", "root_med_2", "root_lat", "ratio_med_2_Tz"} <= {r.name for r in regressions}
     fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((8, 8),), max_iterations=60))
     surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
+    (whole,) = PatchSurrogate.parts_regressions(samples)
+    assert whole.names == ("root_med_1", "root_med_2")
+    normal = np.stack([part.normal.of(samples.wrenches[:, k]) for k, part in enumerate(scene.parts[:2])], axis=1)
+    true = np.sqrt(normal[role != TEST] / scene.reference_load)
+    np.testing.assert_allclose(whole.residuals(true)[:, :-2], 0.0, atol=1e-9, err_msg="of the patch's wrench")
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
     assert error[1] < 0.02 * np.abs(test.loads()[:, 1]).max(), error

@@ -47,7 +47,7 @@ def test_steps_solve_the_damped_normal_equations_of_all_rows(monkeypatch):
     monkeypatch.setattr(levenberg_marquardt, "ACCURACY", 1e-14)
     data = smooth(4000)
     lm, _ = solver(data, (6, 5))
-    assert lm.mlp.parameter_count * levenberg_marquardt.ROWS_PER_PARAMETER < 0.5 * lm.mlp.rows
+    assert lm.mlp.rows_to_draw < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(slice(None))
     lm._precondition()
     x, foretold = lm._solve()

@@ -25,7 +25,7 @@ import numpy as np
 
 from casadi_contact.conventions import REFLECTION, WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, Regression
+from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
@@ -34,7 +34,8 @@ from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
-from casadi_contact.structures.patch.targets import patch_regressions
+from casadi_contact.structures.patch.targets import GAP_WEIGHT, patch_regressions
+from casadi_contact.structures.patch.together import parts_regressions
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
 
@@ -76,9 +77,16 @@ class PatchSurrogate(Surrogate):
         return name.startswith("root_")
 
     @staticmethod
-    def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
+    def regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
         return patch_regressions(samples, gap_weight=gap_weight)
+
+    @staticmethod
+    def parts_regressions(samples: Samples) -> list[PartsRegression]:
+        """Root loads of the parts of each patch that is cut; see `together.parts_regressions`."""
+        known = patch_regressions(samples, gap_weight=GAP_WEIGHT)
+        roots = {root.name.removeprefix("root_"): root for root in known if root.name.startswith("root_")}
+        return parts_regressions(samples, roots)
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:

@@ -18,6 +18,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
 
+GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
 _ON_SPACE = 1e-9  # [mm, rad]: rounding
 
 
@@ -40,7 +41,7 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
-def root_regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
+def root_regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
     """Those of `patch_regressions` that are of root loads, as of one spot each."""
     roots = (r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_"))
     return [replace(root, spots=1) for root in roots]

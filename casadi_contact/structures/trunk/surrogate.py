@@ -19,6 +19,7 @@ from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
+from casadi_contact.structures.patch.targets import GAP_WEIGHT
 from casadi_contact.structures.trunk.targets import trunk_name, trunk_outputs, trunk_regressions
 from casadi_contact.training.growth import widen
 
@@ -44,7 +45,7 @@ class TrunkSurrogate(PatchSurrogate):
         return {name: ratios.get(name, 1) for name in cls.network_inputs(scene)}
 
     @staticmethod
-    def regressions(samples: Samples, *, gap_weight: float = 0.02) -> list[Regression]:
+    def regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
         """See `trunk_regressions`."""
         return trunk_regressions(samples, gap_weight=gap_weight)
 

@@ -1,0 +1,69 @@
+"""What the parts of a patch are to carry together (`network.PartsRegression`): the wrench of the whole patch.
+
+With the ratios ρ_kc = W_kc/N_k that samples tell of each part k, and its normal load N_k = N0·max(s_k, 0)², the
+residuals of a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of
+what each may be off by, divided by the root of their number; and `_OWN` times those of the parts' own root loads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.conventions import Array, load_selection
+from casadi_contact.dataset import Samples
+from casadi_contact.network import PartsRegression, Regression
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.sample_rows import fitted_rows
+
+_OWN = 0.1  # keeps gaps, and which part bears what, about where they are
+
+
+def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[PartsRegression]:
+    """One for each patch that is cut into parts and carries something that the scene's loads need.
+
+    roots: regressions of the parts' root loads by part (`patch_regressions`), of the same samples.
+    """
+    scene = samples.scene
+    rows, validation = fitted_rows(samples)
+    found = []
+    for p, patch in enumerate(scene.patch_names):
+        parts = [k for k, part in enumerate(scene.parts) if part.patch == p]
+        allowed = _allowed(scene, p)
+        used = np.isfinite(allowed)
+        if len(parts) < 2 or not used.any():
+            continue
+        wrenches = samples.wrenches[rows][:, parts][:, :, used]
+        normal = np.stack([scene.parts[k].normal.of(samples.wrenches[rows, k]) for k in parts], axis=1)
+        scale = allowed[used] * np.sqrt(used.sum())
+        own = [roots[scene.parts[k].name] for k in parts]
+        found.append(
+            PartsRegression(
+                f"together_{patch}",
+                tuple(root.name for root in own),
+                tuple(root.inputs for root in own),
+                scene.reference_load * _ratios(wrenches, normal) / scale,
+                wrenches.sum(axis=1) / scale,
+                np.stack([root.targets for root in own], axis=1),
+                _OWN * np.stack([root.weights / root.tolerance for root in own], axis=1) / np.sqrt(len(own)),
+                validation,
+                tolerance=1.0,
+            )
+        )
+    return found
+
+
+def _allowed(scene: Scene, p: int) -> Array:
+    """What each wrench component (6,) of patch p may be off by: the least of τ/√m over the loads that m patches make it
+    part of; infinite where none needs it."""
+    selection = load_selection(scene.load_names, scene.patch_names) != 0.0
+    tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
+    shares = tolerances[:, None] / np.sqrt(np.maximum(selection.sum(axis=1), 1))
+    return np.where(selection[:, p], shares, np.inf).min(axis=0)
+
+
+def _ratios(wrenches: Array, normal: Array) -> Array:
+    """ρ (n, K, m) of parts that bear, and of all others their mean where they bear: a false load counts there."""
+    bears = normal > 0.0
+    ratios = wrenches / np.where(bears, normal, 1.0)[:, :, None]
+    mean = wrenches.sum(axis=0) / np.maximum(np.where(bears, normal, 0.0).sum(axis=0), 1e-300)[:, None]
+    return np.where(bears[:, :, None], ratios, mean)

@@ -1,0 +1,171 @@
+"""Fit the networks of a patch's parts on, together: budget, stopping and checkpoint as of a single network's `fit`."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from casadi_contact.conventions import Array
+from casadi_contact.network import Network, PartsRegression
+from casadi_contact.training import checkpoint as checkpoint_file
+from casadi_contact.training import stopping
+from casadi_contact.training.fit import Progress
+from casadi_contact.training.history import History
+from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
+from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten_parts
+from casadi_contact.training.settings import TrainingSettings
+
+
+@dataclass(frozen=True)
+class PartsFit:
+    """Fitted networks by name; all else as in `Fit`."""
+
+    networks: dict[str, Network]
+    history: dict[str, Array]
+    stop_reason: str
+    rms: float
+    validation_rms: float
+    gflop: float
+    cpu_s: float
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons per hidden layer of the first part."""
+        return next(iter(self.networks.values())).hidden
+
+
+def fit_parts(
+    regression: PartsRegression,
+    settings: TrainingSettings,
+    checkpoint: Path | None,
+    progress: Progress | None,
+    start: Sequence[Network],
+) -> PartsFit:
+    """Go on from the parts' own networks within ``settings.max_gflop``; the networks of the least validation error (of
+    the least training error without validation rows) are returned. Checkpoint and progress as for `fit`."""
+    identity = _digest(regression, settings, start)
+    saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
+    with threadpool_limits(settings.threads):
+        course = _Course(regression, settings, start, saved)
+        written = time.monotonic()
+        try:
+            while not course.stop_reason:
+                course.iterate()
+                if checkpoint and time.monotonic() - written >= settings.checkpoint_every_s:
+                    checkpoint_file.write(checkpoint, identity, course.kept)
+                    written = time.monotonic()
+                if progress:
+                    progress(regression.name, course.gflop, settings.max_gflop, course.rms, start[0].hidden)
+        finally:
+            if checkpoint:
+                checkpoint_file.write(checkpoint, identity, course.kept)
+        return course.result()
+
+
+class _Course:
+    """A fit in progress; kept: its state after the last whole iteration, to be written whenever."""
+
+    def __init__(
+        self,
+        regression: PartsRegression,
+        settings: TrainingSettings,
+        start: Sequence[Network],
+        saved: dict[str, Any] | None,
+    ) -> None:
+        self._regression, self._settings, self._start = regression, settings, start
+        training, self._validation = ~regression.validation, np.flatnonzero(regression.validation)
+        self._mlp = PartsMlp(start, regression, np.flatnonzero(training), settings.chunk_rows)
+        self.history, self._before, self._cpu_s, state = History(), 0, 0.0, None
+        self._best, self._best_score, self.stop_reason = flatten_parts(start), np.inf, ""
+        if saved is not None:
+            state = State(**{f.name: _plain(saved[f"lm_{f.name}"]) for f in fields(State)})
+            self.history = History.from_arrays({k[8:]: v for k, v in saved.items() if k.startswith("history_")})
+            self._before, self._cpu_s = int(saved["flop"]), float(saved["cpu_s"])
+            self._best, self._best_score = saved["best"], float(saved["best_score"])
+            self.stop_reason = str(saved["stop_reason"])
+        self._lm = LevenbergMarquardt(self._mlp, flatten_parts(start), settings.seed, state)  # type: ignore[arg-type]
+        self._before -= 0 if state is None else self._lm.flop  # what a resumed fit does again was counted before
+        if self.stop_reason in stopping.LIMITS and not stopping.budget_used(self.gflop, settings.max_gflop):
+            self.stop_reason = ""
+        self.kept = self._content()
+
+    @property
+    def gflop(self) -> float:
+        """Work done so far [10⁹ operations]."""
+        return 1e-9 * (self._before + self._lm.flop)
+
+    @property
+    def rms(self) -> float:
+        """Error on the training rows."""
+        return self._lm.rms
+
+    def iterate(self) -> None:
+        """One step, and whether it was the last."""
+        began, settings = time.thread_time(), self._settings
+        self._lm.step()
+        validation_rms = self._rms_at(self._lm.parameters, self._validation)
+        self.history.add(self._lm.rms, validation_rms, self.gflop, 0)
+        score = self._lm.rms if np.isnan(validation_rms) else validation_rms
+        if score < self._best_score:
+            self._best, self._best_score = self._lm.parameters, score
+        if stopping.error_reached(self._lm.rms, validation_rms, self._regression.tolerance):
+            self.stop_reason = stopping.ERROR_REACHED
+        elif stopping.budget_used(self.gflop, settings.max_gflop):
+            self.stop_reason = stopping.BUDGET_USED
+        elif stopping.validation_rising(self.history.validation_rms, settings.max_validation_rises):
+            self.stop_reason = stopping.VALIDATION_RISING
+        elif self._lm.exhausted or stopping.stalled(
+            self.history.training_rms, settings.stall_window, settings.stall_improvement
+        ):
+            self.stop_reason = stopping.STALLED
+        self._cpu_s += time.thread_time() - began
+        self.kept = self._content()
+
+    def _content(self) -> dict[str, Any]:
+        return {
+            **{f"lm_{name}": value for name, value in asdict(self._lm.state()).items()},
+            **{f"history_{name}": column for name, column in self.history.arrays().items()},
+            "flop": self._before + self._lm.flop,
+            "cpu_s": self._cpu_s,
+            "best": self._best,
+            "best_score": self._best_score,
+            "stop_reason": self.stop_reason,
+        }
+
+    def _rms_at(self, parameters: Array, rows: np.ndarray) -> float:
+        """√(Σr²/n) of these rows; NaN without rows."""
+        if not len(rows):
+            return np.nan
+        networks = unflatten_parts(parameters, self._start)
+        pairs = zip(networks, self._regression.inputs, strict=True)
+        roots = np.stack([network.value(inputs[rows]) for network, inputs in pairs], axis=1)
+        return float(np.sqrt(np.sum(self._regression.residuals(roots, rows) ** 2) / len(rows)))
+
+    def result(self) -> PartsFit:
+        """The best networks so far, and their course."""
+        networks = dict(zip(self._regression.names, unflatten_parts(self._best, self._start), strict=True))
+        training = np.flatnonzero(~self._regression.validation)
+        rms, validation_rms = (self._rms_at(self._best, rows) for rows in (training, self._validation))
+        history = self.history.arrays()
+        return PartsFit(networks, history, self.stop_reason, rms, validation_rms, self.gflop, self._cpu_s)
+
+
+def _plain(value: np.ndarray) -> Any:
+    return value if value.ndim else value.item()
+
+
+def _digest(regression: PartsRegression, settings: TrainingSettings, start: Sequence[Network]) -> str:
+    """Hex name of the data, the seed and the start."""
+    name = hashlib.sha256(f"{checkpoint_file.FORMAT} {regression.name} {settings.seed}".encode())
+    data = (regression.shares, regression.wanted, regression.targets, regression.weights, regression.validation)
+    for array in (*regression.inputs, *data, flatten_parts(start)):
+        name.update(f"{array.dtype.str}{array.shape}".encode())
+        name.update(np.ascontiguousarray(array).data)
+    return name.hexdigest()

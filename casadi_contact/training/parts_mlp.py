@@ -1,0 +1,131 @@
+"""The networks of a patch's parts in training together (`network.PartsRegression`).
+
+Fitted alone, each part meets its own root load, and the errors of its neighbours add up: what one bears too much the
+others do not bear less. Together they are fitted on what the patch carries. JᵀJ is then as wide as all of them; its
+preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.network import Network, PartsRegression
+from casadi_contact.training.arrays import NumpyArrays
+from casadi_contact.training.mlp import ROWS_PER_PARAMETER, Mlp, flatten, unflatten
+
+_BEARING = 0.4  # share of rows in which a part bears, about: others tell its block nothing
+
+
+class BlockArrays(NumpyArrays):
+    """Arrays whose JᵀJ is a list of blocks along its diagonal."""
+
+    def diagonal(self, gram: Any) -> Any:
+        """The diagonals of all blocks."""
+        return np.concatenate([np.diagonal(block) for block in gram])
+
+    def factor(self, gram: Any, shift: float) -> Any | None:
+        """A Cholesky factor of each block; None where one has none."""
+        factors = [NumpyArrays.factor(self, block, shift) for block in gram]
+        return None if any(factor is None for factor in factors) else factors
+
+    def solve(self, factor: Any, right: Any) -> Any:
+        """Block by block."""
+        ends = np.cumsum([len(block) for block, _ in factor])[:-1]
+        parts = zip(factor, np.split(right, ends), strict=True)
+        return np.concatenate([NumpyArrays.solve(self, *part) for part in parts])
+
+
+class PartsMlp:
+    """Residuals of all parts' networks on the rows of a regression, with the methods of an `Mlp` that
+    `LevenbergMarquardt` asks for. Parameters are those of one network after the other."""
+
+    def __init__(
+        self, networks: Sequence[Network], regression: PartsRegression, rows: np.ndarray, chunk_rows: int = 1000
+    ) -> None:
+        self.arrays, self.xp = BlockArrays(), np
+        self._regression, self._rows, self.rows = regression, rows, len(rows)
+        nothing, one = np.zeros(self.rows), np.ones(self.rows)
+        self._parts = [
+            Mlp(network, inputs[rows], nothing, one, self.arrays, chunk_rows)
+            for network, inputs in zip(networks, regression.inputs, strict=True)
+        ]
+        self._ends = np.cumsum([part.parameter_count for part in self._parts])
+        self.parameter_count = int(self._ends[-1])
+        self._shares, self._weights = regression.shares[rows], regression.weights[rows]
+
+    @property
+    def block_parameters(self) -> int:
+        """Parameters of a part, the largest."""
+        return max(part.parameter_count for part in self._parts)
+
+    @property
+    def rows_to_draw(self) -> int:
+        """Rows that the blocks are assembled from, about."""
+        return int(ROWS_PER_PARAMETER * self.block_parameters / _BEARING)
+
+    @property
+    def draw_weights(self) -> Array:
+        """Norm (rows,) of what all root loads do to the residuals of a row."""
+        return np.sqrt((self._effect**2).sum(axis=1))
+
+    @property
+    def flop(self) -> int:
+        """Floating-point operations of all parts, see `Mlp`."""
+        return sum(part.flop for part in self._parts)
+
+    def split(self, parameters: Array) -> list[Array]:
+        """Those of each part."""
+        return np.split(parameters, self._ends[:-1])
+
+    def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
+        """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
+        for part, own in zip(self._parts, self.split(parameters), strict=True):
+            part.evaluate(own, solve_output=False)
+        self._tried = np.stack([part.tried_residuals for part in self._parts], axis=1)
+        self._tried_residuals = self._regression.residuals(self._tried, self._rows)
+        return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
+
+    def accept(self, parameters: Array) -> Array:
+        """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
+        for part, own in zip(self._parts, self.split(parameters), strict=True):
+            part.accept(own)
+        self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
+        self._effect = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
+        return self._vjp(self._tried_residuals)
+
+    def _jvp(self, direction: Array) -> Array:
+        """J·v (rows, residuals)."""
+        parts = zip(self._parts, self.split(direction), strict=True)
+        roots = np.stack([part.jvp(own) for part, own in parts], axis=1)
+        return np.concatenate([np.einsum("nk,nkj->nj", roots, self._slopes), self._weights * roots], axis=1)
+
+    def _vjp(self, rows: Array) -> Array:
+        """Jᵀ·u (parameters,)."""
+        wrenches = self._slopes.shape[2]
+        roots = np.einsum("nj,nkj->nk", rows[:, :wrenches], self._slopes) + self._weights * rows[:, wrenches:]
+        return np.concatenate([part.vjp(np.ascontiguousarray(roots[:, k])) for k, part in enumerate(self._parts)])
+
+    def gram_product(self, direction: Array) -> Array:
+        """JᵀJ·v (parameters,)."""
+        return self._vjp(self._jvp(direction))
+
+    def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> list[Array]:
+        """The blocks of JᵀJ, one for each part, as `Mlp.gram`."""
+        chosen = np.arange(self.rows) if rows is None else rows
+        scales = np.ones(len(chosen)) if row_scales is None else row_scales
+        return [part.gram(chosen, scales * self._effect[chosen, k]) for k, part in enumerate(self._parts)]
+
+
+def flatten_parts(networks: Sequence[Network]) -> Array:
+    """Weights and biases of all parts as one vector."""
+    return np.concatenate([flatten(network) for network in networks])
+
+
+def unflatten_parts(parameters: Array, like: Sequence[Network]) -> list[Network]:
+    """The parts' networks with these parameters, of the sizes and scales of ``like``."""
+    ends = np.cumsum([network.parameter_count for network in like])[:-1]
+    return [unflatten(own, network) for own, network in zip(np.split(parameters, ends), like, strict=True)]
