@@ -16,10 +16,13 @@ from typing import Annotated
 import typer
 
 from casadi_contact.commands.build import build as build_surrogates
+from casadi_contact.contact import NotGoodEnoughError, foundation
 from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.fitting import structures_for_scene
 from casadi_contact.presets import PRESETS
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.scenes import load_scene
+from casadi_contact.project import Project, reference_motion_cycles
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.transcription.kernel import warn_once
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
@@ -54,8 +57,9 @@ def run(
     folder = RESULTS / NAME / file_stem(found.name) if out is None else out
     source = ContactSource(scene=str(scene))
     if surrogate:
-        build_surrogates(str(scene), preset=preset, out=folder)
-        source = ContactSource(surrogate=str(folder / "patch.h5"))
+        build_surrogates(str(scene), preset=preset, cycles=list(cycles), model=_model_to_learn(found), out=folder)
+        project = Project(found, preset, folder)
+        source = ContactSource(surrogate=str(project.surrogate_path(structures_for_scene(project)[0])))
     writable_folder(folder)
     model = source.load()
     elements, codes = own_model(model.scene), []
@@ -72,6 +76,16 @@ def run(
         worst = "some frames have no pose" if 2 in codes else "the contact model differs in some frames"
         typer.echo(f"{NAME}: {worst}; see above", err=True)
         raise typer.Exit(2 if 2 in codes else 3)
+
+
+def _model_to_learn(scene: Scene) -> str:
+    """What networks are sampled on: the scene's foundation, elements where none is good enough."""
+    try:
+        foundation(scene)
+    except NotGoodEnoughError as error:
+        warn_once(f"{error}; networks learn from elements, which takes longer")
+        return "elements"
+    return "foundation"
 
 
 def main() -> None:
