@@ -2,7 +2,8 @@
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
 ``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
-solve_time.csv and muscle_settings.json (``python -m problems.studies.solve_time`` and ``.muscle_settings``),
+solve_time.csv, muscle_settings.json and seeds.json (``python -m problems.studies.solve_time``, ``.muscle_settings`` and
+``.seeds``),
 evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json
 (summaries of the problems), and stability.json (``python -m problems.studies.stability``). A page is written for each
 that is there.
@@ -26,6 +27,7 @@ from problems.studies.pages.surrogates import (
     domains_page,
     draw_speed_accuracy,
     kernel_speed_page,
+    seeds_page,
     solve_time_page,
     speed_accuracy_page,
 )
@@ -49,6 +51,8 @@ def pages(data: Path) -> dict[str, str]:
         found["domains.md"] = domains_page(path)
     if (path := data / "kernel_speed.json").is_file():
         found["kernel-speed.md"] = kernel_speed_page(path)
+    if (path := data / "seeds.json").is_file():
+        found["seeds.md"] = seeds_page(path)
     if summaries := sorted((data / "pose_estimation").glob("*.json")):
         found["pose-estimation.md"] = pose_estimation_page(summaries)
     if summaries := sorted((data / "muscle_contact").glob("*.json")):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -13,6 +15,7 @@ from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
 from problems.studies.pages.markdown import machine, number, page, table
+from problems.studies.seeds import KINDS
 
 _OWN_NUMBERS = re.compile(r"\d\.\d|\bof \d")
 _CHARTS = {
@@ -102,6 +105,29 @@ def solve_time_page(path: Path) -> str:
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", ""]
     picture = "![Time of the whole solution against error](solve_time.png)"
     return page("Whole solve time", intro, machine(header), picture, table(columns, rows))
+
+
+def seeds_page(path: Path) -> str:
+    """Table of a ``seeds.json``: median and range of the errors of each size, by domain."""
+    content = json.loads(path.read_text("utf-8"))
+    sizes = content["sizes"]
+    domains = next(iter(sizes.values()))
+    rows = [
+        [name, *(_spread(spread[domain][kind]) for domain in domains for kind in KINDS)]
+        for name, spread in sizes.items()
+    ]
+    columns = [f"{domain} {kind} [{unit}]" for domain in domains for kind, unit in KINDS.items()]
+    intro = (
+        f"RMS errors of scene `{content['scene']}` on samples that no network has seen, over all forces and over all "
+        f"torques of a domain: median of {content['seeds']} random starts of the same training, lowest and highest in "
+        f"parentheses. `python -m problems.studies.seeds {content['scene']}` measures this."
+    )
+    return page("Spread over training seeds", intro, machine(content["machine"]), table(["networks", *columns], rows))
+
+
+def _spread(errors: Sequence[float]) -> str:
+    low, middle, high = (number(x) for x in (min(errors), median(errors), max(errors)))
+    return f"{middle} ({low} to {high})"
 
 
 def domains_page(path: Path) -> str:
