@@ -189,8 +189,9 @@ def fit_surrogate(
             )
     networks = {name: fit.network for name, fit in fits.items()}
     if TOGETHER in efforts and loads is None:
-        together = TrainingSettings(max_gflop=efforts[TOGETHER].gflop, seed=seed)
-        whole = kind.parts_regressions(samples)
+        effort = efforts[TOGETHER]
+        together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
+        whole = [replace(r, tolerance=effort.tolerance_share * r.tolerance) for r in kind.parts_regressions(samples)]
         of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches

@@ -152,9 +152,22 @@ PRESETS: dict[str, Preset] = {
             "trunk": {
                 "root": Effort(((16, 16, 16),), 400.0, tolerance_share=0.2),
                 "ratios": Effort(((14, 14),), 150.0, tolerance_share=0.2),
-                TOGETHER: Effort((), 3_000.0),
+                TOGETHER: Effort((), 3_000.0, tolerance_share=0.2),
             }
         },
+        active=(
+            ActiveRound(
+                times=1.5,
+                worst_share=0.15,
+                efforts={
+                    "trunk": {
+                        "root": Effort(((20, 20, 20),), 250.0, tolerance_share=0.2),
+                        "ratios": Effort(((16, 16),), 90.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
+                    }
+                },
+            ),
+        ),
         chart=ChartEffort(
             sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
             peer_gflop=900.0,

@@ -74,11 +74,11 @@ def run(
 
 
 def _table(record: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]]) -> Table:
-    domains = next(iter(record.values()))
-    table = Table("networks", *(f"{domain} {kind} [{KINDS[kind]}]" for domain in domains for kind in KINDS))
-    for name, spread in record.items():
-        cells = [spread[domain][kind] for domain in domains for kind in KINDS]
-        table.add_row(name, *(f"{np.median(x):.3g} ({min(x):.3g}-{max(x):.3g})" for x in cells))
+    table = Table("networks", "domain", *(f"{kind} [{unit}]" for kind, unit in KINDS.items()))
+    for name, domains in record.items():
+        for domain, of in domains.items():
+            cells = (f"{np.median(of[kind]):.3g} ({min(of[kind]):.3g} to {max(of[kind]):.3g})" for kind in KINDS)
+            table.add_row(name, domain, *cells)
     table.caption = "RMS on unseen samples: median of the seeds (lowest to highest)"
     return table
 

@@ -6,11 +6,15 @@ import sys
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import casadi_contact as cc
+from casadi_contact.dataset import read_samples
 from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.motion.walking import reference_cycle, reference_cycles
+from casadi_contact.presets import PRESETS, Effort, Preset
 from problems.implant import SCENE
+from problems.implant.__main__ import app
 from problems.pose_estimation.starts import start_from_file
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.shared_data import shared_file
@@ -71,3 +75,19 @@ def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "results").exists()
+
+
+def test_networks_learn_around_the_cycles_given(tmp_path, monkeypatch):
+    """They are sampled on the scene's foundation, and of the preset's own structure."""
+    efforts = {"trunk": {"": Effort(((5, 5),), 0.3)}}
+    monkeypatch.setitem(PRESETS, "tiny", Preset(sampling_scale=0.005, efforts=efforts))
+    (tmp_path / "knee.toml").write_text(cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml())
+    for k, cycle in enumerate(reference_cycles(2, frames=4)):
+        write_cycle(cycle, tmp_path / f"walk{k}.csv")
+    files = [str(tmp_path / name) for name in ("knee.toml", "walk0.csv", "walk1.csv")]
+    done = CliRunner().invoke(app, [*files, "--surrogate", "--preset", "tiny", "--out", str(tmp_path / "out")])
+    assert done.exit_code in (0, 2, 3), done.output  # such small networks need not solve all frames
+    trained = cc.load_surrogate(tmp_path / "out" / "trunk.h5")
+    assert trained.record["reference_cycles"] == ["walk0", "walk1"]
+    assert "foundations" in read_samples(tmp_path / "out" / "samples.h5").provenance["models"]
+    assert (tmp_path / "out" / "poses" / "walk1" / "summary.json").is_file()

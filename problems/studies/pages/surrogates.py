@@ -111,18 +111,18 @@ def seeds_page(path: Path) -> str:
     """Table of a ``seeds.json``: median and range of the errors of each size, by domain."""
     content = json.loads(path.read_text("utf-8"))
     sizes = content["sizes"]
-    domains = next(iter(sizes.values()))
     rows = [
-        [name, *(_spread(spread[domain][kind]) for domain in domains for kind in KINDS)]
-        for name, spread in sizes.items()
+        [name, domain, *(_spread(of[kind]) for kind in KINDS)]
+        for name, domains in sizes.items()
+        for domain, of in domains.items()
     ]
-    columns = [f"{domain} {kind} [{unit}]" for domain in domains for kind, unit in KINDS.items()]
+    columns = ["networks", "domain", *(f"{kind} [{unit}]" for kind, unit in KINDS.items())]
     intro = (
         f"RMS errors of scene `{content['scene']}` on samples that no network has seen, over all forces and over all "
         f"torques of a domain: median of {content['seeds']} random starts of the same training, lowest and highest in "
         f"parentheses. `python -m problems.studies.seeds {content['scene']}` measures this."
     )
-    return page("Spread over training seeds", intro, machine(content["machine"]), table(["networks", *columns], rows))
+    return page("Spread over training seeds", intro, machine(content["machine"]), table(columns, rows))
 
 
 def _spread(errors: Sequence[float]) -> str:
