@@ -21,19 +21,25 @@ Progress = Callable[[str, float, float, float, tuple[int, ...]], None]
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A fitted network. rms, validation_rms: root-mean-square weighted residual of ``network`` on training and
-    validation rows [N or N·mm], the latter NaN without validation rows. history: training_rms, validation_rms,
-    gflop and size (index into the settings' sizes), one entry an iteration. stop_reason: see `stopping`. gflop: work
-    done. cpu_s: CPU seconds of the thread that fitted; both count interrupted runs too."""
+class FitOutcome:
+    """How a fit went. rms, validation_rms: root-mean-square weighted residual of what was fitted on training and
+    validation rows [N or N·mm], the latter NaN without validation rows. history: training_rms, validation_rms, gflop
+    and size (index into the settings' sizes), one entry an iteration. stop_reason: see `stopping`. gflop: work done.
+    cpu_s: CPU seconds of the thread that fitted; both count interrupted runs too."""
 
-    network: Network
     history: dict[str, Array]
     stop_reason: str
     rms: float
     validation_rms: float
     gflop: float
     cpu_s: float
+
+
+@dataclass(frozen=True)
+class Fit(FitOutcome):
+    """A fitted network."""
+
+    network: Network
 
     @property
     def parameter_count(self) -> int:
@@ -171,4 +177,4 @@ def _result(regression: Regression, search: Search, cpu_s: float) -> Fit:
         for chosen, rows in ((False, ~regression.validation), (True, regression.validation))
     }
     history = search.history.arrays()
-    return Fit(network, history, search.stop_reason, rms[False], rms[True], search.gflop, cpu_s)
+    return Fit(history, search.stop_reason, rms[False], rms[True], search.gflop, cpu_s, network)

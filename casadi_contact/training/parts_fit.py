@@ -16,7 +16,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training import checkpoint as checkpoint_file
 from casadi_contact.training import stopping
-from casadi_contact.training.fit import Progress
+from casadi_contact.training.fit import FitOutcome, Progress
 from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten_parts
@@ -24,16 +24,10 @@ from casadi_contact.training.settings import TrainingSettings
 
 
 @dataclass(frozen=True)
-class PartsFit:
-    """Fitted networks by name; all else as in `Fit`."""
+class PartsFit(FitOutcome):
+    """Fitted networks by name."""
 
     networks: dict[str, Network]
-    history: dict[str, Array]
-    stop_reason: str
-    rms: float
-    validation_rms: float
-    gflop: float
-    cpu_s: float
 
     @property
     def hidden(self) -> tuple[int, ...]:
@@ -154,7 +148,7 @@ class _Course:
         training = np.flatnonzero(~self._regression.validation)
         rms, validation_rms = (self._rms_at(self._best, rows) for rows in (training, self._validation))
         history = self.history.arrays()
-        return PartsFit(networks, history, self.stop_reason, rms, validation_rms, self.gflop, self._cpu_s)
+        return PartsFit(history, self.stop_reason, rms, validation_rms, self.gflop, self._cpu_s, networks)
 
 
 def _plain(value: np.ndarray) -> Any:
