@@ -90,6 +90,25 @@ class KillingExecutor:
         return future
 
 
+class HeldExecutor:
+    """An executor whose workers finish the first tasks, and begin no other while the file `gate` is missing."""
+
+    def __init__(self, executor, free, gate):
+        self.executor, self.free, self.gate = executor, free, gate
+
+    def submit(self, *task):
+        self.free -= 1
+        return self.executor.submit(*task) if self.free >= 0 else self.executor.submit(held, self.gate, *task)
+
+
+def held(gate, work, *given):
+    for _ in range(PATIENCE):
+        if gate.exists():
+            break
+        time.sleep(0.1)
+    return work(*given)
+
+
 def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
     with ThreadPoolExecutor(1) as executor:
         draw(tmp_path / "here.h5", executor)
@@ -123,7 +142,7 @@ def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path
 
     with pytest.raises(ConnectionError, match="was lost: run the same command again"):  # noqa: SIM117
         with cluster_workers(cluster.scheduler_address) as executor:
-            draw(path, executor, progress=lose)
+            draw(path, HeldExecutor(executor, 3, tmp_path / "never"), progress=lose)
     assert not [record for record in caplog.records if record.name == "distributed.client"], "no traceback beside it"
     assert len(list(partial_folder(path).glob("*.npz"))) >= 3
     with ThreadPoolExecutor(1) as executor:
@@ -132,9 +151,11 @@ def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path
     assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
 
 
-def test_every_task_of_a_lost_scheduler_comes_to_an_end(cluster):
+def test_every_task_of_a_lost_scheduler_comes_to_an_end(cluster, tmp_path):
+    """Results on their way, and tasks that were never finished."""
     with cluster_workers(cluster.scheduler_address) as executor:
-        futures = [executor.submit(np.full, 20_000, number) for number in range(400)]
+        some = HeldExecutor(executor, 400, tmp_path / "never")
+        futures = [some.submit(np.full, 20_000, number) for number in range(400 + WORKERS)]
         assert futures[0].result()[-1] == 0
         cluster.close()
         open_still = wait(futures, timeout=300).not_done
