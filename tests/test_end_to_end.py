@@ -164,7 +164,10 @@ def cli(*arguments):
     ("arguments", "said"),
     [
         (("build", "elbow"), "unknown scene 'elbow'"),
-        (("build", "knee", "--preset", "huge"), "unknown preset 'huge', expected one of quick, standard, parts, reach, paper"),
+        (
+            ("build", "knee", "--preset", "huge"),
+            "unknown preset 'huge', expected one of quick, standard, parts, reach, paper",
+        ),
         (("build", "knee", "--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
         (("info", "elbow"), "unknown surrogate 'elbow'"),
     ],
