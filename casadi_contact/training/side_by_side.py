@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 from casadi_contact.files import replacing
@@ -64,7 +64,7 @@ def fit_all(
             reports = {r.name: _beside(folder, r.name, "progress.json") for r in order}
             futures = {
                 r.name: executor.submit(
-                    _fit_and_tell, r, chosen[r.name], checkpoints[r.name], reports[r.name], given.get(r.name)
+                    _fit_and_tell, fit, reports[r.name], r, chosen[r.name], checkpoints[r.name], given.get(r.name)
                 )
                 for r in order
             }
@@ -117,23 +117,16 @@ def _beside(folder: Path, name: str, ending: str) -> Path:
 
 
 def _fit_and_tell(
-    regression: Regression, settings: TrainingSettings, checkpoint: Path | None, report: Path, start: Network | None
-) -> Fit:
-    """In the worker: fit, and write the progress file now and then."""
-    with _telling(report) as tell:
-        return fit(regression, settings, checkpoint, tell, start)
-
-
-def _fit_parts_and_tell(
-    regression: PartsRegression,
+    fitting: Callable[..., F],
+    report: Path,
+    regression: Any,
     settings: TrainingSettings,
     checkpoint: Path | None,
-    start: Sequence[Network],
-    report: Path,
-) -> PartsFit:
-    """Likewise, of a patch's parts."""
+    start: Any,
+) -> F:
+    """In the worker: `fit` or `fit_parts`, and write the progress file now and then."""
     with _telling(report) as tell:
-        return fit_parts(regression, settings, checkpoint, tell, start)
+        return fitting(regression, settings, checkpoint, tell, start)
 
 
 @contextmanager
@@ -208,5 +201,5 @@ def fit_all_parts(
         if executor is None:
             return {name: fit_parts(r, s, path, progress, start) for name, (r, s, path, start) in jobs.items()}
         reports = {name: _beside(folder, name, "progress.json") for name in jobs}
-        futures = {name: executor.submit(_fit_parts_and_tell, *job, reports[name]) for name, job in jobs.items()}
+        futures = {name: executor.submit(_fit_and_tell, fit_parts, reports[name], *job) for name, job in jobs.items()}
         return _collect(futures, reports, progress)

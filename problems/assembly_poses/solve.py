@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,14 +13,13 @@ from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards
-from problems.pose_estimation.solve import settled
+from problems.pose_estimation.solve import SCALING, settled
 from problems.pose_estimation.wanted import off_by
 
 TOLERANCE_N = 1e-3  # left on a balanced body, torques over 25 mm
 # IPOPT's, a hundredth of that. Asked for more, Newton's steps go astray where a pose is hardly determined, such as that
 # of a patella off its groove, and frames share the length of a step.
 _IPOPT_TOLERANCE = 1e-5
-_SCALING: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 1e-3}  # as of pose estimation
 _ROUNDS = 3  # of IPOPT, at most: frames left unsolved begin once more beside solved ones, without these
 
 
@@ -122,7 +120,7 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
 def _one_round(problem: AssemblyPoses, start: Array | None, max_iterations: int) -> tuple[_Found, IpoptOutcome]:
     """Settle, then solve all frames of a problem; of each frame the better of both."""
     poses = _settled(problem, start)
-    options = ipopt_options(tolerance=_IPOPT_TOLERANCE, max_iterations=max_iterations, **_SCALING)
+    options = ipopt_options(tolerance=_IPOPT_TOLERANCE, max_iterations=max_iterations, **SCALING)
     solver = ca.nlpsol("poses", "ipopt", problem.nlp, options)
     answer = solver(x0=problem.variables(poses), lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
     solved = np.asarray(problem.poses(answer["x"])).T.reshape(poses.shape)

@@ -20,7 +20,7 @@ _SETTLED_N = 0.01
 _FRAME_ITERATIONS = 100  # of a frame alone
 # IPOPT scales by the gradient at the start: begun at the solution, it then asks for the impossible. With this scale
 # and its tolerance gradients end below 1e-5 N², residuals below about 1e-7 N.
-_SCALING: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 1e-3}
+SCALING: dict[str, Any] = {"nlp_scaling_method": "none", "obj_scaling_factor": 1e-3}
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def solve(
     contact, steps = problem.contact, problem.steps
     began = time.perf_counter()
     poses = settled(problem, start_or_default(start, problem.start_poses()))
-    options = ipopt_options(max_iterations=max_iterations, print_level=print_level, **_SCALING)
+    options = ipopt_options(max_iterations=max_iterations, print_level=print_level, **SCALING)
     solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
     answer = solver(x0=contact.variables(poses), lbx=contact.lower, ubx=contact.upper)
     outcome = IpoptOutcome.of(solver)
@@ -110,7 +110,7 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
 
 def frame_solver(problem: PoseEstimation, print_level: int = 0) -> ca.Function:
     """nlpsol of `PoseEstimation.one_frame`."""
-    options = ipopt_options(max_iterations=_FRAME_ITERATIONS, print_level=print_level, **_SCALING)
+    options = ipopt_options(max_iterations=_FRAME_ITERATIONS, print_level=print_level, **SCALING)
     return ca.nlpsol("one_frame", "ipopt", problem.one_frame(), options)
 
 
