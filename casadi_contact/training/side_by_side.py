@@ -201,5 +201,8 @@ def fit_all_parts(
         if executor is None:
             return {name: fit_parts(r, s, path, progress, start) for name, (r, s, path, start) in jobs.items()}
         reports = {name: _beside(folder, name, "progress.json") for name in jobs}
-        futures = {name: executor.submit(_fit_and_tell, fit_parts, reports[name], *job) for name, job in jobs.items()}
+        futures = {
+            name: executor.submit(_fit_and_tell, fit_parts, reports[name], r, s, path, start)
+            for name, (r, s, path, start) in jobs.items()
+        }
         return _collect(futures, reports, progress)
