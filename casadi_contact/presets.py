@@ -150,19 +150,19 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((16, 16, 16),), 400.0, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 150.0, tolerance_share=0.2),
-                TOGETHER: Effort((), 3_000.0, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 250.0, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
+                TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
             }
         },
         active=(
             ActiveRound(
-                times=1.5,
-                worst_share=0.15,
+                times=1.0,
+                worst_share=0.2,
                 efforts={
                     "trunk": {
-                        "root": Effort(((20, 20, 20),), 250.0, tolerance_share=0.2),
-                        "ratios": Effort(((16, 16),), 90.0, tolerance_share=0.2),
+                        "root": Effort(((20, 20, 20),), 150.0, tolerance_share=0.2),
+                        "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
                         TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
                     }
                 },

@@ -11,7 +11,8 @@ from casadi_contact.network import Network
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.training import TrainingSettings
 from casadi_contact.training.arrays import NumpyArrays
-from casadi_contact.training.mlp import Mlp, flatten, initial_network
+from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.weights import flatten, initial_network
 from casadi_contact.transcription.network_graph import network_value
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler

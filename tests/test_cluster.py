@@ -13,7 +13,7 @@ import pytest
 from casadi_contact.cluster import cluster_workers
 from casadi_contact.dataset import partial_folder
 from casadi_contact.training import TrainingSettings, fit_all
-from casadi_contact.training.mlp import flatten
+from casadi_contact.training.weights import flatten
 from tests.sampling.test_draw import draw
 from tests.support.regressions import smooth
 

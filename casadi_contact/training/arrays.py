@@ -31,6 +31,10 @@ class NumpyArrays:
         """Zeros of a shape."""
         return np.zeros(shape)
 
+    def single(self, array: Any) -> Any:
+        """The array in single precision."""
+        return array.astype(np.float32)
+
     def numpy(self, array: Any) -> Any:
         """The array in the computer's memory."""
         return array
@@ -89,6 +93,10 @@ class TorchArrays:
     def mask(self, values: Any) -> Any:
         """Truth values, or whole numbers to index with, on the device."""
         return self.xp.as_tensor(np.asarray(values), device=self.device)
+
+    def single(self, array: Any) -> Any:
+        """The tensor in single precision."""
+        return array.to(self.xp.float32)
 
     def numpy(self, array: Any) -> Any:
         """The array in the computer's memory."""

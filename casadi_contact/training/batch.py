@@ -38,10 +38,7 @@ class Member:
     parameters: Array
     damping: float = alone.FIRST_DAMPING
     damping_growth: float = 2.0
-    assembled_at: Array | None = None
-    assemblies: int = 0  # none before the first iteration
-    products: int = 0
-    factored_damping: float = np.nan
+    iterations: int = 0
     loss: float = field(default=np.inf, init=False)
     validation_rms: float = field(default=np.nan, init=False)
     flop: int = field(default=0, init=False)
@@ -59,11 +56,7 @@ class Member:
 
     def state(self) -> alone.State:
         """What a later batch, or a `LevenbergMarquardt` alone, continues from."""
-        at = self.parameters if self.assembled_at is None else self.assembled_at
-        return alone.State(
-            *(self.parameters, self.damping, self.damping_growth, at),
-            *(self.assemblies, self.products, self.factored_damping),
-        )
+        return alone.State(self.parameters, self.damping, self.damping_growth, self.iterations)
 
 
 class Batch:
@@ -76,19 +69,10 @@ class Batch:
         self._validation = BatchMlp(likes, [m.validation for m in members], arrays, chunk_rows)
         self._size = self._mlp.parameter_count
         self._gram, self._root = (arrays.zeros(count, self._size, self._size) for _ in range(2))
-        self._unit, self._allowed = np.ones(count), np.zeros(count)
+        self._unit = np.ones(count)
         self._losses, self._counted = np.zeros(count), np.zeros(count, dtype=np.int64)
-        fresh = np.array([m.assemblies == 0 for m in members])
-        states, flops = [m.state() for m in members], [m.flop for m in members]
-        for m, state in zip(members, states, strict=True):
-            m.assemblies = max(state.assemblies - 1, 0)
-        self._begin(np.stack([state.assembled_at for state in states]), fresh)
-        self._assemble(range(count))
+        self._begin(np.stack([m.parameters for m in members]), np.array([m.iterations == 0 for m in members]))
         self._tell()
-        if not fresh.all():
-            self._go_on(fresh, states)
-            for k in np.flatnonzero(~fresh).tolist():  # what is done again was counted before
-                members[k].flop = flops[k]
 
     def _begin(self, parameters: Array, solve_output: np.ndarray) -> None:
         """Make parameters current, with the output layers solved where asked, which counts as work of a start."""
@@ -102,22 +86,11 @@ class Batch:
         for member, values in zip(self.members, self.arrays.numpy(self._parameters), strict=True):
             member.parameters = values.copy()
 
-    def _go_on(self, fresh: np.ndarray, states: Sequence[alone.State]) -> None:
-        """Put the members that are not fresh, and are assembled, where they stood."""
-        old = np.flatnonzero(~fresh).tolist()
-        for k in old:
-            self.members[k].products = states[k].products
-        factored = [k for k in old if np.isfinite(states[k].factored_damping)]
-        self._factor(factored, [states[k].factored_damping for k in factored])
-        now = [m.parameters if f else s.parameters for m, s, f in zip(self.members, states, fresh, strict=True)]
-        self._begin(np.stack(now), np.zeros_like(fresh))
-        self._tell()
-
     def step(self) -> None:
         """One iteration of every member; sets ``exhausted`` of those that no damping improves any more."""
         members = self.members
         live = self.arrays.numpy(self.xp.abs(self._gradient).amax(1)) > 0.0
-        self._assemble([k for k in np.flatnonzero(live).tolist() if members[k].products > self._allowed[k]])
+        self._assemble(np.flatnonzero(live).tolist())
         live &= self._precondition(np.flatnonzero(live).tolist())
         x, foretold = self._solve(live)
         ratios = self._try(x, foretold, live)
@@ -138,26 +111,23 @@ class Batch:
         wanted = int(ROWS_PER_PARAMETER * self._size)
         for k in members:
             m, total = self.members[k], int(self._mlp.rows[k])
-            drawn = alone.draw_rows(np.abs(self._mlp.row_weights[k]), wanted, [m.seed, m.assemblies])
+            drawn = alone.draw_rows(np.abs(self._mlp.row_weights[k]), wanted, [m.seed, m.iterations])
             chosen, scale = (np.arange(total), np.ones(total)) if drawn is None else drawn
             rows.append(chosen)
             scales.append(scale)
-            self._allowed[k] = alone.allowed_products(self._size, len(chosen), total)
-            m.assembled_at, m.assemblies, m.products = m.parameters, m.assemblies + 1, 0
-            m.factored_damping = np.nan
+            m.iterations += 1
         grams = self._mlp.gram(members, rows, scales)
         self._gram[list(members)] = grams
         means = self.arrays.numpy(self.xp.einsum("mii->m", grams)) / self._size
         self._unit[list(members)] = np.where(means == 0.0, 1.0, means)
 
     def _precondition(self, members: Sequence[int]) -> np.ndarray:
-        """Factors for dampings near the present ones of these members; rounding may ask for more damping. Returns
-        False (m,) for those that have none."""
+        """Factors for the dampings of these members; rounding may ask for more. Returns False (m,) for those that have
+        none."""
         have = np.ones(len(self.members), dtype=bool)
-        least, most = 1.0 / alone.REFACTOR_RATIO, alone.REFACTOR_RATIO
-        wanting = [k for k in members if not least <= self._factored_share(k) <= most]
+        wanting = members
         while len(wanting):
-            failed = self._factor(wanting, [self.members[k].damping for k in wanting])
+            failed = self._factor(wanting)
             wanting = []
             for k in failed:
                 have[k] = self.members[k].damping <= alone.MAX_DAMPING
@@ -166,22 +136,16 @@ class Batch:
                     wanting.append(k)
         return have
 
-    def _factored_share(self, k: int) -> float:
-        return self.members[k].factored_damping / self.members[k].damping
-
-    def _factor(self, members: Sequence[int], dampings: Sequence[float]) -> list[int]:
-        """W of these members at these dampings; returns those whose matrix is not positive definite."""
-        if not len(members):
-            return []
+    def _factor(self, members: Sequence[int]) -> list[int]:
+        """W of these members at their dampings; returns those whose matrix is not positive definite."""
         index = list(members)
-        shift = self.arrays.array(np.array(dampings) * self._unit[index])[:, None, None]
+        shift = self.arrays.array(np.array([self.members[k].damping for k in index]) * self._unit[index])
         unit = self.arrays.identity(self._size)
-        factor, failed = self.xp.linalg.cholesky_ex(self._gram[index] + shift * unit)
+        factor, failed = self.xp.linalg.cholesky_ex(self._gram[index] + shift[:, None, None] * unit)
         self._root[index] = self.xp.linalg.solve_triangular(factor, unit.expand_as(factor), upper=False)
-        bad = self.arrays.numpy(failed) != 0
-        for k, damping, none in zip(index, dampings, bad, strict=True):
+        for k in index:
             self.members[k].flop += self._size**3 // 3
-            self.members[k].factored_damping = np.nan if none else damping
+        bad = self.arrays.numpy(failed) != 0
         return [k for k, none in zip(index, bad, strict=True) if none]
 
     def _solve(self, live: np.ndarray) -> tuple[Any, Array]:
@@ -201,7 +165,6 @@ class Batch:
             residual = self._where(going, residual - length[:, None] * product, residual)
             gain = gain + self._where(going, length * rz, 0.0 * gain)
             for k in np.flatnonzero(going):
-                self.members[k].products += 1
                 self.members[k].flop += 2 * self._size**2
             if count > 1:
                 going = going & self.arrays.numpy(length * rz * count >= alone.ACCURACY * gain)

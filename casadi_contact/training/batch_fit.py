@@ -13,9 +13,9 @@ from casadi_contact.training.arrays import torch_arrays
 from casadi_contact.training.batch import Batch, Member
 from casadi_contact.training.fit import Fit, Progress, Run
 from casadi_contact.training.levenberg_marquardt import State
-from casadi_contact.training.mlp import flatten
 from casadi_contact.training.search import Search
 from casadi_contact.training.settings import TrainingSettings
+from casadi_contact.training.weights import flatten
 
 
 class MemberSearch(Search):

@@ -15,7 +15,8 @@ from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import TorchArrays
-from casadi_contact.training.mlp import OUTPUT_RIDGE, layer_shapes
+from casadi_contact.training.mlp import OUTPUT_RIDGE
+from casadi_contact.training.weights import layer_shapes
 
 Columns = tuple[Array, Array, Array]  # inputs (rows, k), targets (rows,), weights (rows,)
 

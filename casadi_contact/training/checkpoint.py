@@ -19,7 +19,7 @@ from casadi_contact.files import read_npz, write_npz
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
 
-FORMAT = 2  # 1 counted seconds
+FORMAT = 3  # 1 counted seconds, 2 kept preconditioners
 # More work or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
 _NOT_IN_DIGEST = ("max_gflop", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
 
@@ -69,8 +69,8 @@ def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
         raise ValueError(f"checkpoint {path} has format {version}, expected at most {FORMAT}: update casadi_contact")
     if version < FORMAT:
         raise ValueError(
-            f"checkpoint {path} has format {version}, whose budget was seconds; delete it or choose another folder to "
-            "train anew"
+            f"checkpoint {path} has format {version}, expected {FORMAT}, of a later version; delete it or "
+            "choose another folder to train anew"
         )
     if owner != identity:
         raise ValueError(

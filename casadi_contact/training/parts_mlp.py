@@ -15,8 +15,10 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training.arrays import NumpyArrays
-from casadi_contact.training.mlp import ROWS_PER_PARAMETER, Mlp, flatten, unflatten
+from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.weights import flatten, unflatten
 
+_ROWS_PER_PARAMETER = 3.0  # that a block is assembled from
 _BEARING = 0.4  # share of rows in which a part bears, about: others tell its block nothing
 
 
@@ -65,7 +67,7 @@ class PartsMlp:
     @property
     def rows_to_draw(self) -> int:
         """Rows that the blocks are assembled from, about."""
-        return int(ROWS_PER_PARAMETER * self.block_parameters / _BEARING)
+        return int(_ROWS_PER_PARAMETER * self.block_parameters / _BEARING)
 
     @property
     def draw_weights(self) -> Array:
@@ -97,21 +99,22 @@ class PartsMlp:
         self._effect = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
         return self._vjp(self._tried_residuals)
 
-    def _jvp(self, direction: Array) -> Array:
+    def _jvp(self, direction: Array, *, rough: bool = False) -> Array:
         """J·v (rows, residuals)."""
         parts = zip(self._parts, self.split(direction), strict=True)
-        roots = np.stack([part.jvp(own) for part, own in parts], axis=1)
+        roots = np.stack([part.jvp(own, rough=rough) for part, own in parts], axis=1)
         return np.concatenate([np.einsum("nk,nkj->nj", roots, self._slopes), self._weights * roots], axis=1)
 
-    def _vjp(self, rows: Array) -> Array:
+    def _vjp(self, rows: Array, *, rough: bool = False) -> Array:
         """Jᵀ·u (parameters,)."""
         wrenches = self._slopes.shape[2]
-        roots = np.einsum("nj,nkj->nk", rows[:, :wrenches], self._slopes) + self._weights * rows[:, wrenches:]
-        return np.concatenate([part.vjp(np.ascontiguousarray(roots[:, k])) for k, part in enumerate(self._parts)])
+        roots = np.einsum("nj,nkj->kn", rows[:, :wrenches], self._slopes) + (self._weights * rows[:, wrenches:]).T
+        pairs = zip(self._parts, roots, strict=True)
+        return np.concatenate([part.vjp(np.ascontiguousarray(own), rough=rough) for part, own in pairs])
 
     def gram_product(self, direction: Array) -> Array:
-        """JᵀJ·v (parameters,)."""
-        return self._vjp(self._jvp(direction))
+        """JᵀJ·v (parameters,), of many rows in single precision."""
+        return self._vjp(self._jvp(direction, rough=True), rough=True)
 
     def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> list[Array]:
         """The blocks of JᵀJ, one for each part, as `Mlp.gram`."""

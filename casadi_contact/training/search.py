@@ -14,10 +14,11 @@ from casadi_contact.training.arrays import arrays_for
 from casadi_contact.training.growth import widen, will_reach
 from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
-from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
+from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.settings import TrainingSettings
 from casadi_contact.training.spots import SpotMlp
 from casadi_contact.training.trunk import TrunkMlp
+from casadi_contact.training.weights import flatten, initial_network, unflatten
 
 # A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
 _SHARE_FOR_ANOTHER = 0.2

@@ -12,6 +12,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.spots import joint_root
+from casadi_contact.training.chunk import Chunk
 from casadi_contact.training.trunk import TrunkMlp
 
 
@@ -23,31 +24,27 @@ class SpotMlp(TrunkMlp):
         """Number of residuals of a row."""
         return 1
 
-    def _prepare(self) -> None:
-        super()._prepare()
-        self._head = self.arrays.zeros(self.rows, self.outputs)
-
     @property
     def draw_weights(self) -> Array:
         """Weight (rows,) by which rows are drawn for the preconditioner."""
         return np.abs(self.row_weights)
 
     def _output(self, a: Any, layer: Any) -> Any:
-        return joint_root(self.xp, a @ layer.T)[0]
+        return joint_root(self.xp, (layer @ a).T)[0]
 
     def _output_step(self, residuals: Any) -> Any | None:
         return None  # no linear problem
 
-    def _accept_output(self) -> None:
-        for c in self._chunks():
-            _, slopes = joint_root(self.xp, self._current[-1][c] @ self._layers[-1].T)
-            self._head[c] = slopes * self._weight[c][:, None]
+    def _head(self, chunk: Chunk, layer: Any) -> Any:
+        """w·∂S/∂y (outputs, rows)."""
+        _, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
+        return slopes.T * self._weight[chunk.rows]
 
-    def _of_outputs(self, tangent: Any, c: slice) -> Any:
-        return self.xp.einsum("nk,nk->n", tangent, self._head[c])
+    def _of_outputs(self, tangent: Any, head: Any) -> Any:
+        return (tangent * head).sum(0)
 
-    def _by_outputs(self, rows: Any, c: slice) -> Any:
-        return rows[:, None] * self._head[c]
+    def _by_outputs(self, rows: Any, head: Any) -> Any:
+        return rows * head
 
-    def _seeds(self, rows: Any) -> Any:
-        return self._head[rows][:, None, :]
+    def _seeds(self, rows: np.ndarray) -> Any:
+        return self._columns(rows, lambda chunk: chunk.exact.derivatives[-1]).T[:, None, :]

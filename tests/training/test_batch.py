@@ -11,12 +11,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="training on a device needs the extra train")
 
 from casadi_contact.network import Regression  # noqa: E402
-from casadi_contact.training import TrainingSettings, fit, fit_all, levenberg_marquardt  # noqa: E402
+from casadi_contact.training import TrainingSettings, fit, fit_all  # noqa: E402
 from casadi_contact.training.arrays import NumpyArrays, arrays_for  # noqa: E402
 from casadi_contact.training.batch import Batch, Member  # noqa: E402
 from casadi_contact.training.batch_mlp import BatchMlp  # noqa: E402
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State  # noqa: E402
-from casadi_contact.training.mlp import Mlp, flatten, initial_network  # noqa: E402
+from casadi_contact.training.mlp import Mlp  # noqa: E402
+from casadi_contact.training.weights import flatten, initial_network  # noqa: E402
 from tests.support.regressions import smooth  # noqa: E402
 
 HAVE_GPU = torch.cuda.is_available()
@@ -67,10 +68,9 @@ def test_products_of_a_batch_are_those_of_its_members(device, activation):
             same(grams[k // 2][upper], gram[upper])
 
 
-def test_every_member_takes_the_steps_it_takes_alone(device, monkeypatch):
+def test_every_member_takes_the_steps_it_takes_alone(device):
     """Ten times one step from where the batch stands, preconditioned anew: several steps, and steps along a dozen
     conjugate directions, amplify rounding, alone on NumPy and alone on torch alike."""
-    monkeypatch.setattr(levenberg_marquardt, "ASSEMBLIES_WORTH", 0.0)
     members = [
         Member(like, columns(d, ~d.validation), columns(d, d.validation), 7 + k, flatten(like))
         for k, (like, d) in enumerate(zip(networks(), DATA, strict=True))
@@ -87,7 +87,7 @@ def test_every_member_takes_the_steps_it_takes_alone(device, monkeypatch):
             lm.step()
             same(m.loss, lm.loss, rtol=1e-9)
             same(m.damping, lm.damping, rtol=1e-6)
-            assert (m.assemblies, m.products) == (lm.state().assemblies, lm.state().products)
+            assert m.iterations == lm.state().iterations
             judged = 2 * len(m.validation[1]) * len(m.parameters)
             assert m.flop - in_batch == lm.flop - by_itself + judged
 
@@ -150,7 +150,7 @@ def test_a_state_of_before_the_first_iteration_is_begun():
     member = Member(like, columns(data, ~data.validation), columns(data, data.validation), 3, flatten(like))
     state = member.state()
     assert isinstance(state, State)
-    assert state.assemblies == 0
+    assert state.iterations == 0
     going_on = LevenbergMarquardt(Mlp(like, *member.training, NumpyArrays()), flatten(like) * 0.0, 3, state)
     begun = LevenbergMarquardt(Mlp(like, *member.training, NumpyArrays()), flatten(like), 3)
     assert going_on.loss == begun.loss

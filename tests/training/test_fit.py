@@ -9,7 +9,8 @@ import pytest
 from casadi_contact.network import Regression
 from casadi_contact.training import TrainingSettings, fit, search
 from casadi_contact.training.arrays import arrays_for
-from casadi_contact.training.mlp import Mlp, flatten, initial_network
+from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.weights import flatten, initial_network
 from tests.support.regressions import smooth
 
 FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)
@@ -228,7 +229,7 @@ def test_foreign_and_newer_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match="format 99"):
         fit(smooth(), FIXED, path)
     np.savez(path, format=1, digest="x")
-    with pytest.raises(ValueError, match="format 1, whose budget was seconds; delete it"):
+    with pytest.raises(ValueError, match="format 1, expected 3, of a later version; delete it"):
         fit(smooth(), FIXED, path)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.training.growth import check_ladder, extrapolated_error, widen, will_reach
-from casadi_contact.training.mlp import initial_network
+from casadi_contact.training.weights import initial_network
 from tests.support.regressions import smooth
 
 

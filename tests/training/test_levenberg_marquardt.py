@@ -6,7 +6,8 @@ import pytest
 from casadi_contact.training import levenberg_marquardt
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt
-from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
+from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.weights import flatten, initial_network, unflatten
 from tests.support.regressions import smooth
 
 
@@ -49,8 +50,7 @@ def test_steps_solve_the_damped_normal_equations_of_all_rows(monkeypatch):
     lm, _ = solver(data, (6, 5))
     assert lm.mlp.rows_to_draw < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(slice(None))
-    lm._precondition()
-    x, foretold = lm._solve()
+    x, foretold = lm._solve(lm._precondition())
     damped = jacobian.T @ jacobian + lm.damping * lm._unit * np.eye(lm.mlp.parameter_count)
     expected = -np.linalg.solve(damped, jacobian.T @ lm.mlp.residuals)
     np.testing.assert_allclose(x, expected, atol=1e-6 * np.abs(expected).max())

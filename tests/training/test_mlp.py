@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays, arrays_for
-from casadi_contact.training.mlp import Mlp, flatten, initial_network, unflatten
+from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.weights import flatten, initial_network, unflatten
 from tests.support.regressions import smooth
 
 torch = pytest.importorskip("torch", reason="training on a GPU and these oracles need the extra train")

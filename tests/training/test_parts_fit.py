@@ -7,9 +7,9 @@ import pytest
 
 from casadi_contact.network import PartsRegression
 from casadi_contact.training import TrainingSettings, fit_all_parts
-from casadi_contact.training.mlp import initial_network
 from casadi_contact.training.parts_fit import fit_parts
 from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten_parts
+from casadi_contact.training.weights import initial_network
 
 NAMES = ("root_a", "root_b", "root_c")
 

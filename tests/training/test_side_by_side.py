@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.training import TrainingSettings, fit, fit_all, side_by_side
-from casadi_contact.training.mlp import flatten
+from casadi_contact.training.weights import flatten
 from tests.support.regressions import smooth
 
 SETTINGS = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=30)

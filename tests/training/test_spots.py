@@ -9,8 +9,8 @@ from casadi_contact.network import Network, Regression
 from casadi_contact.spots import joint_root
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.arrays import NumpyArrays, arrays_for
-from casadi_contact.training.mlp import flatten
 from casadi_contact.training.spots import SpotMlp
+from casadi_contact.training.weights import flatten
 from tests.support.random_surrogates import random_network
 
 SPOTS = 3

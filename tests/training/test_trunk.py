@@ -6,8 +6,8 @@ import pytest
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.arrays import NumpyArrays
-from casadi_contact.training.mlp import flatten
 from casadi_contact.training.trunk import TrunkMlp
+from casadi_contact.training.weights import flatten
 from tests.support.random_surrogates import random_network
 from tests.support.regressions import smooth
 
