@@ -51,7 +51,7 @@ class Mlp:
         targets: Array,
         weights: Array,
         arrays: NumpyArrays | TorchArrays,
-        chunk_rows: int = 1000,
+        chunk_rows: int = 2000,
     ) -> None:
         self.arrays, self.xp = arrays, arrays.xp
         self.like, self.rows = like, len(targets)

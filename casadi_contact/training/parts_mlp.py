@@ -46,7 +46,7 @@ class PartsMlp:
     `LevenbergMarquardt` asks for. Parameters are those of one network after the other."""
 
     def __init__(
-        self, networks: Sequence[Network], regression: PartsRegression, rows: np.ndarray, chunk_rows: int = 1000
+        self, networks: Sequence[Network], regression: PartsRegression, rows: np.ndarray, chunk_rows: int = 2000
     ) -> None:
         self.arrays, self.xp = BlockArrays(), np
         self._regression, self._rows, self.rows = regression, rows, len(rows)

@@ -37,7 +37,7 @@ class TrainingSettings:
     stall_improvement: float = 2e-3
     growth_share: float = 0.05
     device: str = "cpu"
-    chunk_rows: int = 1000
+    chunk_rows: int = 2000
     checkpoint_every_s: float = 20.0
     threads: int = 1
 
