@@ -1,4 +1,4 @@
-"""The methods that are compared, all as contact models of one scene."""
+"""The methods that are compared, all as contact models of one scene: those of the knee, or of any project."""
 
 from __future__ import annotations
 
@@ -6,28 +6,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import CallableModel, ElasticFoundation, foundation
 from casadi_contact.conventions import Array
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.project import Project, read_motion, surrogates_at_hand
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate, load_surrogate
 from problems import pose_estimation
-from problems.studies.stability.peers import PEERS, peer_models
+from problems.studies.stability.peers import PEERS, motion_of, peer_models
+from problems.studies.stability.walking_samples import walking_samples
 
 PATCH, TWO_STAGE = "patch", "two-stage"
 EF_COARSE, EF_FINE, EF_ANALYTIC = "EF coarse, differences", "EF fine, differences", "EF fine, analytic"
 FOUNDATION = "foundation"
-METHODS = (PATCH, TWO_STAGE, FOUNDATION, EF_COARSE, EF_FINE, EF_ANALYTIC, *PEERS)
+NETWORKS = "networks"  # of a project, whatever their structure
+METHODS = (PATCH, TWO_STAGE, NETWORKS, FOUNDATION, EF_COARSE, EF_FINE, EF_ANALYTIC, *PEERS)
 SURROGATES = (PATCH, TWO_STAGE)
 SYMBOLIC = (*SURROGATES, FOUNDATION)
 BY_DIFFERENCES = (EF_COARSE, EF_FINE)
+_FRAMES = 101  # of a project's motion
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What every row needs: the models by method, reasons for those left out, and a solved walking cycle.
+    """What every row needs: the models by method, reasons for those left out, and poses of a motion.
 
-    poses (n, 6) carry the reference cycle's loads on the patch surrogate; teacher is the EF on the finest grid.
+    poses (n, 6) carry the reference cycle's loads, of the knee on the patch surrogate; teacher is the EF on the finest
+    grid.
     """
 
     models: Mapping[str, Any]
@@ -36,6 +44,11 @@ class Bench:
     teacher: ElasticFoundation
     poses: Array
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def learned(self) -> Surrogate:
+        """The surrogate whose learned range the poses of row 3 go beyond."""
+        return self.surrogate(PATCH if PATCH in self.models else NETWORKS)
 
     def surrogate(self, method: str) -> Surrogate:
         """The surrogate behind a method."""
@@ -55,7 +68,9 @@ def bench(
     solved = pose_estimation.solve(pose_estimation.build(surrogate, reference_cycle()))
     if not solved.converged.all():
         raise ValueError(f"surrogate {patch} does not solve the reference cycle: {solved.ipopt_status}")
-    peers, missing = peer_models(grids["fine"], solved.poses, peer_points, peer_gflop)
+    learned_from = walking_samples(grids["fine"], solved.poses, peer_points + peer_points // 4)
+    motion = motion_of(scene)
+    peers, missing = peer_models(grids["fine"], TrainingSet.of(learned_from), motion, peer_points, peer_gflop)
     models: dict[str, Any] = {
         PATCH: surrogate,
         TWO_STAGE: paper,
@@ -73,3 +88,30 @@ def bench(
         "difference_steps": "1e-4 mm, 1e-5 rad, central",
     }
     return Bench(models, missing, scene, grids["teacher"], solved.poses, settings)
+
+
+def project_bench(project: Project, *, peer_points: int = 1000, peer_gflop: float = 300.0) -> Bench:
+    """The networks of a built project, its scene's foundation and elements, and peers fitted to a part of its samples.
+
+    Raises FileNotFoundError where the project holds no surrogate.
+    """
+    scene, (structure, surrogate) = project.scene, next(iter(surrogates_at_hand(project).items()))
+    grids = {name: ElasticFoundation(scene, scene.grids[name]) for name in ("fine", "teacher")}
+    motion, _ = read_motion(project)
+    peers, missing = peer_models(grids["fine"], TrainingSet.of(project.samples()), motion, peer_points, peer_gflop)
+    models: dict[str, Any] = {NETWORKS: surrogate}
+    try:
+        models[FOUNDATION] = foundation(scene)
+    except ValueError as error:
+        missing = {**missing, FOUNDATION: str(error)}
+    models |= {EF_FINE: CallableModel(scene, grids["fine"].wrenches), EF_ANALYTIC: grids["fine"], **peers}
+    poses = motion.poses.reshape(-1, 6)
+    frames = np.linspace(0, len(poses) - 1, min(_FRAMES, len(poses))).astype(int)
+    settings = {
+        "scene": scene.name,
+        "networks": f"{structure}, preset {project.preset_name}",
+        "grids": {name: grid.grid for name, grid in grids.items()},
+        "peer_points": peer_points,
+        "difference_steps": "1e-4 mm, 1e-5 rad, central",
+    }
+    return Bench(models, missing, scene, grids["teacher"], poses[frames], settings)

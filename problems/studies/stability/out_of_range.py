@@ -10,7 +10,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
-from problems.studies.stability.methods import BY_DIFFERENCES, PATCH, SURROGATES, Bench
+from problems.studies.stability.methods import BY_DIFFERENCES, Bench
 from problems.studies.stability.table import Line
 
 TIMES = 3.0
@@ -37,21 +37,30 @@ def everywhere(surrogate: Surrogate, count: int, seed: int = 0) -> Array:
     return 0.5 * (low + high) + TIMES * 0.5 * (high - low) * unit
 
 
+def normal_of(model: Any, loads: Array) -> Array:
+    """Normal load (n, patches) of named loads (n, L), below zero where a patch pulls."""
+    columns = []
+    for normal in model.scene.normal_loads:
+        own = loads[:, [model.load_names.index(name) for name in normal.loads]]
+        columns.append(np.linalg.norm(own, axis=1) if normal.index is None else normal.sign * own[:, 0])
+    return np.stack(columns, axis=1)
+
+
 def count_failures(model: Any, poses: Array, gaps_of: ElasticFoundation) -> tuple[int, int, int, int | None]:
     """Poses with a load that is not finite, with a pulling side, with contact where the surfaces of that side are more
-    than 3 mm apart, and how many of all these have a validity above 1/2 (None for a model without validity)."""
-    normal = [model.load_names.index(name) for name in model.scene.sensitive_loads]
+    than 3 mm apart, and how many of all these have a validity above 1/2 (None for a model without validity). Contact
+    without a direction cannot pull."""
     totals, valid = np.zeros(3, dtype=int), 0
     for begin in range(0, len(poses), _CHUNK):
         chunk = poses[begin : begin + _CHUNK]
         loads = model(chunk)
         broken = ~np.isfinite(loads).all(axis=1)
-        pulling = (loads[:, normal] > 0.0).any(axis=1)
-        touching = (loads[:, normal] < 0.0).any(axis=1)
+        pressed = normal_of(model, loads)
+        pulling, touching = (pressed < 0.0).any(axis=1), (pressed > 0.0).any(axis=1)
         apart = np.zeros(len(chunk), dtype=bool)
         if touching.any():
             far = gaps_of.gaps(chunk[touching]) > FALSE_GAP_MM
-            apart[touching] = (far & (loads[touching][:, normal] < 0.0)).any(axis=1)
+            apart[touching] = (far & (pressed[touching] > 0.0)).any(axis=1)
         totals += [broken.sum(), pulling.sum(), apart.sum()]
         wrong = broken | pulling | apart
         if isinstance(model, Surrogate) and wrong.any():
@@ -62,11 +71,12 @@ def count_failures(model: Any, poses: Array, gaps_of: ElasticFoundation) -> tupl
 def measure(bench: Bench, count: int = 100_000, per_parameter: int = 600) -> tuple[list[Line], None]:
     """Lines of row 3: each parameter alone, then all at once."""
     gaps_of = ElasticFoundation(bench.scene, bench.scene.grids["fine"])
-    learned = bench.surrogate(PATCH)
+    learned = bench.learned
     pose = bench.poses[len(bench.poses) // 3]
     cases = {f"{name}, {per_parameter} poses": along(learned, pose, name, per_parameter) for name in POSE_NAMES}
     cases[f"all at random, {count:,} poses"] = everywhere(learned, count)
-    silent = {m: "says nothing about validity: last number" for m in bench.models if m not in SURROGATES}
+    silent = [m for m, model in bench.models.items() if not isinstance(model, Surrogate)]
+    why = {**bench.missing, **dict.fromkeys(silent, "says nothing about validity: last number")}
     lines = []
     for case, poses in cases.items():
         cells: dict[str, float | str] = {}
@@ -76,7 +86,9 @@ def measure(bench: Bench, count: int = 100_000, per_parameter: int = 600) -> tup
             *numbers, valid = count_failures(model, poses, gaps_of)
             cells[method] = " / ".join([*(f"{n}" for n in numbers), "-" if valid is None else f"{valid}"])
         skipped = {
-            m: "its values are those of the EF; counted on the fine grid" for m in BY_DIFFERENCES if m not in cells
+            m: "its values are those of the EF; counted on the fine grid"
+            for m in BY_DIFFERENCES
+            if m in bench.models and m not in cells
         }
-        lines.append(Line(3, case, QUANTITY, cells, {**bench.missing, **silent, **skipped}))
+        lines.append(Line(3, case, QUANTITY, cells, {**why, **skipped}))
     return lines, None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import comb
 from typing import Any
 
@@ -22,10 +23,9 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling import SamplingSettings, reference_motion
+from casadi_contact.sampling import ReferenceMotion, SamplingSettings, reference_motion
 from casadi_contact.scenes import Scene
 from problems.studies.stability.differences import by_differences
-from problems.studies.stability.walking_samples import walking_samples
 
 POLYNOMIAL, KRIGING, RADIAL_BASIS = "polynomial", "Kriging", "radial basis"
 LAZY, TIME_DELAY = "lazy learning", "time-delay network"
@@ -45,7 +45,6 @@ class PeerModel:
     def __init__(self, peer: Any, scene: Scene, remembered: Any = None) -> None:
         self.peer, self.scene, self.remembered = peer, scene, remembered
         self.load_names, self.patch_names = scene.load_names, scene.patch_names
-        self._normal = [self.load_names.index(name) for name in scene.sensitive_loads]
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, L)."""
@@ -63,7 +62,14 @@ class PeerModel:
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """s (n, P) and ds/dpose (n, P, 6)."""
         loads, slopes = self.jacobian(poses)
-        return root_of_normal(-loads[:, self._normal], -slopes[:, self._normal], self.scene.reference_load)
+        sizes, rates = np.zeros((len(loads), len(self.patch_names))), np.zeros((len(loads), len(self.patch_names), 6))
+        for p, normal in enumerate(self.scene.normal_loads):
+            columns = [self.load_names.index(name) for name in normal.loads]
+            wrench, rate = np.zeros((len(loads), 6)), np.zeros((len(loads), 6, 6))
+            at = slice(0, 3) if normal.index is None else [normal.index]
+            wrench[:, at], rate[:, at] = loads[:, columns], slopes[:, columns]
+            sizes[:, p], rates[:, p] = normal.of(wrench), normal.slope(wrench, rate)
+        return root_of_normal(sizes, rates, self.scene.reference_load)
 
 
 def _degree(samples: int) -> int:
@@ -71,17 +77,22 @@ def _degree(samples: int) -> int:
     return next(d for d in _POLYNOMIAL_DEGREES if _SAMPLES_A_TERM * comb(d + 6, 6) <= samples or d == 1)
 
 
-def peer_models(
-    model: ElasticFoundation, poses: Array, points: int, gflop: float
-) -> tuple[dict[str, PeerModel], dict[str, str]]:
-    """The peers by name, and for those that lack a package the reason.
+def motion_of(scene: Scene) -> ReferenceMotion:
+    """The scene's own cycles, settled."""
+    settled = ElasticFoundation(scene, scene.grids["settle"])
+    return reference_motion(settled, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]
 
-    All are fitted to `walking_samples` of the model about poses (n, 6), but for the time-delay network, which learns
-    the scene's own walking in order and takes each pose for its past. Lazy learning asks the model where it is not
-    sure within ten tolerances. gflop: 10⁹ operations for tuning the kernel of Kriging, and for the network.
+
+def peer_models(
+    model: ElasticFoundation, data: TrainingSet, motion: ReferenceMotion, points: int, gflop: float
+) -> tuple[dict[str, PeerModel], dict[str, str]]:
+    """The peers by name, and for those that lack a package or could not be fitted the reason.
+
+    All are fitted to the first ``points`` rows of the data, but for the time-delay network, which learns the motion in
+    order and takes each pose for its past. Lazy learning asks the model where it is not sure within ten tolerances.
+    gflop: 10⁹ operations for tuning the kernel of Kriging, and for the network.
     """
-    scene = model.scene
-    data = TrainingSet.of(walking_samples(model, poses, points + points // 4))
+    scene, data = model.scene, replace(data, poses=data.poses[:points], loads=data.loads[:points])
     count = min(points, len(data))
 
     def kriging() -> tuple[Any, Any]:
@@ -89,8 +100,6 @@ def peer_models(
         return Kriging(data, count, kernel), kernel
 
     def delay() -> tuple[Any, Any]:
-        settled = ElasticFoundation(scene, scene.grids["settle"])
-        motion, _ = reference_motion(settled, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))
         networks = HISTORY_MODELS[TIME_DELAY](Cycles.of(data, motion), gflop)
         return SinglePoses(networks, data.load_names), None
 
@@ -105,7 +114,7 @@ def peer_models(
     for name, fit in fits.items():
         try:
             peer, remembered = fit()
-        except ImportError as error:
+        except (ImportError, ValueError) as error:
             missing[name] = str(error)
             continue
         models[name] = PeerModel(peer, scene, remembered)

@@ -18,6 +18,7 @@ _STYLES = dict(
         (
             (COLOURS["blue"], "s"),
             (COLOURS["orange"], "^"),
+            (COLOURS["blue"], "h"),
             (COLOURS["green"], "*"),
             ("#999999", "v"),
             ("#555555", "D"),

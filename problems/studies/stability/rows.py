@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
+from casadi_contact.project import Project
 from problems.studies.stability import (
     bad_training_data,
     clusters,
@@ -16,28 +18,46 @@ from problems.studies.stability import (
     derivative_steps,
     liftoff,
     out_of_range,
+    settling_starts,
     single_precision,
     starts,
     time_steps,
 )
-from problems.studies.stability.methods import Bench, bench
+from problems.studies.stability.methods import Bench, bench, project_bench
 from problems.studies.stability.table import FAILURES, Line
+
+ROWS_OF_ANY_SCENE = (1, 3, 4, 9)
 
 
 @dataclass(frozen=True)
 class Plan:
     """What is measured, and how much of it."""
 
-    patch: str
-    two_stage: str
     count: int
     quick: bool
+    patch: str = "knee_patch"
+    two_stage: str = "knee_two_stage"
+    scene: str = "knee"
+    preset: str = "quick"  # that another scene was built by,
+    folder: Path | None = None  # and where
+
+    @cached_property
+    def project(self) -> Project | None:
+        """The build of another scene than the knee."""
+        return None if self.scene == "knee" else Project.open(self.scene, self.preset, self.folder)
 
     @cached_property
     def bench(self) -> Bench:
         """The methods, loaded or built once in each process."""
         points, gflop = (400, 60.0) if self.quick else (2000, 300.0)
+        if self.project is not None:
+            return project_bench(self.project, peer_points=points, peer_gflop=gflop)
         return bench(self.patch, self.two_stage, peer_points=points, peer_gflop=gflop)
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Those that can be measured: others of a knee alone."""
+        return tuple(FAILURES) if self.project is None else ROWS_OF_ANY_SCENE
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -55,7 +75,7 @@ def measure_row(row: int, plan: Plan) -> tuple[list[Line], Any]:
     """Lines of one row, and what its picture needs."""
     known, quick = kept(plan).bench, plan.quick
     rows: dict[int, Callable[[], tuple[list[Line], Any]]] = {
-        1: lambda: starts.measure(known, plan.count),
+        1: lambda: (starts if plan.project is None else settling_starts).measure(known, plan.count),
         2: lambda: liftoff.measure(known, 21 if quick else 61),
         3: lambda: out_of_range.measure(known, 2_000 if quick else 100_000),
         4: lambda: derivative_steps.measure(known, 4 if quick else 20),

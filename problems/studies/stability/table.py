@@ -52,19 +52,26 @@ class Line:
         return f"{value:.0f}" if 100.0 <= abs(value) < 1e5 else f"{value:.3g}"
 
 
+def methods_of(lines: Sequence[Line]) -> list[str]:
+    """The methods that lines tell of, in the order of the table."""
+    told = {method for line in lines for method in (*line.values, *line.reasons)}
+    return [method for method in METHODS if method in told]
+
+
 def print_table(lines: Sequence[Line], console: Console | None = None) -> None:
     """The lines as one table, and below it why a cell is empty."""
     console = console or Console(width=None if sys.stdout.isatty() else 200)  # a file has room
     table = Table(title="Stability where methods fail")
     table.add_column("failure, case")
     table.add_column("quantity")
-    for method in METHODS:
+    methods = methods_of(lines)
+    for method in methods:
         table.add_column(method, justify="right")
     for row in sorted({line.row for line in lines}):
         table.add_section()
         table.add_row(f"[bold]{row}. {FAILURES[row]}")
         for line in (line for line in lines if line.row == row):
-            table.add_row(*map(escape, (line.case, line.quantity, *(line.cell(method) for method in METHODS))))
+            table.add_row(*map(escape, (line.case, line.quantity, *(line.cell(method) for method in methods))))
     console.print(table)
     seen = dict.fromkeys((line.row, m, why) for line in lines for m, why in line.reasons.items())
     for row, method, why in seen:
@@ -82,7 +89,7 @@ def write_table(
         "case": [line.case for line in lines],
         "quantity": [line.quantity for line in lines],
     }
-    columns |= {method: [line.values.get(method, "-") for line in lines] for method in METHODS}
+    columns |= {method: [line.values.get(method, "-") for line in lines] for method in methods_of(lines)}
     columns["remarks"] = ["; ".join(f"{method}: {why}" for method, why in line.reasons.items()) for line in lines]
     write_columns(out / "stability.csv", columns)
     content = {
