@@ -12,6 +12,8 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
 
+_LITTLE = 0.01
+
 
 @dataclass(frozen=True)
 class Equilibrium:
@@ -85,6 +87,36 @@ class Equilibrium:
         if not columns or len(columns) != len(sensitive) or not set(sensitive) < set(self.free):
             return None
         return Equilibrium(self.model, sensitive, tuple(self.names[k] for k in columns), self.wanted[:, columns])
+
+    def of_rows(self, rows: np.ndarray) -> Equilibrium:
+        """The equations of these poses alone."""
+        return Equilibrium(self.model, self.free, self.names, self.wanted[rows])
+
+    def misses_a_force(self, misfit: Array) -> np.ndarray:
+        """True (n,) where the body can be moved freely and hardly carries (`_LITTLE`) a wanted force that has no
+        direction of its own; False for all others."""
+        missing = np.zeros(len(misfit), dtype=bool)
+        if {0, 1, 2} <= set(self.free):
+            for columns in self._vector_targets.values():
+                force = self.wanted[:, columns]
+                carried = np.linalg.norm(misfit[:, columns] + force, axis=1)
+                missing |= carried < _LITTLE * np.linalg.norm(force, axis=1)
+        return missing
+
+    def along_the_force(self, poses: Array, ways_mm: Array, number: int) -> Array:
+        """Poses (n, 6) moved along the force that a patch is wanted to carry, by the way about which residuals are
+        least (number 0), next to least (1), ...: there are several where the body passes a rim before it presses."""
+        columns = next(iter(self._vector_targets.values()))
+        force = self.wanted[:, columns]
+        along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
+        moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
+        moved[:, :, :3] += ways_mm[:, None] * along[:, None]
+        rows = np.repeat(np.arange(len(poses)), len(ways_mm))
+        left = np.linalg.norm(self.residuals(moved.reshape(-1, 6), rows)[0], axis=1).reshape(moved.shape[:2])
+        beside = np.pad(left, ((0, 0), (1, 1)), constant_values=np.inf)
+        least = (left <= beside[:, :-2]) & (left <= beside[:, 2:])
+        order = np.argsort(np.where(least, left, np.inf), axis=1, kind="stable")
+        return np.asarray(moved[np.arange(len(poses)), order[:, number]])
 
     def pulls(self) -> np.ndarray:
         """True (n,) where a wanted normal load would pull, which no contact can."""

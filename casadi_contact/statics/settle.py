@@ -19,6 +19,7 @@ _SMALLEST_FRACTION = 1e-6
 _DAMPING = 1e-11
 _LEAST_GAIN = 1e-6  # of a step, at a minimum that carries other loads
 _SHAKEN_MM = 0.3
+_WAYS_MM, _PRESSES = np.arange(0.0, 30.0, 0.25), 3  # along a wanted force, for contact that was lost
 _SHAKES = 6
 
 
@@ -75,8 +76,8 @@ def settle(
         return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
     pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
     if pressing is not None:
-        poses, _, pressed, _ = _newton(pressing, poses, tolerance, max_iterations)
-    poses, misfit, iterations, stalled = _newton(equations, poses, tolerance, max_iterations)
+        poses, _, pressed, _ = _pressed(pressing, poses, tolerance, max_iterations)
+    poses, misfit, iterations, stalled = _pressed(equations, poses, tolerance, max_iterations)
     if pressing is not None:
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
@@ -86,6 +87,27 @@ def settle(
     reason = _reasons(equations, converged, stalled, misfit)
     misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
     return poses, SettleReport(converged, pressed + iterations, residual, misfits, reason)
+
+
+def _pressed(
+    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int
+) -> tuple[Array, Array, np.ndarray, np.ndarray]:
+    """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
+    from where it presses on its way along the wanted force."""
+    start = poses
+    poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations)
+    for number in range(_PRESSES):
+        missing = stalled & equations.misses_a_force(misfit) & (equations.in_newtons(misfit) > tolerance)
+        rows = np.flatnonzero(missing & ~equations.pulls())
+        if not len(rows):
+            break
+        lost = equations.of_rows(rows)
+        again = _newton(lost, lost.along_the_force(start[rows], _WAYS_MM, number), tolerance, max_iterations)
+        better = lost.in_newtons(again[1]) < lost.in_newtons(misfit[rows])
+        iterations[rows] += again[2]
+        for before, found in ((poses, again[0]), (misfit, again[1]), (stalled, again[3])):
+            before[rows[better]] = found[better]
+    return poses, misfit, iterations, stalled
 
 
 def _newton(

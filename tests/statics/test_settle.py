@@ -215,3 +215,19 @@ def test_no_poses_give_no_poses(knee):
     settled, report = cc.settle(knee, np.zeros((0, 6)), ("ty",), {"Fy_med": -1.0})
     assert settled.shape == (0, 6)
     assert str(report) == "no poses"
+
+
+def test_a_ball_that_lies_free_in_its_cup_or_beside_it_is_pressed_along_the_wanted_force():
+    """Between the walls of a cup no step closes the gap where the force is to be carried."""
+    scene = cc.load_scene("hip")
+    model = cc.ElasticFoundation(scene, scene.grids["settle"])
+    neutral = scene.start_pose[None]
+    force = np.array([-150.0, 600.0, 115.0])
+    wanted = dict(zip(("Fx", "Fy", "Fz"), force, strict=True))
+    (pose,), report = cc.settle(model, neutral, ("tx", "ty", "tz"), wanted)
+    assert report.converged.all()
+    starts = np.tile(pose, (40, 1))
+    starts[:, :3] += np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3)) - 1.0 * force / np.linalg.norm(force)
+    found, report = cc.settle(model, starts, ("tx", "ty", "tz"), wanted)
+    assert report.converged.all(), set(report.reason)
+    np.testing.assert_allclose(found[:, :3], np.tile(pose[:3], (40, 1)), atol=1e-4)
