@@ -150,20 +150,20 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((16, 16, 16),), 250.0, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
-                TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 160.0, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 70.0, tolerance_share=0.2),
+                TOGETHER: Effort((), 1_000.0, tolerance_share=0.2),
             }
         },
         active=(
             ActiveRound(
-                times=1.0,
-                worst_share=0.2,
+                times=1.5,
+                worst_share=0.15,
                 efforts={
                     "trunk": {
-                        "root": Effort(((20, 20, 20),), 150.0, tolerance_share=0.2),
-                        "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
+                        "root": Effort(((20, 20, 20),), 60.0, tolerance_share=0.2),
+                        "ratios": Effort(((16, 16),), 40.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 5_500.0, tolerance_share=0.2),
                     }
                 },
             ),
@@ -177,11 +177,14 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((24, 24, 24),), 60_000.0, tolerance_share=0.2),
+                "root": Effort(((24, 24, 24),), 25_000.0, tolerance_share=0.2),
                 "ratios": Effort(((20, 20),), 12_000.0, tolerance_share=0.2),
             }
         },
-        active=(_reach_round(2_000.0, 2_000.0), _reach_round(6_000.0, 4_000.0), _reach_round(8_000.0, 6_000.0)),
+        active=(
+            *(_reach_round(2_000.0, 2_000.0), _reach_round(6_000.0, 4_000.0)),
+            *(_reach_round(8_000.0, 6_000.0), _reach_round(10_000.0, 8_000.0)),
+        ),
     ),
     "paper": Preset(
         sampling_scale=1.0,
