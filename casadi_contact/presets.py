@@ -150,20 +150,20 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((16, 16, 16),), 160.0, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 70.0, tolerance_share=0.2),
-                TOGETHER: Effort((), 1_000.0, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 250.0, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
+                TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
             }
         },
         active=(
             ActiveRound(
-                times=1.5,
-                worst_share=0.15,
+                times=1.0,
+                worst_share=0.2,
                 efforts={
                     "trunk": {
-                        "root": Effort(((20, 20, 20),), 60.0, tolerance_share=0.2),
-                        "ratios": Effort(((16, 16),), 40.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 5_500.0, tolerance_share=0.2),
+                        "root": Effort(((20, 20, 20),), 150.0, tolerance_share=0.2),
+                        "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 10_000.0, tolerance_share=0.2),
                     }
                 },
             ),
