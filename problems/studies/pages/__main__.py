@@ -3,10 +3,9 @@
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
 ``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
 solve_time.csv, muscle_settings.json and seeds.json (``python -m problems.studies.solve_time``, ``.muscle_settings`` and
-``.seeds``),
-evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json
-(summaries of the problems), and stability.json (``python -m problems.studies.stability``). A page is written for each
-that is there.
+``.seeds``), evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and
+muscle_contact/*.json (summaries of the problems), and stability.json or stability-SCENE.json
+(``python -m problems.studies.stability``). A page is written for each that is there.
 """
 
 from __future__ import annotations
@@ -58,8 +57,8 @@ def pages(data: Path) -> dict[str, str]:
     if summaries := sorted((data / "muscle_contact").glob("*.json")):
         settings = data / "muscle_settings.json"
         found["muscle-contact.md"] = muscle_contact_page(summaries, settings if settings.is_file() else None)
-    if (path := data / "stability.json").is_file():
-        found["stability.md"] = stability_page(path)
+    for path in sorted(data.glob("stability*.json")):
+        found[f"{path.stem}.md"] = stability_page(path)
     return found
 
 

@@ -87,8 +87,9 @@ def _settings(lines: dict[str, Any]) -> list[str]:
 
 
 def stability_page(path: Path) -> str:
-    """The table of ``stability.json``, method by failure."""
+    """The table of a ``stability.json``, method by failure."""
     content = _read(path)
+    scene = content["settings"].get("scene", "knee")
     lines = [Line(**line) for line in content["lines"]]
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
     settings = ", ".join(f"{name} {value}" for name, value in content["settings"].items())
@@ -106,7 +107,7 @@ def stability_page(path: Path) -> str:
         reasons = dict.fromkeys(f"{method}: {why}" for line in mine for method, why in line.reasons.items())
         if reasons:
             parts.append(f"No entry: {'; '.join(reasons)}.")
-    return page("Stability where methods fail", *parts)
+    return page("Stability where methods fail" if scene == "knee" else f"Stability where methods fail: {scene}", *parts)
 
 
 def _rms_and_largest(error: dict[str, float]) -> str:
