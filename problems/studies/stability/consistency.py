@@ -54,7 +54,7 @@ def measure(bench: Bench) -> tuple[list[Line], None]:
         own[method] = 100.0 * float(np.median(np.linalg.norm(skew, axis=(1, 2)) / size))
         off[method] = 100.0 * float(np.median(np.linalg.norm(k - true, axis=(1, 2)) / size))
     grid = f"EF {bench.teacher.grid[0]}×{bench.teacher.grid[1]}"
-    case = f"{len(bench.poses)} frames of walking"
+    case = f"{len(bench.poses)} frames of the motion"
     return [
         Line(9, case, f"curl, median [%] ({grid}: {100.0 * np.median(curl(true)):.2g})", curls, bench.missing),
         Line(9, case, f"curl, largest [%] ({grid}: {100.0 * curl(true).max():.2g})", worst, bench.missing),

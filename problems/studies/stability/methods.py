@@ -104,7 +104,11 @@ def project_bench(project: Project, *, peer_points: int = 1000, peer_gflop: floa
         models[FOUNDATION] = foundation(scene)
     except ValueError as error:
         missing = {**missing, FOUNDATION: str(error)}
-    models |= {EF_FINE: CallableModel(scene, grids["fine"].wrenches), EF_ANALYTIC: grids["fine"], **peers}
+    models |= {
+        EF_FINE: CallableModel(scene, grids["fine"].wrenches, grids["fine"].gaps),
+        EF_ANALYTIC: grids["fine"],
+        **peers,
+    }
     poses = motion.poses.reshape(-1, 6)
     frames = np.linspace(0, len(poses) - 1, min(_FRAMES, len(poses))).astype(int)
     settings = {
