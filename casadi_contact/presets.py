@@ -17,7 +17,7 @@ class Effort:
 
     gflop: 10⁹ floating-point operations, counted as `training.TrainingSettings` says. Work and not time, so that the
     same samples give the same surrogate on a busy machine. Measured on one core with AVX-512, the other one busy:
-    14 Gflop a second for networks of 14-14, 18 for 4×30 of tanh, 22 for 20-20-20.
+    13 Gflop a second for networks of 14-14, 22 for 20-20-20, 35 for 4×30.
     """
 
     sizes: tuple[tuple[int, ...], ...]

@@ -17,7 +17,7 @@ class TrainingSettings:
     contact loads three layers reach a given error sooner than two of as many weights.
     max_gflop: budget, shared by all sizes and restarts, in 10⁹ floating-point operations of matrix products. They are
     counted, not timed, so that a busy or slow machine stops at the same iteration with the same weights. A core of
-    2023 does 5 to 25 Gflop a second, small networks being slowest. max_iterations: another end; with it growth goes
+    2023 does 5 to 35 Gflop a second, small networks being slowest. max_iterations: another end; with it growth goes
     by iterations instead.
     max_validation_rises: criterion 3 of §2.6. restarts: how often a stalled fit begins again from another seed.
     stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
