@@ -182,8 +182,10 @@ def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
 def motion_at_hand(project: Project) -> ReferenceMotion:
     """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
     where nothing has been built."""
-    if project.begun:
-        return read_motion(project)[0]
-    scene = project.scene
+    return read_motion(project)[0] if project.begun else built_in_motion(project.scene)
+
+
+def built_in_motion(scene: Scene) -> ReferenceMotion:
+    """The reference motion of the scene's built-in cycles."""
     model = ElasticFoundation(scene, scene.grids["settle"])
     return reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]

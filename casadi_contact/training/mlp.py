@@ -160,6 +160,11 @@ class Mlp:
 
     def accept(self, parameters: Any) -> Any:
         """Make the parameters that `evaluate` returned last current; returns the gradient Jᵀr."""
+        self.move(parameters)
+        return self.vjp(self._residuals)
+
+    def move(self, parameters: Any) -> None:
+        """`accept` without the gradient."""
         self._residuals, self._tried_residuals = self._tried_residuals, self._residuals
         layers = split(parameters, self.shapes)
         for chunk in self._chunks:
@@ -168,7 +173,6 @@ class Mlp:
             if self._single:
                 chunk.rough = self._rough(chunk.exact)
         self._count(1)
-        return self.vjp(self._residuals)
 
     def _derivatives(self, chunk: Chunk, layers: list[Any]) -> list[Any]:
         """δ_l (neurons, rows) of all layers at the current parameters."""

@@ -94,7 +94,7 @@ class PartsMlp:
     def accept(self, parameters: Array) -> Array:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
         for part, own in zip(self._parts, self.split(parameters), strict=True):
-            part.accept(own)
+            part.move(own)
         self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
         self._effect = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
         return self._vjp(self._tried_residuals)

@@ -12,6 +12,7 @@ import casadi_contact as cc
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.network import Regression
 from casadi_contact.optimisation import pose_bounds
+from casadi_contact.project import built_in_motion
 from casadi_contact.training import TrainingSettings
 from problems.studies.stability import (
     __main__,
@@ -29,7 +30,8 @@ from problems.studies.stability import (
 )
 from problems.studies.stability.differences import by_differences
 from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, FOUNDATION, METHODS, PATCH, TWO_STAGE
-from problems.studies.stability.peers import KRIGING, PEERS, PeerModel, motion_of
+from problems.studies.stability.normals import normal_of
+from problems.studies.stability.peers import KRIGING, PEERS, PeerModel
 from problems.studies.stability.picture import draw
 from problems.studies.stability.table import Line, print_table, write_table
 
@@ -288,7 +290,7 @@ def hip():
     """A joint without a single direction of pressing, without networks."""
     scene = cc.load_scene("hip")
     fine = ElasticFoundation(scene, scene.grids["coarse"])
-    poses = motion_of(scene).poses.reshape(-1, 6)[::20]
+    poses = built_in_motion(scene).poses.reshape(-1, 6)[::20]
     return methods.Bench({FOUNDATION: cc.foundation(scene), EF_ANALYTIC: fine}, {}, scene, fine, poses)
 
 
@@ -303,7 +305,7 @@ def test_other_joints_settle_back_from_starts_that_are_lifted_off_or_pressed_in(
 
 def test_contact_without_a_direction_cannot_pull(hip):
     loads = np.array([[3.0, 4.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 6])
-    np.testing.assert_allclose(out_of_range.normal_of(hip.models[FOUNDATION], loads), [[5.0], [0.0]])
+    np.testing.assert_allclose(normal_of(hip.models[FOUNDATION], loads), [[5.0], [0.0]])
     counted = out_of_range.count_failures(hip.models[FOUNDATION], hip.poses, hip.models[EF_ANALYTIC])
     assert counted == (0, 0, 0, None)
 

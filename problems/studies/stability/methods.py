@@ -12,11 +12,11 @@ from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import CallableModel, ElasticFoundation, foundation
 from casadi_contact.conventions import Array
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import Project, read_motion, surrogates_at_hand
+from casadi_contact.project import Project, built_in_motion, read_motion, surrogates_at_hand
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate, load_surrogate
 from problems import pose_estimation
-from problems.studies.stability.peers import PEERS, motion_of, peer_models
+from problems.studies.stability.peers import PEERS, peer_models
 from problems.studies.stability.walking_samples import walking_samples
 
 PATCH, TWO_STAGE = "patch", "two-stage"
@@ -69,7 +69,7 @@ def bench(
     if not solved.converged.all():
         raise ValueError(f"surrogate {patch} does not solve the reference cycle: {solved.ipopt_status}")
     learned_from = walking_samples(grids["fine"], solved.poses, peer_points + peer_points // 4)
-    motion = motion_of(scene)
+    motion = built_in_motion(scene)
     peers, missing = peer_models(grids["fine"], TrainingSet.of(learned_from), motion, peer_points, peer_gflop)
     models: dict[str, Any] = {
         PATCH: surrogate,

@@ -11,6 +11,7 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
 from problems.studies.stability.methods import BY_DIFFERENCES, Bench
+from problems.studies.stability.normals import normal_of
 from problems.studies.stability.table import Line
 
 TIMES = 3.0
@@ -35,15 +36,6 @@ def everywhere(surrogate: Surrogate, count: int, seed: int = 0) -> Array:
     low, high = pose_bounds(surrogate)
     unit = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 6))
     return 0.5 * (low + high) + TIMES * 0.5 * (high - low) * unit
-
-
-def normal_of(model: Any, loads: Array) -> Array:
-    """Normal load (n, patches) of named loads (n, L), below zero where a patch pulls."""
-    columns = []
-    for normal in model.scene.normal_loads:
-        own = loads[:, [model.load_names.index(name) for name in normal.loads]]
-        columns.append(np.linalg.norm(own, axis=1) if normal.index is None else normal.sign * own[:, 0])
-    return np.stack(columns, axis=1)
 
 
 def count_failures(model: Any, poses: Array, gaps_of: ElasticFoundation) -> tuple[int, int, int, int | None]:

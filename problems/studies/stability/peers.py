@@ -22,10 +22,10 @@ from casadi_contact.benchmark.peers.training_set import TrainingSet
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling import ReferenceMotion, SamplingSettings, reference_motion
+from casadi_contact.sampling import ReferenceMotion
 from casadi_contact.scenes import Scene
 from problems.studies.stability.differences import by_differences
+from problems.studies.stability.normals import normal_of, patch_wrench
 
 POLYNOMIAL, KRIGING, RADIAL_BASIS = "polynomial", "Kriging", "radial basis"
 LAZY, TIME_DELAY = "lazy learning", "time-delay network"
@@ -62,25 +62,15 @@ class PeerModel:
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """s (n, P) and ds/dpose (n, P, 6)."""
         loads, slopes = self.jacobian(poses)
-        sizes, rates = np.zeros((len(loads), len(self.patch_names))), np.zeros((len(loads), len(self.patch_names), 6))
+        sizes, rates = normal_of(self, loads), np.zeros((len(loads), len(self.patch_names), 6))
         for p, normal in enumerate(self.scene.normal_loads):
-            columns = [self.load_names.index(name) for name in normal.loads]
-            wrench, rate = np.zeros((len(loads), 6)), np.zeros((len(loads), 6, 6))
-            at = slice(0, 3) if normal.index is None else [normal.index]
-            wrench[:, at], rate[:, at] = loads[:, columns], slopes[:, columns]
-            sizes[:, p], rates[:, p] = normal.of(wrench), normal.slope(wrench, rate)
+            rates[:, p] = normal.slope(patch_wrench(self, normal, loads), patch_wrench(self, normal, slopes))
         return root_of_normal(sizes, rates, self.scene.reference_load)
 
 
 def _degree(samples: int) -> int:
     """The highest degree of six variables whose terms have three samples each."""
     return next(d for d in _POLYNOMIAL_DEGREES if _SAMPLES_A_TERM * comb(d + 6, 6) <= samples or d == 1)
-
-
-def motion_of(scene: Scene) -> ReferenceMotion:
-    """The scene's own cycles, settled."""
-    settled = ElasticFoundation(scene, scene.grids["settle"])
-    return reference_motion(settled, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]
 
 
 def peer_models(

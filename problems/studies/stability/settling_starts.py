@@ -12,10 +12,9 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.scenes import Scene
 from casadi_contact.statics import settle
 from problems.studies.stability.methods import Bench
-from problems.studies.stability.out_of_range import normal_of
+from problems.studies.stability.normals import normal_of
 from problems.studies.stability.starts import LIFTS_MM, same_poses
 from problems.studies.stability.table import Line
 
@@ -35,11 +34,6 @@ def lifted(model: ElasticFoundation, poses: Array, lift_mm: float, rng: np.rando
     return moved
 
 
-def loads_to_settle(scene: Scene) -> tuple[str, ...]:
-    """The loads of the scene that its sensitive pose parameters are settled under."""
-    return tuple(name for normal in scene.normal_loads for name in normal.loads)
-
-
 def measure(
     bench: Bench, count: int = 200, lifts_mm: tuple[float, ...] = LIFTS_MM
 ) -> tuple[list[Line], dict[str, Any]]:
@@ -52,7 +46,7 @@ def measure(
         why = f"no frame of the motion presses every patch by {LEAST_LOAD_N:g} N"
         return [Line(1, "starts", "solved [%]", {}, dict.fromkeys(bench.models, why))], {}
     frames = frames[np.linspace(0, len(frames) - 1, FRAMES).astype(int)][np.arange(count) % FRAMES]
-    near, names = bench.poses[frames], loads_to_settle(scene)
+    near, names = bench.poses[frames], scene.sensitive_loads
     presses = ElasticFoundation(scene, scene.grids["coarse"])
     starts = [lifted(presses, near, lift, rng) for lift in lifts_mm]
     solved: dict[str, list[float]] = {}
