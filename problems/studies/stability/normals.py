@@ -11,7 +11,7 @@ from casadi_contact.scenes.normal_load import NormalLoad
 
 
 def patch_wrench(model: Any, normal: NormalLoad, loads: Array) -> Array:
-    """Named loads (n, L, ...) that a normal load is made of, in their places of a wrench (n, 6, ...), zeros elsewhere."""
+    """Named loads (n, L, ...) that a normal load is made of, in their places of a wrench (n, 6, ...) of zeros."""
     columns = [model.load_names.index(name) for name in normal.loads]
     wrench = np.zeros((len(loads), 6, *loads.shape[2:]))
     wrench[:, slice(0, 3) if normal.index is None else [normal.index]] = loads[:, columns]
