@@ -2,6 +2,7 @@
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -12,14 +13,14 @@ import casadi_contact as cc
 from casadi_contact import benchmark, cli, pipeline
 from casadi_contact.benchmark import at_hand, unseen_walking
 from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.benchmark.front_file import SECONDS, read_front
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of
 from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
 from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.quantities import FORCE, quantity
-from problems.studies import seeds
+from problems.studies import seeds, two_stage_work
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -219,3 +220,22 @@ def test_seeds_scatter_the_errors_of_a_size(project):
 def test_a_preset_without_so_small_a_size_is_refused(project):
     with pytest.raises(ValueError, match="no size of up to 3"):
         seeds.seeded_sizes(project, 2, 3)
+
+
+def test_the_paper_s_method_is_measured_with_several_budgets(project, monkeypatch):
+    efforts = {"": Effort(((3, 3), (4, 4)), 0.05, "tanh"), "root": Effort(((3,),), 0.05)}
+    monkeypatch.setitem(PRESETS, "tiny", replace(TINY, efforts={"two_stage": efforts}))
+    scene, options = str(project.folder.parent / "knee.toml"), ["--preset", "tiny", "--out", str(project.folder)]
+    done = CliRunner().invoke(two_stage_work.app, [scene, *options, "--gflop", "0.02", "--gflop", "0.5"])
+    assert done.exit_code == 0, done.output
+    front = read_front(project.folder / "two_stage_work.csv")
+    less, more = (p for p in front.points if p.sweep == SECONDS)
+    assert (less.name, more.name) == ("two_stage 4-4 (0.02 Gflop)", "two_stage 4-4 (0.5 Gflop)")
+    assert more.force_rms_n < less.force_rms_n
+    assert more.training_seconds > less.training_seconds
+    assert {"foundation", "EF"} <= {point.family for point in front.models}
+
+
+def test_a_preset_without_two_stage_is_refused(project):
+    with pytest.raises(ValueError, match="preset tiny trains no two_stage for scene knee, expected a preset with it"):
+        two_stage_work.train_with_work(project, [1.0])

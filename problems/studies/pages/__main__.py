@@ -2,10 +2,10 @@
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
 ``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
-solve_time.csv, muscle_settings.json and seeds.json (``python -m problems.studies.solve_time``, ``.muscle_settings`` and
-``.seeds``), evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and
-muscle_contact/*.json (summaries of the problems), and stability.json or stability-SCENE.json
-(``python -m problems.studies.stability``). A page is written for each that is there.
+solve_time.csv, muscle_settings.json, seeds.json and two_stage_work.csv (``python -m problems.studies.solve_time``,
+``.muscle_settings``, ``.seeds`` and ``.two_stage_work``), evaluation.json (``evaluate``), kernel_speed.json
+(``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the problems), and stability.json or
+stability-SCENE.json (``python -m problems.studies.stability``). A page is written for each that is there.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ from problems.studies.pages.surrogates import (
 )
 
 CHARTS = "chart-*.csv"
+FRONTS = {
+    "speed_accuracy": ("speed-accuracy", "Speed and accuracy"),
+    "sizes": ("sizes", "Sizes, samples and training"),
+    "two_stage_work": ("two-stage-work", "The paper's method by work of training"),
+}
 app = new_app()
 
 
 def pages(data: Path) -> dict[str, str]:
     """Text of every page by file name, of the result files that are in the folder."""
     found: dict[str, str] = {}
-    if (path := data / "speed_accuracy.csv").is_file():
-        found["speed-accuracy.md"] = speed_accuracy_page(path)
-    if (path := data / "sizes.csv").is_file():
-        found["sizes.md"] = speed_accuracy_page(path, "Sizes, samples and training")
-    for path in sorted(data.glob(CHARTS)):
-        found[f"{path.stem}.md"] = speed_accuracy_page(path, f"Speed and accuracy: {path.stem.partition('-')[2]}")
+    for path, (name, title) in _fronts(data).items():
+        found[f"{name}.md"] = speed_accuracy_page(path, title)
     if (path := data / "solve_time.csv").is_file():
         found["solve-time.md"] = solve_time_page(path)
     if (path := data / "evaluation.json").is_file():
@@ -62,6 +63,13 @@ def pages(data: Path) -> dict[str, str]:
     return found
 
 
+def _fronts(data: Path) -> dict[Path, tuple[str, str]]:
+    """Measured fronts of the folder, with the name of their page and its title."""
+    named = {path: page for name, page in FRONTS.items() if (path := data / f"{name}.csv").is_file()}
+    charts = sorted(data.glob(CHARTS))
+    return named | {path: (path.stem, f"Speed and accuracy: {path.stem.partition('-')[2]}") for path in charts}
+
+
 @app.command()
 def run(
     data: Annotated[Path, typer.Argument(help="folder of result files")] = Path("docs/results/data"),
@@ -77,9 +85,8 @@ def run(
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
         print(f"written {out / name}")
-    for path in (data / "speed_accuracy.csv", data / "sizes.csv", *sorted(data.glob(CHARTS))):
-        if path.is_file():
-            draw_speed_accuracy(path, out)
+    for path in _fronts(data):
+        draw_speed_accuracy(path, out)
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:

@@ -37,7 +37,9 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     pictures = {x: f"![{_CHARTS[x]}]({path.stem}/{x}.png)" for x in shown}
     header = front.header
     command = f"python -m casadi_contact.benchmark.shipped {header['scene']}"
-    if "preset" in header:
+    if "command" in header:
+        command = header["command"]
+    elif "preset" in header:
         command = f"casadi-contact chart {header['scene']} --preset {header['preset']}"
         command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
     intro = (
@@ -55,7 +57,7 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
         parts.append(f"Remarks of the file, but for numbers of single models: {'; '.join(general)}.")
     if swept:
         series = [pictures[x] for x in needs if x in pictures]
-        parts += ["## One size with fewer samples and less training", _front_table(swept), *series]
+        parts += ["## One size with other samples and budgets", _front_table(swept), *series]
     failed = [f"- {p.name}: {p.failure}" for p in front.points if p.failure]
     if failed:
         parts += ["## Not measured", "\n".join(failed)]

@@ -1,0 +1,123 @@
+"""The paper's method given its due: `two_stage` trained for ten minutes, an hour and three hours of one core in all.
+
+Networks of 4 hidden layers grow from 15 to 30 neurons a layer [EF15 §2.6], on the samples of a preset:
+
+    casadi-contact sample knee --preset paper --model foundation
+    python -m problems.studies.two_stage_work knee --preset paper
+
+Budgets are work (Gflop for each network of loads), so that a busy machine gives the same networks; the file says how
+many seconds of a core they took. Errors and times stand beside those of the scene's shipped surrogates and foundations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from casadi_contact.benchmark.candidate import Candidate
+from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.benchmark.front_file import SECONDS, Front, Point, write_front
+from casadi_contact.benchmark.measure import measure
+from casadi_contact.benchmark.sizes import on_disk
+from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.fitting import fit_surrogate, size_text
+from casadi_contact.progress import progress_bars
+from casadi_contact.project import Project, Update, alone, read_motion, shipped_surrogates
+from casadi_contact.structures import STRUCTURES, Surrogate, TwoStageSurrogate
+from casadi_contact.terminal import PlainConsole
+from casadi_contact.workers import worker_pool
+from problems.common.command import new_app, run_command
+
+NAME = "two_stage_work"
+STRUCTURE = TwoStageSurrogate.structure
+GFLOP = (2_000.0, 13_000.0, 40_000.0)
+app = new_app()
+
+
+@alone
+def train_with_work(
+    project: Project, gflop: Sequence[float], update: Update | None = None, executor: Executor | None = None
+) -> dict[str, Surrogate]:
+    """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads; those on disk are
+    not trained again, interrupted ones go on.
+
+    Raises ValueError for a preset that does not train `two_stage` and for a scene that it does not fit.
+    """
+    if STRUCTURE not in project.preset.efforts or not STRUCTURES[STRUCTURE].fits(project.scene):
+        raise ValueError(
+            f"preset {project.preset_name} trains no {STRUCTURE} for scene {project.scene.name}, expected a preset "
+            "with it (standard, paper) and a scene that presses down"
+        )
+    samples, efforts = project.samples(), project.preset.efforts[STRUCTURE]
+    size = size_text(efforts[""].sizes[-1])
+    made: dict[str, Surrogate] = {}
+    with worker_pool(executor) as workers:
+        for budget in gflop:
+            name, folder = f"{STRUCTURE} {size} ({budget:g} Gflop)", project.folder / NAME / f"{budget:g}_gflop"
+            path = folder / "surrogate.h5"
+            surrogate = on_disk(project, path)
+            if surrogate is None:
+                chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
+                command = f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
+                surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, command, name, update, workers)
+                surrogate.save(path)
+            made[name] = surrogate
+    return made
+
+
+def measured_front(project: Project, trained: dict[str, Surrogate]) -> Front:
+    """All in one run on one thread: the trained ones, the scene's shipped surrogates, foundations and elements."""
+    candidates: list[Candidate] = list(untrained_candidates(project.scene))
+    for name, surrogate in {**shipped_surrogates(project.scene), **trained}.items():
+        candidates += surrogate_candidates(name, surrogate)
+    settled = ElasticFoundation(project.scene, project.scene.grids["settle"])
+    walking = unseen_walking(settled, read_motion(project)[0])
+    front = measure(candidates, project.scene, walking, project.samples(), dict.fromkeys(trained, SECONDS))
+    command = f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
+    return Front({**front.header, "command": command}, front.points)
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(help="a ready scene, or the path of a .toml")] = "knee",
+    preset: Annotated[str, typer.Option(help="whose samples, and whose networks of two_stage")] = "paper",
+    gflop: Annotated[list[float] | None, typer.Option(min=0.001, help="work for each network of loads")] = None,
+    out: Annotated[Path | None, typer.Option(help="project folder; results/SCENE-PRESET if left out")] = None,
+) -> None:
+    """Train two_stage with several budgets, and measure them beside other models in one run."""
+    project = Project.open(scene, preset, out)
+    console = PlainConsole()
+    with progress_bars(console) as update:
+        trained = train_with_work(project, GFLOP if gflop is None else gflop, update)
+    front = measured_front(project, trained)
+    path = project.folder / f"{NAME}.csv"
+    write_front(path, front)
+    console.print(_table(front.points))
+    typer.echo(f"results in {path}")
+
+
+def _table(points: Sequence[Point]) -> Table:
+    domains = [domain for domain in ("D1", "D3", "D4") if any(domain in p.domain_force_rms_n for p in points)]
+    table = Table("model", "trained [min]", "µs", "force [N]", "torque [N·mm]", *(f"{d} force [N]" for d in domains))
+    for p in points:
+        of_domains = (f"{p.domain_force_rms_n[d]:.3g}" if d in p.domain_force_rms_n else "" for d in domains)
+        time = "" if p.value is None else f"{p.value.median_us:.3g}"
+        trained = f"{p.training_seconds / 60.0:.3g}" if p.samples else ""
+        table.add_row(p.name, trained, time, f"{p.force_rms_n:.3g}", f"{p.torque_rms_nmm:.3g}", *of_domains)
+    return table
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_command(app, f"studies.{NAME}")
+
+
+if __name__ == "__main__":
+    main()
