@@ -20,10 +20,6 @@ from casadi_contact.project import Project, read_motion
 from casadi_contact.sampling import draw_samples, models_of, settings_of
 from casadi_contact.sampling.draw import ModelPair
 
-# Residuals out of contact weigh little (`root_weight`): false contact of thousands of newtons counted as 10 to 25 N on
-# `knee_reach`, and training left it as it was.
-FALSE_CONTACT = 25
-
 
 def models_to_ask(project: Project, samples: Samples) -> ModelPair:
     """What makes the contact models of the samples, to draw more; ValueError where the library's did not make them."""
@@ -60,16 +56,14 @@ def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
     """The share of samples on which a model is worst, and all on which nothing touches, as training rows.
 
     The error of a sample is max over loads |model - sample|/tolerance, the scene's tolerances. Lifted bodies all belong
-    to them because a load error of zero does not tell how near a false contact is; those that falsely bear a load stand
-    there `FALSE_CONTACT` times. Raises ValueError for a share outside 0 to 1.
+    to them because a load error of zero does not tell how near a false contact is. Raises ValueError for a share
+    outside 0 to 1.
     """
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"share is {share!r}, expected 0 to 1")
     tolerances = np.array([samples.scene.tolerances[name] for name in model.load_names])
     errors = np.max(np.abs(model(samples.poses) - samples.loads(model.load_names)) / tolerances, axis=1)
-    lifted = (samples.wrenches == 0.0).all(axis=(1, 2))
-    chosen = lifted.copy()
+    chosen = (samples.wrenches == 0.0).all(axis=(1, 2))
     chosen[np.argsort(-errors, kind="stable")[: round(share * len(samples))]] = True
-    false = np.flatnonzero(lifted & (errors > 0.0))
-    worst = samples.rows(np.concatenate([np.flatnonzero(chosen), np.repeat(false, FALSE_CONTACT - 1)]))
+    worst = samples.rows(chosen)
     return replace(worst, role=np.full(len(worst), TRAIN, dtype=np.uint8))

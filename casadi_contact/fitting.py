@@ -36,8 +36,7 @@ def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
     if rows is None or len(regression.targets) <= rows:
         return regression
     kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
-    columns = {name: getattr(regression, name)[kept] for name in ("inputs", "targets", "weights", "validation")}
-    return replace(regression, **columns)
+    return regression.of_rows(kept)
 
 
 def structures_for_scene(project: Project) -> list[str]:

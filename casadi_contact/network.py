@@ -9,7 +9,7 @@ with σ the network's activation (see `casadi_contact.activations`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -97,9 +97,13 @@ class Network:
 
 @dataclass(frozen=True)
 class Regression:
-    """One network to fit: residual_i = weights_i·(net(inputs_i) - targets_i), root mean square wanted below tolerance.
+    """One network to fit, the root mean square of its residuals wanted below tolerance:
+
+        residual_i = weights_i·(net(inputs_i) - targets_i) + false_load_i·max(net(inputs_i), 0)²
 
     inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
+    false_load (n,): for root loads, the reference load where there is no load, so that a load foretold there counts as
+    what it is, and not as a distance to the target; 0 elsewhere, or 0 for all rows.
     spots: targets (n,) are joint root loads (`casadi_contact.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
     Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
@@ -112,16 +116,23 @@ class Regression:
     validation: np.ndarray
     tolerance: float
     spots: int = 1
+    false_load: Array | float = 0.0
 
     @property
     def outputs(self) -> int:
         """Number of the network's outputs."""
         return self.spots if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]
 
+    def of_rows(self, rows: np.ndarray) -> Regression:
+        """The regression on these of its rows."""
+        columns = {name: getattr(self, name)[rows] for name in ("inputs", "targets", "weights", "validation")}
+        return replace(self, **columns, false_load=np.broadcast_to(self.false_load, np.shape(self.targets))[rows])
+
     def residuals(self, network: Network) -> Array:
         """Weighted residuals, (n,) or (n, m)."""
         values = network.value(self.inputs)
-        return np.asarray(self.weights * ((joint_root(np, values)[0] if self.spots > 1 else values) - self.targets))
+        values = joint_root(np, values)[0] if self.spots > 1 else values
+        return np.asarray(self.weights * (values - self.targets) + self.false_load * np.maximum(values, 0.0) ** 2)
 
 
 @dataclass(frozen=True)

@@ -177,11 +177,16 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((24, 24, 24),), 60_000.0, tolerance_share=0.2),
-                "ratios": Effort(((20, 20),), 12_000.0, tolerance_share=0.2),
+                "root": Effort(((24, 24, 24),), 20_000.0, tolerance_share=0.2),
+                "ratios": Effort(((20, 20),), 6_000.0, tolerance_share=0.2),
             }
         },
-        active=(_reach_round(2_000.0, 2_000.0), _reach_round(6_000.0, 4_000.0), _reach_round(8_000.0, 6_000.0)),
+        active=(
+            _reach_round(3_000.0, 3_000.0),
+            _reach_round(6_000.0, 6_000.0),
+            _reach_round(8_000.0, 8_000.0),
+            _reach_round(10_000.0, 10_000.0),
+        ),
     ),
     "paper": Preset(
         sampling_scale=1.0,

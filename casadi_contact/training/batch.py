@@ -111,7 +111,7 @@ class Batch:
         wanted = int(ROWS_PER_PARAMETER * self._size)
         for k in members:
             m, total = self.members[k], int(self._mlp.rows[k])
-            drawn = alone.draw_rows(np.abs(self._mlp.row_weights[k]), wanted, [m.seed, m.iterations])
+            drawn = alone.draw_rows(self._mlp.draw_weights(k), wanted, [m.seed, m.iterations])
             chosen, scale = (np.arange(total), np.ones(total)) if drawn is None else drawn
             rows.append(chosen)
             scales.append(scale)

@@ -18,7 +18,7 @@ from casadi_contact.training.arrays import TorchArrays
 from casadi_contact.training.mlp import OUTPUT_RIDGE
 from casadi_contact.training.weights import layer_shapes
 
-Columns = tuple[Array, Array, Array]  # inputs (rows, k), targets (rows,), weights (rows,)
+Columns = tuple[Array, Array, Array, Array | float]  # inputs (rows, k); targets, weights, false loads (rows,)
 
 
 class BatchMlp:
@@ -34,18 +34,18 @@ class BatchMlp:
         self._activation = activation_of(likes[0].activation)
         self.shapes = layer_shapes(columns[0][0].shape[1], likes[0].hidden)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
-        self.rows = np.array([len(targets) for _, targets, _ in columns])
-        self.row_weights = [c[2] * like.output_scale for like, c in zip(likes, columns, strict=True)]
+        self.rows = np.array([len(targets) for _, targets, *_ in columns])
         self._chunk = min(chunk_rows, max(int(self.rows.max()), 1))
         padded = -(-int(self.rows.max()) // self._chunk) * self._chunk
         first = np.zeros((len(likes), padded, self.shapes[0][1]))
-        weight, target = np.zeros((len(likes), padded)), np.zeros((len(likes), padded))
-        for m, (like, (inputs, targets, _)) in enumerate(zip(likes, columns, strict=True)):
+        weight, target, false = (np.zeros((len(likes), padded)) for _ in range(3))
+        for m, (like, (inputs, targets, weights, false_load)) in enumerate(zip(likes, columns, strict=True)):
             first[m, : len(targets), :-1] = (inputs - like.input_shift) / like.input_scale
             first[m, : len(targets), -1] = 1.0
             target[m, : len(targets)] = targets / like.output_scale
-            weight[m, : len(targets)] = self.row_weights[m]
-        self._first, self._weight, self._target = (arrays.array(a) for a in (first, weight, target))
+            weight[m, : len(targets)] = weights * like.output_scale
+            false[m, : len(targets)] = false_load * like.output_scale**2
+        self._first, self._weight, self._target, self._false = map(arrays.array, (first, weight, target, false))
         self._values: list[Any] = []
         self._delta: list[Any] = []
         self.flop = np.zeros(len(likes), dtype=np.int64)
@@ -73,8 +73,11 @@ class BatchMlp:
             values.append(a)
         return values
 
-    def _residuals(self, a: Any, output: Any) -> Any:
-        return self._weight * ((a @ output.mT)[..., 0] - self._target)
+    def _residuals_and_weights(self, a: Any, output: Any) -> tuple[Any, Any]:
+        """r and ∂r/∂y (m, rows)."""
+        y = (a @ output.mT)[..., 0]
+        falsely = self._false * y.clip(min=0.0)
+        return self._weight * (y - self._target) + falsely * y, self._weight + 2.0 * falsely
 
     def _over_rows(self, left: Any, right: Any) -> Any:
         """Σ leftᵀ·right (m, j, k) over the rows of (m, rows, j) and (m, rows, k)."""
@@ -86,14 +89,14 @@ class BatchMlp:
         is not a number. members: who asked (all are evaluated, these are counted)."""
         layers = self.split(parameters)
         a = self._forward(layers)[-1]
-        residuals = self._residuals(a, layers[-1])
-        loss, weighted = 0.5 * (residuals**2).sum(1), a * self._weight[..., None]
+        residuals, weight = self._residuals_and_weights(a, layers[-1])
+        loss, weighted = 0.5 * (residuals**2).sum(1), a * weight[..., None]
         gram, right = self._over_rows(weighted, weighted), self._over_rows(weighted, residuals[..., None])
         width = a.shape[-1]
         ridge = OUTPUT_RIDGE * self.xp.einsum("mii->m", gram)
         factor, failed = self.xp.linalg.cholesky_ex(gram + ridge[:, None, None] * self.arrays.identity(width))
         output = layers[-1] - self.xp.cholesky_solve(right, factor).mT
-        solved = 0.5 * (self._residuals(a, output) ** 2).sum(1)
+        solved = 0.5 * (self._residuals_and_weights(a, output)[0] ** 2).sum(1)
         better = self.xp.isfinite(loss) & (failed == 0) & (solved < loss)
         projected = self.xp.cat([parameters[:, :-width], output[:, 0]], 1)
         self.count(1, members)
@@ -104,19 +107,24 @@ class BatchMlp:
     def losses(self, parameters: Any) -> Array:
         """½Σr² (m,) at any parameters."""
         layers = self.split(parameters)
-        residuals = self._residuals(self._forward(layers)[-1], layers[-1])
+        residuals, _ = self._residuals_and_weights(self._forward(layers)[-1], layers[-1])
         return np.asarray(self.arrays.numpy(0.5 * (residuals**2).sum(1)))
 
     def accept(self, parameters: Any, members: np.ndarray) -> Any:
         """Make parameters current; returns the gradients Jᵀr (m, parameters). members: whose are new, for counting."""
         layers = self.split(parameters)
         self._values = self._forward(layers)
-        self._delta = [self._weight[..., None]]
+        residuals, weight = self._residuals_and_weights(self._values[-1], layers[-1])
+        self._delta = [weight[..., None]]
         for layer, a in zip(layers[:0:-1], self._values[:0:-1], strict=True):
             slope = self._activation.slope_from_value(self.xp, a[..., :-1])
             self._delta.insert(0, (self._delta[0] @ layer[..., :-1]) * slope)
         self.count(2, members)
-        return self._reverse_product(self._residuals(self._values[-1], layers[-1]))
+        return self._reverse_product(residuals)
+
+    def draw_weights(self, member: int) -> Array:
+        """|∂r/∂y| (rows,) of a member at the current parameters: what rows of its preconditioner are drawn by."""
+        return np.abs(self.arrays.numpy(self._delta[-1][member, : self.rows[member], 0]))
 
     def _reverse_product(self, rows: Any) -> Any:
         """Jᵀ·u (m, parameters) of u (m, rows)."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.conventions import Array
 from casadi_contact.files import read_npz, write_npz
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
@@ -31,7 +32,7 @@ def digest(regression: Regression, settings: TrainingSettings, start: Network | 
     chosen = {key: value for key, value in asdict(settings).items() if key not in _NOT_IN_DIGEST}
     head = json.dumps([FORMAT, regression.name, float(regression.tolerance), chosen], sort_keys=True)
     name = hashlib.sha256(head.encode())
-    for array in (regression.inputs, regression.targets, regression.weights, regression.validation):
+    for array in _arrays(regression):
         array = np.ascontiguousarray(array)
         name.update(f"{array.dtype.str}{array.shape}".encode())
         name.update(array.data)
@@ -42,6 +43,11 @@ def digest(regression: Regression, settings: TrainingSettings, start: Network | 
             name.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         name.update(repr(np.asarray(start.output_scale, dtype=float).tolist()).encode())
     return name.hexdigest()
+
+
+def _arrays(regression: Regression) -> tuple[Array, ...]:
+    r = regression
+    return r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, dtype=float)
 
 
 def write(path: Path, identity: str, content: dict[str, Any]) -> None:

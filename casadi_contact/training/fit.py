@@ -62,6 +62,9 @@ def check(regression: Regression) -> None:
         shape = np.shape(getattr(regression, column))
         if shape != expected:
             raise ValueError(f"regression {name}: {column} has shape {shape}, expected {expected} like the inputs")
+    false_load = np.asarray(regression.false_load, dtype=float)
+    if false_load.shape not in ((), per_row) or not (np.isfinite(false_load) & (false_load >= 0.0)).all():
+        raise ValueError(f"regression {name}: expected false_load of 0 or more, one number or {per_row}")
     for column in ("inputs", "targets", "weights"):
         values = np.asarray(getattr(regression, column), dtype=float)
         bad = ~np.isfinite(values)

@@ -1,7 +1,8 @@
 """The network in training: residuals, products with its Jacobian, and JᵀJ, over all rows in chunks.
 
 Parameters are one flat vector (see `weights`), so that with ã = (a, 1) a layer is z_l = V_l·ã_{l-1}, a column for each
-row of the data. With residual r = w·(y - target) and δ_l = ∂r/∂z_l,
+row of the data. With residual r = w·(y - target) + f·max(y, 0)², where f is 0 but for what must not be positive (see
+`network.Regression`), and δ_l = ∂r/∂z_l,
 
     ∂r/∂V_l = δ_l ⊗ ã_{l-1},   J·v = Σ_l colsum(δ_l * (V̇_l·ã_{l-1})),   Jᵀ·u = (δ_l * u)·ã_{l-1}ᵀ.
 
@@ -50,6 +51,7 @@ class Mlp:
         inputs: Array,
         targets: Array,
         weights: Array,
+        false_load: Array | float,
         arrays: NumpyArrays | TorchArrays,
         chunk_rows: int = 2000,
     ) -> None:
@@ -58,10 +60,10 @@ class Mlp:
         self.outputs = like.outputs
         self.shapes = layer_shapes(inputs.shape[1], like.hidden, self.outputs)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
-        self.row_weights = weights * like.output_scale
-        self._weight = arrays.array(self.row_weights)
+        self._weight = arrays.array(weights * like.output_scale)
         self._target = arrays.array(targets / like.output_scale)
-        self._unit = float(np.abs(self.row_weights).max(initial=0.0)) or 1.0  # of weights in single precision
+        self._false = arrays.array(np.broadcast_to(false_load * like.output_scale**2, targets.shape).copy())
+        self._unit = float(abs(self._weight).max()) if self.rows else 1.0  # of weights in single precision
         self._chunks = list(self._chunks_of(inputs, chunk_rows))
         self._chunk_rows = chunk_rows
         self._residuals = self._tried_residuals = arrays.zeros(*self._target.shape)
@@ -93,8 +95,9 @@ class Mlp:
 
     @property
     def draw_weights(self) -> Array:
-        """Weight (rows,) by which rows are drawn for the preconditioner."""
-        return np.abs(self.row_weights)
+        """Norm (rows,) of ∂r/∂y of each row at the current parameters: what rows of a preconditioner are drawn by."""
+        heads = [self.arrays.numpy(chunk.exact.derivatives[-1]) for chunk in self._chunks]
+        return np.concatenate([np.linalg.norm(head, axis=0) for head in heads])
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each row and parameter."""
@@ -117,7 +120,7 @@ class Mlp:
             return parameters, np.inf
         if not solve_output:
             return parameters, loss
-        step = self._output_step(residuals)
+        step = self._output_step(residuals, layers[-1])
         if step is None:
             return parameters, loss
         projected = self.arrays.array(self.arrays.numpy(parameters).copy())
@@ -131,20 +134,27 @@ class Mlp:
         return projected, solved
 
     def _residuals_with(self, output: Any) -> Any:
-        """w·(y - target) of all rows with the tried activations and this output layer."""
+        """r of all rows with the tried activations and this output layer."""
         residuals = self.arrays.empty(*self._target.shape)
         for chunk in self._chunks:
-            c = chunk.rows
-            residuals[c] = self._weight[c] * (self._output(chunk.tried[-1], output) - self._target[c])
+            residuals[chunk.rows] = self._residuals_of(self._output(chunk.tried[-1], output), chunk.rows)
         return residuals
+
+    def _residuals_of(self, y: Any, rows: slice) -> Any:
+        return self._weight[rows] * (y - self._target[rows]) + self._false[rows] * self.xp.clip(y, 0.0, None) ** 2
+
+    def _weights_at(self, y: Any, rows: slice) -> Any:
+        """∂r/∂y."""
+        return self._weight[rows] + 2.0 * self._false[rows] * self.xp.clip(y, 0.0, None)
 
     def _output(self, a: Any, layer: Any) -> Any:
         """y from the inputs ã (width, rows) of the output layer, (rows,) or (rows, outputs)."""
         return layer[0] @ a
 
-    def _output_step(self, residuals: Any) -> Any | None:
+    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
         """What the output layer (outputs, width) has too much, with the tried activations; None where undetermined."""
-        return self._least_squares(self._weight, residuals)
+        weights = [self._weights_at(self._output(chunk.tried[-1], layer), chunk.rows) for chunk in self._chunks]
+        return self._least_squares(self.xp.concatenate(weights), residuals)
 
     def _least_squares(self, weight: Any, residuals: Any) -> Any | None:
         """v that minimises Σ(w·v·ã - r)² over rows with the tried activations ã of the last hidden layer."""
@@ -176,7 +186,7 @@ class Mlp:
 
     def _derivatives(self, chunk: Chunk, layers: list[Any]) -> list[Any]:
         """δ_l (neurons, rows) of all layers at the current parameters."""
-        deltas = [self._weight[None, chunk.rows]]
+        deltas = [self._weights_at(self._output(chunk.current[-1], layers[-1]), chunk.rows)[None]]
         for level in range(len(layers) - 2, -1, -1):
             deltas.insert(0, (layers[level + 1][:, :-1].T @ deltas[0]) * chunk.slope(level))
         return deltas
@@ -287,10 +297,10 @@ class Mlp:
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:
-        """w·(y - target) of these rows at any parameters, without touching the current ones."""
+        """r of these rows at any parameters, without touching the current ones."""
         layers, parts = split(parameters, self.shapes), []
         for chunk in self._chunks:
-            c, a = chunk.rows, chunk.run_apart(layers)
-            parts.append(self.arrays.numpy(self._weight[c] * (self._output(a, layers[-1]) - self._target[c])))
+            y = self._output(chunk.run_apart(layers), layers[-1])
+            parts.append(self.arrays.numpy(self._residuals_of(y, chunk.rows)))
         self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

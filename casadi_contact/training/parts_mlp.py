@@ -52,7 +52,7 @@ class PartsMlp:
         self._regression, self._rows, self.rows = regression, rows, len(rows)
         nothing, one = np.zeros(self.rows), np.ones(self.rows)
         self._parts = [
-            Mlp(network, inputs[rows], nothing, one, self.arrays, chunk_rows)
+            Mlp(network, inputs[rows], nothing, one, 0.0, self.arrays, chunk_rows)
             for network, inputs in zip(networks, regression.inputs, strict=True)
         ]
         self._ends = np.cumsum([part.parameter_count for part in self._parts])

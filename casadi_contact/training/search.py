@@ -221,10 +221,10 @@ class Search:
     def _drawing_seed(self) -> int:
         return int(np.random.default_rng(self._seed(self.level)).integers(2**31))
 
-    def _columns(self, rows: np.ndarray) -> tuple[Array, Array, Array]:
-        """Inputs, targets and weights of these rows."""
-        regression = self.regression
-        return regression.inputs[rows], regression.targets[rows], regression.weights[rows]
+    def _columns(self, rows: np.ndarray) -> tuple[Array, Array, Array, Array | float]:
+        """Inputs, targets, weights and false loads of these rows."""
+        chosen = self.regression.of_rows(rows)
+        return chosen.inputs, chosen.targets, chosen.weights, chosen.false_load
 
     def _validation_rms(self) -> float:
         if self._validation_mlp is None:

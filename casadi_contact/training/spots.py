@@ -1,7 +1,8 @@
 """A network whose outputs are the root loads of the spots of one patch, in training on the root load of the patch.
 
-The residual of a row is r = w·(S(y) - target), with S the joint root load of all outputs (`casadi_contact.spots`):
-nobody says which spot bears how much. S grows in proportion to y, so that outputs of one common scale keep it.
+The residual of a row is r = w·(S - target) + f·max(S, 0)², with S(y) the joint root load of all outputs
+(`casadi_contact.spots`): nobody says which spot bears how much. S grows in proportion to y, so that outputs of one
+common scale keep it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
 from casadi_contact.spots import joint_root
 from casadi_contact.training.chunk import Chunk
 from casadi_contact.training.trunk import TrunkMlp
@@ -24,21 +24,16 @@ class SpotMlp(TrunkMlp):
         """Number of residuals of a row."""
         return 1
 
-    @property
-    def draw_weights(self) -> Array:
-        """Weight (rows,) by which rows are drawn for the preconditioner."""
-        return np.abs(self.row_weights)
-
     def _output(self, a: Any, layer: Any) -> Any:
         return joint_root(self.xp, (layer @ a).T)[0]
 
-    def _output_step(self, residuals: Any) -> Any | None:
+    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
         return None  # no linear problem
 
     def _head(self, chunk: Chunk, layer: Any) -> Any:
         """w·∂S/∂y (outputs, rows)."""
-        _, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
-        return slopes.T * self._weight[chunk.rows]
+        root, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
+        return slopes.T * self._weights_at(root, chunk.rows)
 
     def _of_outputs(self, tangent: Any, head: Any) -> Any:
         return (tangent * head).sum(0)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
 from casadi_contact.training.chunk import Chunk, Factors
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import split
@@ -27,15 +26,10 @@ class TrunkMlp(Mlp):
         """Number of residuals of a row."""
         return self.outputs
 
-    @property
-    def draw_weights(self) -> Array:
-        """Norm (rows,) of each row's weights: what rows are drawn by."""
-        return np.asarray(np.linalg.norm(self.row_weights, axis=1))
-
     def _output(self, a: Any, layer: Any) -> Any:
         return (layer @ a).T
 
-    def _output_step(self, residuals: Any) -> Any | None:
+    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
         steps = [self._least_squares(self._weight[:, k], residuals[:, k]) for k in range(self.outputs)]
         return None if any(step is None for step in steps) else self.xp.stack(steps)
 

@@ -27,7 +27,19 @@ def test_mirrored_samples_of_a_symmetric_joint_are_the_model_s_own():
     for image in (mirrored(samples), either_side(samples)):
         np.testing.assert_allclose(image.wrenches, model.wrenches(image.poses), rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(image.gaps, model.gaps(image.poses), rtol=1e-9)
-    assert 0.3 < np.mean((either_side(samples).poses == samples.poses).all(axis=1)) < 0.7
+
+
+def test_half_of_the_samples_are_learned_in_the_mirror_and_both_images_where_a_side_is_free():
+    _, samples = drawn(400)
+    free = (samples.wrenches == 0.0).all(axis=2).any(axis=1)
+    assert 20 < free.sum() < 380, "samples with and without a free side"
+    learned = either_side(samples)
+    assert len(learned) == len(samples) + free.sum()
+    as_drawn, images = ({tuple(pose) for pose in learned.poses * sign} for sign in (1.0, REFLECTION))
+    drawn_poses = {tuple(pose) for pose in samples.poses}
+    assert drawn_poses <= as_drawn | images
+    assert {tuple(pose) for pose in samples.poses[free]} <= as_drawn & images
+    assert 0.3 < len(drawn_poses & as_drawn & {tuple(p) for p in samples.poses[~free]}) / (~free).sum() < 0.7
 
 
 @pytest.mark.parametrize("kind", [PatchSurrogate, TrunkSurrogate], ids=["patch", "trunk"])

@@ -23,6 +23,7 @@ from tests.support.regressions import smooth  # noqa: E402
 HAVE_GPU = torch.cuda.is_available()
 DEVICES = ["cpu:0", pytest.param("cuda", marks=pytest.mark.skipif(not HAVE_GPU, reason="no GPU here"))]
 DATA = [smooth(rows=400 + 137 * k, seed=k, name=f"member {k}") for k in range(3)]
+DATA[1] = replace(DATA[1], targets=DATA[1].targets - 1.0, false_load=np.where(DATA[1].targets < 1.0, 50.0, 0.0))
 SETTINGS = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=60)
 
 
@@ -32,7 +33,8 @@ def device(request):
 
 
 def columns(data: Regression, kept):
-    return data.inputs[kept], data.targets[kept], data.weights[kept]
+    part = data.of_rows(np.arange(len(data.targets))[kept])
+    return part.inputs, part.targets, part.weights, part.false_load
 
 
 def networks(hidden=(6, 5), activation="algebraic"):
@@ -78,7 +80,9 @@ def test_every_member_takes_the_steps_it_takes_alone(device):
     batch = Batch(members, arrays_for(device), chunk_rows=100)
     for _ in range(10):
         alone = [
-            LevenbergMarquardt(Mlp(m.like, *m.training, NumpyArrays()), m.parameters, m.seed, m.state())
+            LevenbergMarquardt(
+                Mlp(m.like, *m.training, NumpyArrays()), flatten(m.like), m.seed, m.state() if m.iterations else None
+            )
             for m in members
         ]
         before = [(m.flop, lm.flop) for m, lm in zip(members, alone, strict=True)]
@@ -101,7 +105,7 @@ def test_a_batch_is_as_accurate_as_single_fits(device):
     assert 0.6 < np.median(ratios) < 1.6
     assert max(together[d.name].rms for d in data) < 3.0 * max(fit.rms for fit in alone.values())
     for d in data:
-        weighted = d.weights * (together[d.name].network.value(d.inputs) - d.targets)
+        weighted = d.residuals(together[d.name].network)
         assert together[d.name].rms == pytest.approx(np.sqrt(np.mean(weighted[~d.validation] ** 2)))
 
 

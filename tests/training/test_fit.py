@@ -68,7 +68,7 @@ def test_work_is_two_operations_for_each_row_and_weight_that_a_product_visits():
     """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
     data = smooth(100)
     network = initial_network(data.inputs, data.targets, (4,), "tanh", 0)
-    mlp = Mlp(network, data.inputs, data.targets, data.weights, arrays_for("cpu"))
+    mlp = Mlp(network, data.inputs, data.targets, data.weights, 0.0, arrays_for("cpu"))
     weights = 4 * 4 + 5
     parameters, _ = mlp.evaluate(flatten(network))
     assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2

@@ -13,7 +13,7 @@ from tests.support.regressions import smooth
 
 def solver(data, hidden, seed=0, like=None, activation="algebraic"):
     like = like or initial_network(data.inputs, data.targets, hidden, activation, seed)
-    mlp = Mlp(like, data.inputs, data.targets, data.weights, NumpyArrays())
+    mlp = Mlp(like, data.inputs, data.targets, data.weights, data.false_load, NumpyArrays())
     return LevenbergMarquardt(mlp, flatten(like), seed), like
 
 
@@ -74,7 +74,7 @@ def test_a_state_continues_bit_for_bit():
     for _ in range(17):
         lm.step()
     state = lm.state()
-    mlp = Mlp(like, data.inputs, data.targets, data.weights, NumpyArrays())
+    mlp = Mlp(like, data.inputs, data.targets, data.weights, data.false_load, NumpyArrays())
     again = LevenbergMarquardt(mlp, flatten(like), 0, state)
     for _ in range(25):
         lm.step()

@@ -1,5 +1,7 @@
 """The Jacobian of the residuals against torch's autograd and finite differences, and the conversions around it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,15 @@ def network(request):
 
 
 def mlp_of(network, data, arrays=None, chunk_rows=64):
-    return Mlp(network, data.inputs, data.targets, data.weights, arrays or NumpyArrays(), chunk_rows)
+    return Mlp(network, data.inputs, data.targets, data.weights, data.false_load, arrays or NumpyArrays(), chunk_rows)
+
+
+def with_false_loads(rows):
+    """Every third row must not be positive: the targets there are below zero."""
+    data, rng = smooth(rows), np.random.default_rng(4)
+    must_not = np.arange(rows) % 3 == 0
+    targets = np.where(must_not, -data.targets, data.targets)
+    return replace(data, targets=targets, false_load=np.where(must_not, rng.uniform(0.5, 30.0, rows), 0.0))
 
 
 def at(mlp, parameters):
@@ -37,11 +47,12 @@ def torch_residuals(network, data, parameters):
         a = a @ v[:, :-1].T + v[:, -1]
         if level < len(layers) - 1:
             a = torch.tanh(a) if network.activation == "tanh" else a / torch.sqrt(1 + a**2)
-    return torch.tensor(data.weights) * (network.output_scale * a[:, 0] - torch.tensor(data.targets))
+    y, false_load = network.output_scale * a[:, 0], torch.tensor(data.false_load)
+    return torch.tensor(data.weights) * (y - torch.tensor(data.targets)) + false_load * y.clip(min=0.0) ** 2
 
 
 def test_jacobian_is_autograd_s(network):
-    data, parameters = smooth(150), flatten(network)
+    data, parameters = with_false_loads(150), flatten(network)
     mlp = mlp_of(network, data)
     at(mlp, parameters)
     oracle = torch.autograd.functional.jacobian(
@@ -52,7 +63,7 @@ def test_jacobian_is_autograd_s(network):
 
 
 def test_jacobian_is_that_of_finite_differences(network):
-    data, parameters, h = smooth(50), flatten(network), 1e-6
+    data, parameters, h = with_false_loads(50), flatten(network), 1e-6
     mlp = mlp_of(network, data)
     at(mlp, parameters)
     jacobian = mlp.jacobian(slice(None))
@@ -64,7 +75,7 @@ def test_jacobian_is_that_of_finite_differences(network):
 
 @pytest.mark.parametrize("arrays", [NumpyArrays(), TorchArrays("cpu")], ids=["numpy", "torch"])
 def test_products_and_gram_are_those_of_the_jacobian(network, arrays):
-    data = smooth(730)
+    data = with_false_loads(730)
     mlp = mlp_of(network, data, arrays)
     gradient = at(mlp, flatten(network))
     jacobian = arrays.numpy(mlp.jacobian(slice(None)))

@@ -21,21 +21,21 @@ ROWS = SINGLE_FROM + 700
 def single(scale):
     data = smooth(ROWS)
     network = initial_network(data.inputs, data.targets, (6, 5), "algebraic", seed=1)
-    return Mlp(network, data.inputs, data.targets, scale * data.weights, NumpyArrays()), flatten(network)
+    return Mlp(network, data.inputs, data.targets, scale * data.weights, 0.0, NumpyArrays()), flatten(network)
 
 
 def trunk(scale):
     data = smooth(ROWS)
     targets = np.column_stack([data.targets, data.targets**2])
     network = initial_network(data.inputs, targets, (6, 5), "tanh", seed=1)
-    return TrunkMlp(network, data.inputs, targets, scale * np.ones_like(targets), NumpyArrays()), flatten(network)
+    return TrunkMlp(network, data.inputs, targets, scale * np.ones_like(targets), 0.0, NumpyArrays()), flatten(network)
 
 
 def spots(scale):
     data = smooth(ROWS)
     network = initial_network(data.inputs, data.targets, (6, 5), "algebraic", seed=1, spots=2)
     target = joint_root(np, network.value(data.inputs))[0] + 0.1
-    return SpotMlp(network, data.inputs, target, scale * data.weights, NumpyArrays()), flatten(network)
+    return SpotMlp(network, data.inputs, target, scale * data.weights, 0.0, NumpyArrays()), flatten(network)
 
 
 def parts(scale):
@@ -80,7 +80,7 @@ def test_a_network_s_own_function_is_recovered_as_in_double_precision():
     data = smooth(ROWS)
     true = initial_network(data.inputs, data.targets, (3,), "algebraic", seed=8)
     near = unflatten(flatten(true) + 0.1 * np.random.default_rng(1).normal(size=true.parameter_count), true)
-    mlp = Mlp(near, data.inputs, true.value(data.inputs), np.ones(ROWS), NumpyArrays())
+    mlp = Mlp(near, data.inputs, true.value(data.inputs), np.ones(ROWS), 0.0, NumpyArrays())
     lm = LevenbergMarquardt(mlp, flatten(near), 0)
     for _ in range(300):
         lm.step()

@@ -30,7 +30,8 @@ def of_one_scale(network):
 def data(rows=80):
     rng = np.random.default_rng(1)
     x = rng.uniform(-1.0, 1.0, (rows, 3))
-    return x, np.abs(x).sum(axis=1) - 1.0, rng.uniform(0.2, 1.0, rows)
+    targets = np.abs(x).sum(axis=1) - 1.0
+    return x, targets, rng.uniform(0.2, 1.0, rows), np.where(targets < 0.0, 3.0, 0.0)
 
 
 def two_spots(rows, seed=0):
@@ -43,8 +44,8 @@ def two_spots(rows, seed=0):
 
 
 def test_products_are_with_the_jacobian_of_finite_differences(network):
-    like, (x, targets, weights) = of_one_scale(network), data()
-    mlp = SpotMlp(like, x, targets, weights, NumpyArrays(), 13)
+    like, (x, targets, weights, false_load) = of_one_scale(network), data()
+    mlp = SpotMlp(like, x, targets, weights, false_load, NumpyArrays(), 13)
     p, _ = mlp.evaluate(flatten(like))
     gradient, h = mlp.accept(p), 1e-6
     pressed = (like.value(x) > 0.0).sum(axis=1)
@@ -77,12 +78,14 @@ def test_torch_gives_the_same_residuals_and_gradient(network):
 
 
 def test_residuals_are_those_of_the_joint_root_load(network):
-    like, (x, targets, weights) = of_one_scale(network), data()
-    regression = Regression("root", x, targets, weights, np.zeros(len(x), bool), 0.0, spots=SPOTS)
-    mlp = SpotMlp(like, x, targets, weights, NumpyArrays())
+    like, (x, targets, weights, false_load) = of_one_scale(network), data()
+    regression = Regression("root", x, targets, weights, np.zeros(len(x), bool), 0.0, SPOTS, false_load)
+    mlp = SpotMlp(like, x, targets, weights, false_load, NumpyArrays())
     mlp.accept(mlp.evaluate(flatten(like))[0])
     np.testing.assert_allclose(mlp.residuals, regression.residuals(like), atol=1e-12)
-    np.testing.assert_allclose(regression.residuals(like), weights * (joint_root(np, like.value(x))[0] - targets))
+    root = joint_root(np, like.value(x))[0]
+    expected = weights * (root - targets) + false_load * np.maximum(root, 0.0) ** 2
+    np.testing.assert_allclose(regression.residuals(like), expected)
 
 
 def test_a_load_of_two_spots_needs_two_roots_and_nobody_says_which_bears_how_much():

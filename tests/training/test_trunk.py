@@ -28,7 +28,7 @@ def data(rows=60):
 
 
 def current(network, regression):
-    mlp = TrunkMlp(network, regression.inputs, regression.targets, regression.weights, NumpyArrays(), 13)
+    mlp = TrunkMlp(network, regression.inputs, regression.targets, regression.weights, 0.0, NumpyArrays(), 13)
     parameters, _ = mlp.evaluate(flatten(network), solve_output=False)
     return mlp, mlp.accept(parameters)
 

@@ -110,6 +110,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                 validation,
                 root_tolerance,
                 part.spots,
+                np.where(contact, 0.0, scene.reference_load),
             )
         )
         for k in used:

@@ -20,15 +20,10 @@ OUTLIER_SHARE, OUTLIER_SIZE = 0.01, 5.0  # in deviations of the targets
 QUANTITY = "error on clean rows / reported, over the clean fit's; stop"
 
 
-def _take(regression: Regression, rows: np.ndarray) -> Regression:
-    columns = {name: getattr(regression, name)[rows] for name in ("inputs", "targets", "weights", "validation")}
-    return replace(regression, **columns)
-
-
 def repeated(regression: Regression) -> Regression:
     """A tenth of the rows twenty times over."""
     rows = np.arange(len(regression.targets))
-    return _take(regression, np.concatenate([rows, np.repeat(rows[::10], 19)]))
+    return regression.of_rows(np.concatenate([rows, np.repeat(rows[::10], 19)]))
 
 
 def rank_deficient(regression: Regression) -> Regression:
@@ -39,7 +34,7 @@ def rank_deficient(regression: Regression) -> Regression:
 
 def few_rows(regression: Regression) -> Regression:
     """Fewer rows than a third of the weights."""
-    return _take(regression, np.arange(100))
+    return regression.of_rows(np.arange(100))
 
 
 def constant_output(regression: Regression) -> Regression:
