@@ -33,7 +33,8 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
 
     In contact dN/ds = 2·N0·max(s, s_b), with s_b the root of the boundary load, so that a light touch still counts.
     Outside 2·N0·s_b·max(gap_weight, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
-    contact, and small (2 %) where only the direction back into contact matters.
+    contact, and small (2 %) where only the direction back into contact matters: there a load that is foretold counts
+    by itself (`Regression.false_load`).
     """
     floor = np.sqrt(scene.boundary_load / scene.reference_load)
     fade = floor / np.maximum(np.abs(target), floor)
@@ -62,7 +63,7 @@ def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
     """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
 
-    Root: target `root_target`, weight `root_weight`; ratio: target W_k/N, weight N, so that residuals are in N or
+    Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight N, so that residuals are in N or
     N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that pulls, for an
     unknown gap out of contact, or without samples.
     """
