@@ -63,9 +63,9 @@ def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
     """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
 
-    Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight N, so that residuals are in N or
-    N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that pulls, for an
-    unknown gap out of contact, or without samples.
+    Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight
+    N, so that residuals are in N or N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that
+    pulls, for an unknown gap out of contact, or without samples.
     """
     if not 0.0 < gap_weight <= 1.0:
         raise ValueError(f"gap_weight is {gap_weight}, expected a number above 0 and up to 1")
