@@ -316,3 +316,29 @@ def test_a_start_of_another_size_or_with_another_checkpoint_is_refused(tmp_path)
     fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz", start=network)
     with pytest.raises(ValueError, match="other data or settings"):
         fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz")
+
+
+def test_a_load_foretold_where_there_is_none_counts_as_the_load_that_it_is():
+    """One lifted pose far from all others, whose distance to the target of its gap weighs 13 N: a load of 2,500 N is
+    learned there, unless it counts as that."""
+    rng = np.random.default_rng(1)
+    inputs = rng.uniform(-1.0, 1.0, (600, 2))
+    inputs[0] = 3.0
+    roots = 0.7 + 0.4 * inputs[:, 0] + 0.1 * np.sin(4.0 * inputs[:, 1])
+    roots[0] = -4.7
+    weights = np.where(roots > 0.0, 2000.0 * np.maximum(roots, 0.07), 2.8)
+    lifted = Regression("root", inputs, roots, weights, np.zeros(600, bool), 0.0)
+    settings = TrainingSettings(sizes=((4, 4),), max_iterations=60, restarts=0, seed=1)
+    falsely, rightly = (
+        fit(replace(lifted, false_load=false_load), settings).network.value(inputs)
+        for false_load in (0.0, np.where(roots > 0.0, 0.0, 1000.0))
+    )
+    assert falsely[0] > 1.0, "√(N/N0) of a load of 1,000 N and more"
+    assert rightly[0] < 0.0
+    assert np.sqrt(np.mean((weights * (rightly - roots))[1:] ** 2)) < 2.0
+
+
+def test_wrong_false_loads_are_refused():
+    for wrong in (-1.0, np.nan, np.ones(3)):
+        with pytest.raises(ValueError, match="regression smooth: expected false_load of 0 or more, one number or"):
+            fit(replace(smooth(), false_load=wrong), FIXED)
