@@ -99,7 +99,7 @@ class Network:
 class Regression:
     """One network to fit, the root mean square of its residuals wanted below tolerance:
 
-        residual_i = weights_i·(net(inputs_i) - targets_i) + false_load_i·max(net(inputs_i), 0)²
+        residual_i² = (weights_i·(net(inputs_i) - targets_i))² + (false_load_i·max(net(inputs_i), 0)²)²
 
     inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
     false_load (n,): for root loads, the reference load where there is no load, so that a load foretold there counts as
@@ -132,7 +132,8 @@ class Regression:
         """Weighted residuals, (n,) or (n, m)."""
         values = network.value(self.inputs)
         values = joint_root(np, values)[0] if self.spots > 1 else values
-        return np.asarray(self.weights * (values - self.targets) + self.false_load * np.maximum(values, 0.0) ** 2)
+        off = self.weights * (values - self.targets)
+        return np.asarray(np.copysign(np.hypot(off, self.false_load * np.maximum(values, 0.0) ** 2), off))
 
 
 @dataclass(frozen=True)

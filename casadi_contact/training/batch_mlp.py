@@ -15,7 +15,7 @@ from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import TorchArrays
-from casadi_contact.training.mlp import OUTPUT_RIDGE
+from casadi_contact.training.mlp import OUTPUT_RIDGE, TINY
 from casadi_contact.training.weights import layer_shapes
 
 Columns = tuple[Array, Array, Array, Array | float]  # inputs (rows, k); targets, weights, false loads (rows,)
@@ -73,11 +73,13 @@ class BatchMlp:
             values.append(a)
         return values
 
-    def _residuals_and_weights(self, a: Any, output: Any) -> tuple[Any, Any]:
-        """r and ∂r/∂y (m, rows)."""
+    def _loss_weight_residual(self, a: Any, output: Any) -> tuple[Any, Any, Any]:
+        """½Σ of both squares (m,), and W and R (m, rows), see `mlp`."""
         y = (a @ output.mT)[..., 0]
-        falsely = self._false * y.clip(min=0.0)
-        return self._weight * (y - self._target) + falsely * y, self._weight + 2.0 * falsely
+        off, false = self._weight * (y - self._target), self._false * y.clip(min=0.0)
+        weight = (self._weight**2 + 4.0 * false**2) ** 0.5
+        pull = (self._weight * off + 2.0 * false**2 * y) / weight.clip(min=TINY)
+        return 0.5 * (off**2 + (false * y) ** 2).sum(1), weight, pull
 
     def _over_rows(self, left: Any, right: Any) -> Any:
         """Σ leftᵀ·right (m, j, k) over the rows of (m, rows, j) and (m, rows, k)."""
@@ -89,14 +91,14 @@ class BatchMlp:
         is not a number. members: who asked (all are evaluated, these are counted)."""
         layers = self.split(parameters)
         a = self._forward(layers)[-1]
-        residuals, weight = self._residuals_and_weights(a, layers[-1])
-        loss, weighted = 0.5 * (residuals**2).sum(1), a * weight[..., None]
+        loss, weight, residuals = self._loss_weight_residual(a, layers[-1])
+        weighted = a * weight[..., None]
         gram, right = self._over_rows(weighted, weighted), self._over_rows(weighted, residuals[..., None])
         width = a.shape[-1]
         ridge = OUTPUT_RIDGE * self.xp.einsum("mii->m", gram)
         factor, failed = self.xp.linalg.cholesky_ex(gram + ridge[:, None, None] * self.arrays.identity(width))
         output = layers[-1] - self.xp.cholesky_solve(right, factor).mT
-        solved = 0.5 * (self._residuals_and_weights(a, output)[0] ** 2).sum(1)
+        solved, _, _ = self._loss_weight_residual(a, output)
         better = self.xp.isfinite(loss) & (failed == 0) & (solved < loss)
         projected = self.xp.cat([parameters[:, :-width], output[:, 0]], 1)
         self.count(1, members)
@@ -107,14 +109,14 @@ class BatchMlp:
     def losses(self, parameters: Any) -> Array:
         """½Σr² (m,) at any parameters."""
         layers = self.split(parameters)
-        residuals, _ = self._residuals_and_weights(self._forward(layers)[-1], layers[-1])
-        return np.asarray(self.arrays.numpy(0.5 * (residuals**2).sum(1)))
+        loss, _, _ = self._loss_weight_residual(self._forward(layers)[-1], layers[-1])
+        return np.asarray(self.arrays.numpy(loss))
 
     def accept(self, parameters: Any, members: np.ndarray) -> Any:
         """Make parameters current; returns the gradients Jᵀr (m, parameters). members: whose are new, for counting."""
         layers = self.split(parameters)
         self._values = self._forward(layers)
-        residuals, weight = self._residuals_and_weights(self._values[-1], layers[-1])
+        _, weight, residuals = self._loss_weight_residual(self._values[-1], layers[-1])
         self._delta = [weight[..., None]]
         for layer, a in zip(layers[:0:-1], self._values[:0:-1], strict=True):
             slope = self._activation.slope_from_value(self.xp, a[..., :-1])

@@ -1,13 +1,17 @@
 """The network in training: residuals, products with its Jacobian, and JᵀJ, over all rows in chunks.
 
 Parameters are one flat vector (see `weights`), so that with ã = (a, 1) a layer is z_l = V_l·ã_{l-1}, a column for each
-row of the data. With residual r = w·(y - target) + f·max(y, 0)², where f is 0 but for what must not be positive (see
-`network.Regression`), and δ_l = ∂r/∂z_l,
+row of the data. With residual r = w·(y - target) and δ_l = ∂r/∂z_l,
 
     ∂r/∂V_l = δ_l ⊗ ã_{l-1},   J·v = Σ_l colsum(δ_l * (V̇_l·ã_{l-1})),   Jᵀ·u = (δ_l * u)·ã_{l-1}ᵀ.
 
 So JᵀJ·v costs two small matrix products per layer, about a hundredth of JᵀJ itself. On many rows it is made in single
 precision: steps need it to a few digits, and it takes half the time. Losses and gradients are in double precision.
+
+What must not be positive (f > 0, see `network.Regression`) has a second residual, f·max(y, 0)². Both are functions of y
+alone, so that the gradient and JᵀJ are those of one residual with the weight W and the value R,
+
+    W² = w² + (2f·max(y, 0))²,   W·R = w·r + 2f·max(y, 0)·f·max(y, 0)².
 
 `Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter that one of
 them visits: what a fit has cost, the same on any machine, however busy.
@@ -30,6 +34,7 @@ from casadi_contact.training.weights import layer_shapes, split
 ROWS_PER_PARAMETER = 1.5  # that a preconditioner is assembled from
 # Relative ridge of the small least-squares problem of the output layer: below what double precision resolves well.
 OUTPUT_RIDGE = 1e-13
+TINY = float(np.finfo(float).tiny)
 SINGLE_FROM = 5000  # rows, from which on JᵀJ·v is made in single precision
 
 
@@ -62,11 +67,13 @@ class Mlp:
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
         self._weight = arrays.array(weights * like.output_scale)
         self._target = arrays.array(targets / like.output_scale)
-        self._false = arrays.array(np.broadcast_to(false_load * like.output_scale**2, targets.shape).copy())
+        false = np.broadcast_to(false_load * np.square(like.output_scale), targets.shape)
+        self._false = arrays.array(false.copy()) if false.any() else None
         self._unit = float(abs(self._weight).max()) if self.rows else 1.0  # of weights in single precision
         self._chunks = list(self._chunks_of(inputs, chunk_rows))
         self._chunk_rows = chunk_rows
-        self._residuals = self._tried_residuals = arrays.zeros(*self._target.shape)
+        self._outputs = self._tried_outputs = arrays.zeros(*self._target.shape)
+        self._now, self.residuals = self._weights_and_residuals(self._outputs)  # W and R at the current parameters
         self._jacobian_rows: Any = None
         self._single = self.rows >= SINGLE_FROM
         self.flop = 0
@@ -114,47 +121,53 @@ class Mlp:
         for chunk in self._chunks:
             chunk.run(layers)
         self._count(1)
-        residuals = self._tried_residuals = self._residuals_with(layers[-1])
-        loss = _half_square(residuals)
+        outputs = self._tried_outputs = self._outputs_with(layers[-1])
+        loss = self._loss(outputs)
         if not np.isfinite(loss):
             return parameters, np.inf
         if not solve_output:
             return parameters, loss
-        step = self._output_step(residuals, layers[-1])
+        step = self._output_step(*self._weights_and_residuals(outputs))
         if step is None:
             return parameters, loss
         projected = self.arrays.array(self.arrays.numpy(parameters).copy())
         output = split(projected, self.shapes)[-1]
         output -= step
-        residuals = self._residuals_with(output)
-        solved = _half_square(residuals)
+        outputs = self._outputs_with(output)
+        solved = self._loss(outputs)
         if not solved < loss:
             return parameters, loss
-        self._tried_residuals = residuals
+        self._tried_outputs = outputs
         return projected, solved
 
-    def _residuals_with(self, output: Any) -> Any:
-        """r of all rows with the tried activations and this output layer."""
-        residuals = self.arrays.empty(*self._target.shape)
+    def _outputs_with(self, output: Any) -> Any:
+        """y of all rows with the tried activations and this output layer."""
+        outputs = self.arrays.empty(*self._target.shape)
         for chunk in self._chunks:
-            residuals[chunk.rows] = self._residuals_of(self._output(chunk.tried[-1], output), chunk.rows)
-        return residuals
+            outputs[chunk.rows] = self._output(chunk.tried[-1], output)
+        return outputs
 
-    def _residuals_of(self, y: Any, rows: slice) -> Any:
-        return self._weight[rows] * (y - self._target[rows]) + self._false[rows] * self.xp.clip(y, 0.0, None) ** 2
+    def _loss(self, outputs: Any) -> float:
+        """½Σ of both squares."""
+        loss = _half_square(self._weight * (outputs - self._target))
+        return loss if self._false is None else loss + _half_square(self._false * self.xp.clip(outputs, 0.0, None) ** 2)
 
-    def _weights_at(self, y: Any, rows: slice) -> Any:
-        """∂r/∂y."""
-        return self._weight[rows] + 2.0 * self._false[rows] * self.xp.clip(y, 0.0, None)
+    def _weights_and_residuals(self, outputs: Any) -> tuple[Any, Any]:
+        """W and R of all rows."""
+        off = outputs - self._target
+        if self._false is None:
+            return self._weight, self._weight * off
+        false = self._false * self.xp.clip(outputs, 0.0, None)
+        weight = (self._weight**2 + 4.0 * false**2) ** 0.5
+        return weight, (self._weight**2 * off + 2.0 * false**2 * outputs) / self.xp.clip(weight, TINY, None)
 
     def _output(self, a: Any, layer: Any) -> Any:
         """y from the inputs ã (width, rows) of the output layer, (rows,) or (rows, outputs)."""
         return layer[0] @ a
 
-    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
+    def _output_step(self, weight: Any, residuals: Any) -> Any | None:
         """What the output layer (outputs, width) has too much, with the tried activations; None where undetermined."""
-        weights = [self._weights_at(self._output(chunk.tried[-1], layer), chunk.rows) for chunk in self._chunks]
-        return self._least_squares(self.xp.concatenate(weights), residuals)
+        return self._least_squares(weight, residuals)
 
     def _least_squares(self, weight: Any, residuals: Any) -> Any | None:
         """v that minimises Σ(w·v·ã - r)² over rows with the tried activations ã of the last hidden layer."""
@@ -171,11 +184,12 @@ class Mlp:
     def accept(self, parameters: Any) -> Any:
         """Make the parameters that `evaluate` returned last current; returns the gradient Jᵀr."""
         self.move(parameters)
-        return self.vjp(self._residuals)
+        return self.vjp(self.residuals)
 
     def move(self, parameters: Any) -> None:
         """`accept` without the gradient."""
-        self._residuals, self._tried_residuals = self._tried_residuals, self._residuals
+        self._outputs, self._tried_outputs = self._tried_outputs, self._outputs
+        self._now, self.residuals = self._weights_and_residuals(self._outputs)
         layers = split(parameters, self.shapes)
         for chunk in self._chunks:
             chunk.swap()
@@ -186,7 +200,7 @@ class Mlp:
 
     def _derivatives(self, chunk: Chunk, layers: list[Any]) -> list[Any]:
         """δ_l (neurons, rows) of all layers at the current parameters."""
-        deltas = [self._weights_at(self._output(chunk.current[-1], layers[-1]), chunk.rows)[None]]
+        deltas = [self._now[None, chunk.rows]]
         for level in range(len(layers) - 2, -1, -1):
             deltas.insert(0, (layers[level + 1][:, :-1].T @ deltas[0]) * chunk.slope(level))
         return deltas
@@ -198,14 +212,9 @@ class Mlp:
         return Factors([single(a) for a in exact.inputs], deltas, ())
 
     @property
-    def residuals(self) -> Any:
-        """r (rows,) at the current parameters."""
-        return self._residuals
-
-    @property
-    def tried_residuals(self) -> Any:
-        """r (rows,) at the parameters that `evaluate` saw last."""
-        return self._tried_residuals
+    def tried_outputs(self) -> Any:
+        """y (rows,) in units of the output scale, at the parameters that `evaluate` saw last."""
+        return self._tried_outputs
 
     def jvp(self, direction: Any, *, rough: bool = False) -> Any:
         """J·v (rows,); rough: in single precision, on many rows."""
@@ -297,10 +306,15 @@ class Mlp:
         return gram
 
     def weighted_residuals(self, parameters: Any) -> Array:
-        """r of these rows at any parameters, without touching the current ones."""
+        """Of these rows at any parameters, without touching the current ones: what `network.Regression` calls them."""
         layers, parts = split(parameters, self.shapes), []
         for chunk in self._chunks:
-            y = self._output(chunk.run_apart(layers), layers[-1])
-            parts.append(self.arrays.numpy(self._residuals_of(y, chunk.rows)))
+            y, c = self._output(chunk.run_apart(layers), layers[-1]), chunk.rows
+            off = self.arrays.numpy(self._weight[c] * (y - self._target[c]))
+            if self._false is not None:
+                off = np.copysign(
+                    np.hypot(off, self.arrays.numpy(self._false[c] * self.xp.clip(y, 0.0, None) ** 2)), off
+                )
+            parts.append(off)
         self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

@@ -87,7 +87,7 @@ class PartsMlp:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
         for part, own in zip(self._parts, self.split(parameters), strict=True):
             part.evaluate(own, solve_output=False)
-        self._tried = np.stack([part.tried_residuals for part in self._parts], axis=1)
+        self._tried = np.stack([part.like.output_scale * part.tried_outputs for part in self._parts], axis=1)
         self._tried_residuals = self._regression.residuals(self._tried, self._rows)
         return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
 

@@ -1,8 +1,8 @@
 """A network whose outputs are the root loads of the spots of one patch, in training on the root load of the patch.
 
-The residual of a row is r = w·(S - target) + f·max(S, 0)², with S(y) the joint root load of all outputs
-(`casadi_contact.spots`): nobody says which spot bears how much. S grows in proportion to y, so that outputs of one
-common scale keep it.
+The residuals of a row are those of `mlp` with S(y), the joint root load of all outputs (`casadi_contact.spots`), in
+place of y: nobody says which spot bears how much. S grows in proportion to y, so that outputs of one common scale keep
+it.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class SpotMlp(TrunkMlp):
     def _output(self, a: Any, layer: Any) -> Any:
         return joint_root(self.xp, (layer @ a).T)[0]
 
-    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
+    def _output_step(self, weight: Any, residuals: Any) -> Any | None:
         return None  # no linear problem
 
     def _head(self, chunk: Chunk, layer: Any) -> Any:
-        """w·∂S/∂y (outputs, rows)."""
-        root, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
-        return slopes.T * self._weights_at(root, chunk.rows)
+        """W·∂S/∂y (outputs, rows)."""
+        _, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
+        return slopes.T * self._now[chunk.rows]
 
     def _of_outputs(self, tangent: Any, head: Any) -> Any:
         return (tangent * head).sum(0)

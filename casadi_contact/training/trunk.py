@@ -29,8 +29,8 @@ class TrunkMlp(Mlp):
     def _output(self, a: Any, layer: Any) -> Any:
         return (layer @ a).T
 
-    def _output_step(self, residuals: Any, layer: Any) -> Any | None:
-        steps = [self._least_squares(self._weight[:, k], residuals[:, k]) for k in range(self.outputs)]
+    def _output_step(self, weight: Any, residuals: Any) -> Any | None:
+        steps = [self._least_squares(weight[:, k], residuals[:, k]) for k in range(self.outputs)]
         return None if any(step is None for step in steps) else self.xp.stack(steps)
 
     def _derivatives(self, chunk: Chunk, layers: list[Any]) -> list[Any]:
@@ -39,7 +39,7 @@ class TrunkMlp(Mlp):
 
     def _head(self, chunk: Chunk, layer: Any) -> Any:
         """w (outputs, rows)."""
-        return self._weight[chunk.rows].T
+        return self._now[chunk.rows].T
 
     def _rough(self, exact: Factors) -> Factors:
         single, (*slopes, head) = self.arrays.single, exact.derivatives
@@ -56,7 +56,7 @@ class TrunkMlp(Mlp):
 
     def _seeds(self, rows: np.ndarray) -> Any:
         """∂r/∂y (len(rows), residuals of a row, outputs)."""
-        weight = self._weight[rows]
+        weight = self._now[rows]
         seeds = self.arrays.zeros(len(weight), self.outputs, self.outputs)
         for k in range(self.outputs):
             seeds[:, k, k] = weight[:, k]

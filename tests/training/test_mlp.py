@@ -47,12 +47,13 @@ def torch_residuals(network, data, parameters):
         a = a @ v[:, :-1].T + v[:, -1]
         if level < len(layers) - 1:
             a = torch.tanh(a) if network.activation == "tanh" else a / torch.sqrt(1 + a**2)
-    y, false_load = network.output_scale * a[:, 0], torch.tensor(data.false_load)
-    return torch.tensor(data.weights) * (y - torch.tensor(data.targets)) + false_load * y.clip(min=0.0) ** 2
+    y = network.output_scale * a[:, 0]
+    off = torch.tensor(data.weights) * (y - torch.tensor(data.targets))
+    return torch.cat([off, torch.tensor(data.false_load) * y.clip(min=0.0) ** 2]) if np.any(data.false_load) else off
 
 
 def test_jacobian_is_autograd_s(network):
-    data, parameters = with_false_loads(150), flatten(network)
+    data, parameters = smooth(150), flatten(network)
     mlp = mlp_of(network, data)
     at(mlp, parameters)
     oracle = torch.autograd.functional.jacobian(
@@ -63,7 +64,7 @@ def test_jacobian_is_autograd_s(network):
 
 
 def test_jacobian_is_that_of_finite_differences(network):
-    data, parameters, h = with_false_loads(50), flatten(network), 1e-6
+    data, parameters, h = smooth(50), flatten(network), 1e-6
     mlp = mlp_of(network, data)
     at(mlp, parameters)
     jacobian = mlp.jacobian(slice(None))
@@ -71,6 +72,25 @@ def test_jacobian_is_that_of_finite_differences(network):
             for side in (1, -1)]  # fmt: skip
     differences = np.stack([(ends[2 * j] - ends[2 * j + 1]) / (2 * h) for j in range(len(parameters))], axis=1)
     np.testing.assert_allclose(jacobian, differences, atol=1e-7 * np.abs(jacobian).max())
+
+
+def test_loss_gradient_and_gram_with_false_loads_are_those_of_two_residuals_a_row(network):
+    data, parameters = with_false_loads(150), flatten(network)
+    assert (network.value(data.inputs)[data.false_load > 0.0] > 0.0).any(), "false loads"
+    mlp = mlp_of(network, data)
+    _, loss = mlp.evaluate(parameters, solve_output=False)
+    gradient = mlp.accept(parameters)
+    both = torch_residuals(network, data, torch.tensor(parameters)).numpy()
+    oracle = torch.autograd.functional.jacobian(
+        lambda p: torch_residuals(network, data, p), torch.tensor(parameters)
+    ).numpy()
+    assert loss == pytest.approx(0.5 * both @ both, rel=1e-12)
+    np.testing.assert_allclose(gradient, oracle.T @ both, atol=1e-11 * np.abs(gradient).max())
+    gram = oracle.T @ oracle
+    np.testing.assert_allclose(np.triu(mlp.gram()), np.triu(gram), atol=1e-12 * np.abs(gram).max())
+    of_rows = np.hypot(*both.reshape(2, -1))
+    np.testing.assert_allclose(np.abs(mlp.weighted_residuals(parameters)), of_rows, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(data.residuals(network)), of_rows, rtol=1e-12)
 
 
 @pytest.mark.parametrize("arrays", [NumpyArrays(), TorchArrays("cpu")], ids=["numpy", "torch"])

@@ -30,8 +30,7 @@ def of_one_scale(network):
 def data(rows=80):
     rng = np.random.default_rng(1)
     x = rng.uniform(-1.0, 1.0, (rows, 3))
-    targets = np.abs(x).sum(axis=1) - 1.0
-    return x, targets, rng.uniform(0.2, 1.0, rows), np.where(targets < 0.0, 3.0, 0.0)
+    return x, np.abs(x).sum(axis=1) - 1.0, rng.uniform(0.2, 1.0, rows)
 
 
 def two_spots(rows, seed=0):
@@ -44,8 +43,8 @@ def two_spots(rows, seed=0):
 
 
 def test_products_are_with_the_jacobian_of_finite_differences(network):
-    like, (x, targets, weights, false_load) = of_one_scale(network), data()
-    mlp = SpotMlp(like, x, targets, weights, false_load, NumpyArrays(), 13)
+    like, (x, targets, weights) = of_one_scale(network), data()
+    mlp = SpotMlp(like, x, targets, weights, 0.0, NumpyArrays(), 13)
     p, _ = mlp.evaluate(flatten(like))
     gradient, h = mlp.accept(p), 1e-6
     pressed = (like.value(x) > 0.0).sum(axis=1)
@@ -70,7 +69,7 @@ def test_torch_gives_the_same_residuals_and_gradient(network):
     found = []
     for torch in (False, True):
         arrays = arrays_for("cpu:0" if torch else "cpu")
-        mlp = SpotMlp(like, *columns, arrays, 13)
+        mlp = SpotMlp(like, *columns, 0.0, arrays, 13)
         p, loss = mlp.evaluate(arrays.array(flatten(like)))
         found.append((loss, arrays.numpy(mlp.accept(p)), arrays.numpy(mlp.residuals)))
     for one, other in zip(*found, strict=True):
@@ -78,14 +77,12 @@ def test_torch_gives_the_same_residuals_and_gradient(network):
 
 
 def test_residuals_are_those_of_the_joint_root_load(network):
-    like, (x, targets, weights, false_load) = of_one_scale(network), data()
-    regression = Regression("root", x, targets, weights, np.zeros(len(x), bool), 0.0, SPOTS, false_load)
-    mlp = SpotMlp(like, x, targets, weights, false_load, NumpyArrays())
+    like, (x, targets, weights) = of_one_scale(network), data()
+    regression = Regression("root", x, targets, weights, np.zeros(len(x), bool), 0.0, SPOTS)
+    mlp = SpotMlp(like, x, targets, weights, 0.0, NumpyArrays())
     mlp.accept(mlp.evaluate(flatten(like))[0])
     np.testing.assert_allclose(mlp.residuals, regression.residuals(like), atol=1e-12)
-    root = joint_root(np, like.value(x))[0]
-    expected = weights * (root - targets) + false_load * np.maximum(root, 0.0) ** 2
-    np.testing.assert_allclose(regression.residuals(like), expected)
+    np.testing.assert_allclose(regression.residuals(like), weights * (joint_root(np, like.value(x))[0] - targets))
 
 
 def test_a_load_of_two_spots_needs_two_roots_and_nobody_says_which_bears_how_much():
