@@ -121,7 +121,7 @@ def test_training_has_its_jacobian(name):
     """Columns of J, one for each parameter, against central differences of the residuals."""
     data, step = smooth(30), 1e-5
     network = initial_network(data.inputs, data.targets, (4, 3), name, seed=3)
-    mlp, parameters = Mlp(network, data.inputs, data.targets, data.weights, NumpyArrays()), flatten(network)
+    mlp, parameters = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays()), flatten(network)
     mlp.accept(mlp.evaluate(parameters, solve_output=False)[0])
     for column, shift in enumerate(step * np.eye(len(parameters))):
         ends = [mlp.weighted_residuals(parameters + way * shift) for way in (1.0, -1.0)]
