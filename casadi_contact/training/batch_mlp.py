@@ -15,7 +15,8 @@ from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import TorchArrays
-from casadi_contact.training.mlp import OUTPUT_RIDGE, TINY
+from casadi_contact.training.mlp import OUTPUT_RIDGE
+from casadi_contact.training.row_loss import RowLoss
 from casadi_contact.training.weights import layer_shapes
 
 Columns = tuple[Array, Array, Array, Array | float]  # inputs (rows, k); targets, weights, false loads (rows,)
@@ -45,7 +46,8 @@ class BatchMlp:
             target[m, : len(targets)] = targets / like.output_scale
             weight[m, : len(targets)] = weights * like.output_scale
             false[m, : len(targets)] = false_load * like.output_scale**2
-        self._first, self._weight, self._target, self._false = map(arrays.array, (first, weight, target, false))
+        self._first = arrays.array(first)
+        self._rows = RowLoss(*map(arrays.array, (target, weight, false)))
         self._values: list[Any] = []
         self._delta: list[Any] = []
         self.flop = np.zeros(len(likes), dtype=np.int64)
@@ -73,13 +75,12 @@ class BatchMlp:
             values.append(a)
         return values
 
-    def _loss_weight_residual(self, a: Any, output: Any) -> tuple[Any, Any, Any]:
-        """½Σ of both squares (m,), and W and R (m, rows), see `mlp`."""
-        y = (a @ output.mT)[..., 0]
-        off, false = self._weight * (y - self._target), self._false * y.clip(min=0.0)
-        weight = (self._weight**2 + 4.0 * false**2) ** 0.5
-        pull = (self._weight * off + 2.0 * false**2 * y) / weight.clip(min=TINY)
-        return 0.5 * (off**2 + (false * y) ** 2).sum(1), weight, pull
+    def _outputs(self, a: Any, layer: Any) -> Any:
+        """y (m, rows) from the inputs ã of the output layer."""
+        return (a @ layer.mT)[..., 0]
+
+    def _losses(self, y: Any) -> Any:
+        return 0.5 * self._rows.squares(y).sum(1)
 
     def _over_rows(self, left: Any, right: Any) -> Any:
         """Σ leftᵀ·right (m, j, k) over the rows of (m, rows, j) and (m, rows, k)."""
@@ -91,14 +92,15 @@ class BatchMlp:
         is not a number. members: who asked (all are evaluated, these are counted)."""
         layers = self.split(parameters)
         a = self._forward(layers)[-1]
-        loss, weight, residuals = self._loss_weight_residual(a, layers[-1])
+        y = self._outputs(a, layers[-1])
+        loss, (weight, residuals) = self._losses(y), self._rows.weight_and_residual(y)
         weighted = a * weight[..., None]
         gram, right = self._over_rows(weighted, weighted), self._over_rows(weighted, residuals[..., None])
         width = a.shape[-1]
         ridge = OUTPUT_RIDGE * self.xp.einsum("mii->m", gram)
         factor, failed = self.xp.linalg.cholesky_ex(gram + ridge[:, None, None] * self.arrays.identity(width))
         output = layers[-1] - self.xp.cholesky_solve(right, factor).mT
-        solved, _, _ = self._loss_weight_residual(a, output)
+        solved = self._losses(self._outputs(a, output))
         better = self.xp.isfinite(loss) & (failed == 0) & (solved < loss)
         projected = self.xp.cat([parameters[:, :-width], output[:, 0]], 1)
         self.count(1, members)
@@ -109,14 +111,13 @@ class BatchMlp:
     def losses(self, parameters: Any) -> Array:
         """½Σr² (m,) at any parameters."""
         layers = self.split(parameters)
-        loss, _, _ = self._loss_weight_residual(self._forward(layers)[-1], layers[-1])
-        return np.asarray(self.arrays.numpy(loss))
+        return np.asarray(self.arrays.numpy(self._losses(self._outputs(self._forward(layers)[-1], layers[-1]))))
 
     def accept(self, parameters: Any, members: np.ndarray) -> Any:
         """Make parameters current; returns the gradients Jᵀr (m, parameters). members: whose are new, for counting."""
         layers = self.split(parameters)
         self._values = self._forward(layers)
-        _, weight, residuals = self._loss_weight_residual(self._values[-1], layers[-1])
+        weight, residuals = self._rows.weight_and_residual(self._outputs(self._values[-1], layers[-1]))
         self._delta = [weight[..., None]]
         for layer, a in zip(layers[:0:-1], self._values[:0:-1], strict=True):
             slope = self._activation.slope_from_value(self.xp, a[..., :-1])

@@ -1,17 +1,12 @@
 """The network in training: residuals, products with its Jacobian, and JᵀJ, over all rows in chunks.
 
 Parameters are one flat vector (see `weights`), so that with ã = (a, 1) a layer is z_l = V_l·ã_{l-1}, a column for each
-row of the data. With residual r = w·(y - target) and δ_l = ∂r/∂z_l,
+row of the data. With the residual r(y) of each row (see `row_loss`) and δ_l = ∂r/∂z_l,
 
     ∂r/∂V_l = δ_l ⊗ ã_{l-1},   J·v = Σ_l colsum(δ_l * (V̇_l·ã_{l-1})),   Jᵀ·u = (δ_l * u)·ã_{l-1}ᵀ.
 
 So JᵀJ·v costs two small matrix products per layer, about a hundredth of JᵀJ itself. On many rows it is made in single
 precision: steps need it to a few digits, and it takes half the time. Losses and gradients are in double precision.
-
-What must not be positive (f > 0, see `network.Regression`) has a second residual, f·max(y, 0)². Both are functions of y
-alone, so that the gradient and JᵀJ are those of one residual with the weight W and the value R,
-
-    W² = w² + (2f·max(y, 0))²,   W·R = w·r + 2f·max(y, 0)·f·max(y, 0)².
 
 `Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter that one of
 them visits: what a fit has cost, the same on any machine, however busy.
@@ -29,18 +24,13 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 from casadi_contact.training.chunk import Chunk, Factors
+from casadi_contact.training.row_loss import RowLoss
 from casadi_contact.training.weights import layer_shapes, split
 
 ROWS_PER_PARAMETER = 1.5  # that a preconditioner is assembled from
 # Relative ridge of the small least-squares problem of the output layer: below what double precision resolves well.
 OUTPUT_RIDGE = 1e-13
-TINY = float(np.finfo(float).tiny)
 SINGLE_FROM = 5000  # rows, from which on JᵀJ·v is made in single precision
-
-
-def _half_square(residuals: Any) -> float:
-    flat = residuals.reshape(-1)
-    return 0.5 * float(flat @ flat)
 
 
 class Mlp:
@@ -65,15 +55,18 @@ class Mlp:
         self.outputs = like.outputs
         self.shapes = layer_shapes(inputs.shape[1], like.hidden, self.outputs)
         self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
-        self._weight = arrays.array(weights * like.output_scale)
-        self._target = arrays.array(targets / like.output_scale)
         false = np.broadcast_to(false_load * np.square(like.output_scale), targets.shape)
-        self._false = arrays.array(false.copy()) if false.any() else None
-        self._unit = float(abs(self._weight).max()) if self.rows else 1.0  # of weights in single precision
+        row_weights = weights * like.output_scale
+        self._rows = RowLoss(
+            arrays.array(targets / like.output_scale),
+            arrays.array(row_weights),
+            arrays.array(false.copy()) if false.any() else None,
+        )
+        self._unit = float(np.abs(row_weights).max(initial=0.0)) or 1.0  # of weights in single precision
         self._chunks = list(self._chunks_of(inputs, chunk_rows))
         self._chunk_rows = chunk_rows
-        self._outputs = self._tried_outputs = arrays.zeros(*self._target.shape)
-        self._now, self.residuals = self._weights_and_residuals(self._outputs)  # W and R at the current parameters
+        self._outputs = self._tried_outputs = arrays.zeros(*targets.shape)
+        self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)  # at the current parameters
         self._jacobian_rows: Any = None
         self._single = self.rows >= SINGLE_FROM
         self.flop = 0
@@ -127,7 +120,7 @@ class Mlp:
             return parameters, np.inf
         if not solve_output:
             return parameters, loss
-        step = self._output_step(*self._weights_and_residuals(outputs))
+        step = self._output_step(*self._rows.weight_and_residual(outputs))
         if step is None:
             return parameters, loss
         projected = self.arrays.array(self.arrays.numpy(parameters).copy())
@@ -142,24 +135,13 @@ class Mlp:
 
     def _outputs_with(self, output: Any) -> Any:
         """y of all rows with the tried activations and this output layer."""
-        outputs = self.arrays.empty(*self._target.shape)
+        outputs = self.arrays.empty(*self._outputs.shape)
         for chunk in self._chunks:
             outputs[chunk.rows] = self._output(chunk.tried[-1], output)
         return outputs
 
     def _loss(self, outputs: Any) -> float:
-        """½Σ of both squares."""
-        loss = _half_square(self._weight * (outputs - self._target))
-        return loss if self._false is None else loss + _half_square(self._false * self.xp.clip(outputs, 0.0, None) ** 2)
-
-    def _weights_and_residuals(self, outputs: Any) -> tuple[Any, Any]:
-        """W and R of all rows."""
-        off = outputs - self._target
-        if self._false is None:
-            return self._weight, self._weight * off
-        false = self._false * self.xp.clip(outputs, 0.0, None)
-        weight = (self._weight**2 + 4.0 * false**2) ** 0.5
-        return weight, (self._weight**2 * off + 2.0 * false**2 * outputs) / self.xp.clip(weight, TINY, None)
+        return 0.5 * float(self._rows.squares(outputs).sum())
 
     def _output(self, a: Any, layer: Any) -> Any:
         """y from the inputs ã (width, rows) of the output layer, (rows,) or (rows, outputs)."""
@@ -189,7 +171,7 @@ class Mlp:
     def move(self, parameters: Any) -> None:
         """`accept` without the gradient."""
         self._outputs, self._tried_outputs = self._tried_outputs, self._outputs
-        self._now, self.residuals = self._weights_and_residuals(self._outputs)
+        self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)
         layers = split(parameters, self.shapes)
         for chunk in self._chunks:
             chunk.swap()
@@ -200,7 +182,7 @@ class Mlp:
 
     def _derivatives(self, chunk: Chunk, layers: list[Any]) -> list[Any]:
         """δ_l (neurons, rows) of all layers at the current parameters."""
-        deltas = [self._now[None, chunk.rows]]
+        deltas = [self._weight[None, chunk.rows]]
         for level in range(len(layers) - 2, -1, -1):
             deltas.insert(0, (layers[level + 1][:, :-1].T @ deltas[0]) * chunk.slope(level))
         return deltas
@@ -219,7 +201,7 @@ class Mlp:
     def jvp(self, direction: Any, *, rough: bool = False) -> Any:
         """J·v (rows,); rough: in single precision, on many rows."""
         layers, unit = self._directions(direction, rough)
-        product = self.arrays.zeros(*self._target.shape)
+        product = self.arrays.zeros(*self._outputs.shape)
         for chunk in self._chunks:
             product[chunk.rows] = self._forward_product(self._factors(chunk, rough), layers)
         self._count(1)
@@ -309,12 +291,8 @@ class Mlp:
         """Of these rows at any parameters, without touching the current ones: what `network.Regression` calls them."""
         layers, parts = split(parameters, self.shapes), []
         for chunk in self._chunks:
-            y, c = self._output(chunk.run_apart(layers), layers[-1]), chunk.rows
-            off = self.arrays.numpy(self._weight[c] * (y - self._target[c]))
-            if self._false is not None:
-                off = np.copysign(
-                    np.hypot(off, self.arrays.numpy(self._false[c] * self.xp.clip(y, 0.0, None) ** 2)), off
-                )
-            parts.append(off)
+            y, rows = self._output(chunk.run_apart(layers), layers[-1]), self._rows.of(chunk.rows)
+            off, excess = self.arrays.numpy(rows.residual(y)), self.arrays.numpy(rows.excess(y))
+            parts.append(np.copysign(np.hypot(off, excess), off))
         self._count(1)
         return np.concatenate(parts) if parts else np.empty(0)

@@ -1,6 +1,6 @@
 """A network whose outputs are the root loads of the spots of one patch, in training on the root load of the patch.
 
-The residuals of a row are those of `mlp` with S(y), the joint root load of all outputs (`casadi_contact.spots`), in
+The loss of a row is that of `row_loss` with S(y), the joint root load of all outputs (`casadi_contact.spots`), in
 place of y: nobody says which spot bears how much. S grows in proportion to y, so that outputs of one common scale keep
 it.
 """
@@ -33,7 +33,7 @@ class SpotMlp(TrunkMlp):
     def _head(self, chunk: Chunk, layer: Any) -> Any:
         """W·∂S/∂y (outputs, rows)."""
         _, slopes = joint_root(self.xp, (layer @ chunk.current[-1]).T)
-        return slopes.T * self._now[chunk.rows]
+        return slopes.T * self._weight[chunk.rows]
 
     def _of_outputs(self, tangent: Any, head: Any) -> Any:
         return (tangent * head).sum(0)

@@ -39,7 +39,7 @@ class TrunkMlp(Mlp):
 
     def _head(self, chunk: Chunk, layer: Any) -> Any:
         """w (outputs, rows)."""
-        return self._now[chunk.rows].T
+        return self._weight[chunk.rows].T
 
     def _rough(self, exact: Factors) -> Factors:
         single, (*slopes, head) = self.arrays.single, exact.derivatives
@@ -56,7 +56,7 @@ class TrunkMlp(Mlp):
 
     def _seeds(self, rows: np.ndarray) -> Any:
         """∂r/∂y (len(rows), residuals of a row, outputs)."""
-        weight = self._now[rows]
+        weight = self._weight[rows]
         seeds = self.arrays.zeros(len(weight), self.outputs, self.outputs)
         for k in range(self.outputs):
             seeds[:, k, k] = weight[:, k]
