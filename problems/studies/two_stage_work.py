@@ -27,10 +27,10 @@ from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.sizes import on_disk
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.fitting import fit_surrogate, size_text
+from casadi_contact.fitting import fit_surrogate, size_text, structures_for_scene
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project, Update, alone, read_motion, shipped_surrogates
-from casadi_contact.structures import STRUCTURES, Surrogate, TwoStageSurrogate
+from casadi_contact.structures import Surrogate, TwoStageSurrogate
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.workers import worker_pool
 from problems.common.command import new_app, run_command
@@ -50,7 +50,7 @@ def train_with_work(
 
     Raises ValueError for a preset that does not train `two_stage` and for a scene that it does not fit.
     """
-    if STRUCTURE not in project.preset.efforts or not STRUCTURES[STRUCTURE].fits(project.scene):
+    if STRUCTURE not in structures_for_scene(project):
         raise ValueError(
             f"preset {project.preset_name} trains no {STRUCTURE} for scene {project.scene.name}, expected a preset "
             "with it (standard, paper) and a scene that presses down"
@@ -65,8 +65,8 @@ def train_with_work(
             surrogate = on_disk(project, path)
             if surrogate is None:
                 chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
-                command = f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
-                surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, command, name, update, workers)
+                made_by = _command(project)
+                surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, made_by, name, update, workers)
                 surrogate.save(path)
             made[name] = surrogate
     return made
@@ -80,8 +80,11 @@ def measured_front(project: Project, trained: dict[str, Surrogate]) -> Front:
     settled = ElasticFoundation(project.scene, project.scene.grids["settle"])
     walking = unseen_walking(settled, read_motion(project)[0])
     front = measure(candidates, project.scene, walking, project.samples(), dict.fromkeys(trained, SECONDS))
-    command = f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
-    return Front({**front.header, "command": command}, front.points)
+    return Front({**front.header, "command": _command(project)}, front.points)
+
+
+def _command(project: Project) -> str:
+    return f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
 
 
 @app.command()
