@@ -19,7 +19,7 @@ from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, Regression
 from casadi_contact.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
-from casadi_contact.sampling import teacher_of
+from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line, samples_record
@@ -69,7 +69,7 @@ def train(
     if project.preset.active:
         models_to_ask(project, samples)  # refused here, not after hours of training
     around = moved_samples(samples)
-    command = f"casadi-contact build {project.scene.name} --preset {project.preset_name}"
+    command = _command(project, samples)
     paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
         efforts = project.preset.efforts[name]
@@ -83,6 +83,13 @@ def train(
         made[name].save(path)
         paths.append(path)
     return paths
+
+
+def _command(project: Project, samples: Samples) -> str:
+    """What builds a project's surrogates from nothing, but for the files of a user's own."""
+    drawn_from = model_name_of(samples)
+    model = "" if drawn_from is None else f" --model {drawn_from}"
+    return f"casadi-contact build {project.scene.name} --preset {project.preset_name}{model}"
 
 
 def _active_rounds(

@@ -92,10 +92,16 @@ def model_pair(name: str) -> ModelPair:
     return MODELS[name]
 
 
+def model_name_of(samples: Samples) -> str | None:
+    """The name in `MODELS` of what samples were drawn from; None for a user's own model, and for a table."""
+    names = {_full_name(models): name for name, models in MODELS.items()}
+    return names.get(samples.provenance.get("models", ""))
+
+
 def models_of(samples: Samples) -> ModelPair | None:
     """What makes the contact models of samples, to draw more of them; None for a user's own, and for a table."""
-    named = {_full_name(models): models for models in MODELS.values()}
-    return named.get(samples.provenance.get("models", ""))
+    name = model_name_of(samples)
+    return None if name is None else MODELS[name]
 
 
 def teacher_of(samples: Samples) -> WrenchModel | None:

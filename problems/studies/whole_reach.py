@@ -5,7 +5,7 @@ The samples are drawn with another seed, by a scene that is `like` its own:
     casadi-contact sample reach_anew.toml --preset reach --model foundation --out anew
     python -m problems.studies.whole_reach knee_reach anew/samples.h5
 
-with reach_anew.toml, for 99,420 samples,
+with reach_anew.toml, for some 99,000 samples,
 
     format = 1
     name = "reach_anew"
@@ -42,27 +42,28 @@ from problems.common.records import write_summary
 from problems.studies.stability.out_of_range import VALID
 
 NAME = "whole_reach"
+ALL = "all"
 _TIMED = 300
 app = new_app()
 
 
 def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
-    """By domain: poses and the valid share, and over the valid poses by load rms and max [N, N·mm] of the errors, and
-    coverage, over the poses that carry the load (None where none does, see `trust_coverage`).
+    """By domain, and over all: poses and the valid share, and over the valid poses by load rms and max [N, N·mm] of the
+    errors, and coverage, over the poses that carry the load (None where none does, and over all; see `trust_coverage`).
 
     Raises ValueError for loads that the samples do not tell.
     """
     valid = samples.rows(surrogate.validity(samples.poses) > VALID)
     coverage = trust_coverage(surrogate, valid)
     record: dict[str, Any] = {}
-    for domain in DOMAINS:
-        drawn, kept = samples.select(domain), valid.select(domain)
+    for domain in (*DOMAINS, ALL):
+        drawn, kept = (part.select(None if domain == ALL else domain) for part in (samples, valid))
         if len(drawn):
             record[domain] = {"poses": len(drawn), "valid": len(kept) / len(drawn)}
         if len(kept):
             errors = load_errors(surrogate.load_names, surrogate(kept.poses), kept.loads(surrogate.load_names))
             record[domain]["loads"] = {
-                name: {"rms": of["rms"], "max": of["max"], "coverage": coverage[domain].get(name)}
+                name: {"rms": of["rms"], "max": of["max"], "coverage": coverage.get(domain, {}).get(name)}
                 for name, of in errors.items()
             }
     return record

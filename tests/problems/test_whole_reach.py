@@ -25,6 +25,7 @@ def test_errors_and_coverage_are_those_of_the_valid_poses_of_a_domain(samples):
     assert {name: (of["poses"], of["valid"]) for name, of in record.items()} == {
         "D1": (2, 1.0),
         "D3": (2, 0.5),
+        "all": (4, 0.75),
     }
     off = np.abs(knee(samples.poses) - samples.loads(knee.load_names))
     for domain, rows in (("D1", [0, 1]), ("D3", [2])):
@@ -33,6 +34,8 @@ def test_errors_and_coverage_are_those_of_the_valid_poses_of_a_domain(samples):
             assert of["rms"] == pytest.approx(np.sqrt(np.mean(off[rows, k] ** 2)))
             assert of["max"] == pytest.approx(off[rows, k].max())
             assert of["coverage"] == np.mean((off <= knee.expected_error(samples.poses))[rows, k])
+    for k, name in enumerate(knee.load_names):
+        assert record["all"]["loads"][name]["rms"] == pytest.approx(np.sqrt(np.mean(off[[0, 1, 2], k] ** 2)))
 
 
 def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples, tmp_path):
