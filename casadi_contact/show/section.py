@@ -77,9 +77,14 @@ def _centre(maps: Sequence[PressureMap]) -> Array:
 
 
 def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: PictureAxis) -> Array:
-    """The elements (m, 3) within about half an element of the plane, in the order of `along`."""
-    away = np.abs(across.of(pressed.centres_mm) - at)
-    column = pressed.centres_mm[away <= away.min() + 0.5 * np.sqrt(np.median(pressed.areas_mm2))]
+    """The elements (m, 3) within about half an element of the plane, in the order of `along`: the nearest to it of
+    those that lie side by side, else the line jumps between their rows."""
+    away, side = np.abs(across.of(pressed.centres_mm) - at), np.sqrt(np.median(pressed.areas_mm2))
+    near = np.flatnonzero(away <= away.min() + 0.5 * side)
+    place = along.of(pressed.centres_mm[near])
+    step = np.floor((place - place.min()) / side + 0.5)
+    nearest_first = np.lexsort((away[near], step))
+    column = pressed.centres_mm[near[nearest_first[np.unique(step[nearest_first], return_index=True)[1]]]]
     return column[np.argsort(along.of(column))]
 
 

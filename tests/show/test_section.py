@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
+from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.show import contact_pose, view_of
 from casadi_contact.show.section import draw_section
 
@@ -59,3 +60,15 @@ def test_condyles_that_touch_are_each_drawn_round_with_no_spike_between_them():
         assert (side * outline[:, 0] > 2.0).all()
         inner = outline[np.abs(outline[:, 0]) < 10.0]
         assert inner[:, 1].max() < pose[1] - 10.0  # where both are round they meet at the height of their centres
+
+
+def test_midway_between_two_rows_of_a_sloping_surface_the_line_follows_one_of_them():
+    model = cc.ElasticFoundation(cc.load_scene("knee"), (10, 10))
+    x, z = (side.ravel() for side in np.meshgrid(np.arange(-9.5, 10.0), np.arange(-4.5, 5.0)))
+    sloping = PressureMap("med", np.stack([x, 30.0 + 0.5 * z, z], 1), np.ones(x.size), np.ones(x.size))
+    axis, view = Figure().subplots(), view_of(model)
+    draw_section(axis, model, contact_pose(model), [sloping], along=view.up, across=view.right, toward=view.toward)
+    along, height = axis.get_lines()[0].get_xydata().T
+    np.testing.assert_allclose(along, np.arange(-9.5, 10.0))
+    assert np.ptp(height) == 0.0
+    assert abs(height[0] - 30.0) == 0.25
