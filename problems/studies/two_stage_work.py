@@ -37,7 +37,7 @@ from problems.common.command import new_app, run_command
 
 NAME = "two_stage_work"
 STRUCTURE = TwoStageSurrogate.structure
-GFLOP = (2_000.0, 13_000.0, 40_000.0)
+GFLOP = (2_000.0, 20_000.0, 60_000.0)
 app = new_app()
 
 
@@ -65,26 +65,28 @@ def train_with_work(
             surrogate = on_disk(project, path)
             if surrogate is None:
                 chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
-                made_by = _command(project)
+                made_by = _command(project, [budget])
                 surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, made_by, name, update, workers)
                 surrogate.save(path)
             made[name] = surrogate
     return made
 
 
-def measured_front(project: Project, trained: dict[str, Surrogate]) -> Front:
-    """All in one run on one thread: the trained ones, the scene's shipped surrogates, foundations and elements."""
+def measured_front(project: Project, trained: dict[str, Surrogate], gflop: Sequence[float]) -> Front:
+    """All in one run on one thread: those trained with these budgets, the scene's shipped surrogates, foundations and
+    elements."""
     candidates: list[Candidate] = list(untrained_candidates(project.scene))
     for name, surrogate in {**shipped_surrogates(project.scene), **trained}.items():
         candidates += surrogate_candidates(name, surrogate)
     settled = ElasticFoundation(project.scene, project.scene.grids["settle"])
     walking = unseen_walking(settled, read_motion(project)[0])
     front = measure(candidates, project.scene, walking, project.samples(), dict.fromkeys(trained, SECONDS))
-    return Front({**front.header, "command": _command(project)}, front.points)
+    return Front({**front.header, "command": _command(project, gflop)}, front.points)
 
 
-def _command(project: Project) -> str:
-    return f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}"
+def _command(project: Project, gflop: Sequence[float]) -> str:
+    budgets = "" if tuple(gflop) == GFLOP else "".join(f" --gflop {budget:g}" for budget in gflop)
+    return f"python -m problems.studies.{NAME} {project.scene.name} --preset {project.preset_name}{budgets}"
 
 
 @app.command()
@@ -95,11 +97,11 @@ def run(
     out: Annotated[Path | None, typer.Option(help="project folder; results/SCENE-PRESET if left out")] = None,
 ) -> None:
     """Train two_stage with several budgets, and measure them beside other models in one run."""
-    project = Project.open(scene, preset, out)
+    project, budgets = Project.open(scene, preset, out), gflop or GFLOP
     console = PlainConsole()
     with progress_bars(console) as update:
-        trained = train_with_work(project, GFLOP if gflop is None else gflop, update)
-    front = measured_front(project, trained)
+        trained = train_with_work(project, budgets, update)
+    front = measured_front(project, trained, budgets)
     path = project.folder / f"{NAME}.csv"
     write_front(path, front)
     console.print(_table(front.points))

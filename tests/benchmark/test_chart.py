@@ -229,6 +229,7 @@ def test_the_paper_s_method_is_measured_with_several_budgets(project, monkeypatc
     done = CliRunner().invoke(two_stage_work.app, [scene, *options, "--gflop", "0.02", "--gflop", "0.5"])
     assert done.exit_code == 0, done.output
     front = read_front(project.folder / "two_stage_work.csv")
+    assert front.header["command"].endswith("--preset tiny --gflop 0.02 --gflop 0.5")
     less, more = (p for p in front.points if p.sweep == SECONDS)
     assert (less.name, more.name) == ("two_stage 4-4 (0.02 Gflop)", "two_stage 4-4 (0.5 Gflop)")
     assert more.parameters > less.parameters, "with more work its networks grow"
