@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, load_unit
 from casadi_contact.scenes import Scene
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
@@ -54,10 +54,17 @@ class Errors:
 
     @property
     def worst(self) -> str:
-        """The error that exceeds what is allowed most, in words."""
-        excess = np.where(self._judged[:, None], self.of_allowed, 0.0)
-        n, load = np.unravel_index(excess.argmax(), excess.shape)
-        return f"{self.loads[n, load]:.3g} in {self.scene.load_names[load]}"
+        """The error that exceeds what is allowed most, an RMS or that of one pose, and what is allowed, in words."""
+        rms, single = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)), self.of_allowed[self._judged]
+        if (rms / self._tolerances).max() >= single.max():
+            load = int((rms / self._tolerances).argmax())
+            found, allowed, kind = rms[load], self._tolerances[load], " (RMS)"
+        else:
+            n, load = (int(k) for k in np.unravel_index(single.argmax(), single.shape))
+            found, kind = self.loads[self._judged][n, load], ""
+            allowed = found / single[n, load]
+        name = self.scene.load_names[load]
+        return f"{found:.3g} {load_unit(name)} in {name}{kind}, expected {allowed:.3g} at most"
 
     def record(self, **said: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,
@@ -107,6 +114,6 @@ class NotGoodEnoughError(ValueError):
 def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodEnoughError:
     """The finest of a scene's models is not good enough."""
     return NotGoodEnoughError(
-        f"scene {errors.scene.name}: {model} is wrong by up to {errors.worst}, expected less: relax the scene's "
-        "tolerances, or take cc.ElasticFoundation"
+        f"scene {errors.scene.name}: {model} is off by {errors.worst}: relax the scene's tolerances, or "
+        "take cc.ElasticFoundation"
     )

@@ -140,7 +140,10 @@ def checked_mesh(
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
     vertices, faces = np.asarray(vertices, dtype=float).reshape(-1, 3), np.asarray(faces, dtype=np.int64)
     if not len(vertices) or not len(faces):
-        raise ValueError(f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles")
+        raise ValueError(
+            f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles: is the file "
+            "whole?"
+        )
     if not np.isfinite(vertices).all():
         row = int(np.argwhere(~np.isfinite(vertices))[0, 0])
         raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
@@ -185,7 +188,9 @@ def _read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
         content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
         return np.asarray(content.vertices), np.asarray(content.faces)
     except Exception as error:  # trimesh's readers raise whatever the damage led to
-        raise ValueError(f"mesh {path} cannot be read ({one_line(error)}), expected a {kind.upper()} file") from None
+        raise ValueError(
+            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file"
+        ) from None
 
 
 def _check_stl_size(content: bytes) -> None:

@@ -4,19 +4,25 @@ Flat triangles cut the corners of a curved surface: at edges of 1 mm on a radius
 per cent of the force at 0.1 mm overlap. Each triangle is therefore replaced by a curved point-normal (PN) patch
 (Vlachos et al. 2001), a cubic through its corners and normal to the corners' normals, whose error falls with the
 fourth power of the edge. The normals must be as good as that: they come from a quadric fitted to the vertices within
-two edges of each vertex (an osculating jet, Cazals and Pouget 2005), not from averages of facet normals.
+two edges of each vertex (an osculating jet, Cazals and Pouget 2005), not from averages of facet normals. At a crease,
+such as the rim of a part, each side has normals of its own: one between them would bend long triangles of a flat wall
+by millimetres.
 """
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 from scipy import sparse
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.mesh import TriangleMesh
 
 EDGE_RADIUS_MM = 3.0
 _LEAST_AGREEMENT = 0.8  # cos between fitted and averaged normal: below, the vertex lies on a sharp edge
+_FAR = 2.0  # times the way from a triangle to its patch
 _FAN_SLOPE = 0.4  # tan of the angle to the normal up to which a point counts as straight above its closest point
 _CHUNK = 200_000  # points per batch
 
@@ -33,9 +39,11 @@ class SmoothSurface:
             import igl
         except ImportError:
             raise ImportError("smooth surfaces of meshes need libigl: pip install casadi_contact[mesh]") from None
-        self._closest = igl.point_mesh_squared_distance
+        # Its side is told by the pseudonormal of the nearest triangle, edge or vertex (Bærentzen and Aanæs 2005).
+        self._closest = partial(igl.signed_distance, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL)
         self.mesh = mesh
-        self.vertex_normals = fitted_normals(mesh)
+        smooth = split_at_creases(mesh)
+        self._corner_normals = fitted_normals(smooth)[smooth.faces]
         size = len(mesh.vertices_mm)
         codes = mesh.boundary_edges @ [size, 1]
         # Edge k of a face lies opposite its corner k.
@@ -51,15 +59,19 @@ class SmoothSurface:
         return np.concatenate([self._distance(np.ascontiguousarray(points_mm[k : k + _CHUNK])) for k in chunks])
 
     def _distance(self, points: Array) -> Array:
-        _, face, closest = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
+        flat, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
         share = _barycentric(self.mesh.corners_mm[face], closest)
         on, normal = self._patch(face, share)
         offset = points - on
         height = np.einsum("ij,ij->i", offset, normal)
         aside2 = np.maximum(np.einsum("ij,ij->i", offset, offset) - height**2, 0.0)
         # About the normal the height over the tangent plane is the distance, to second order in what the closest
-        # point of the flat triangle is off; on a sharp edge points far off the normal have the edge's distance.
-        distance = np.copysign(np.sqrt(height**2 + np.maximum(aside2 - (_FAN_SLOPE * height) ** 2, 0.0)), height)
+        # point of the flat triangle is off; on a sharp edge points far off the normal have the edge's distance. Farther
+        # from the mesh than its patch is, a point lies on the side of the one as of the other, which is certain of the
+        # mesh: at an edge the height over one of its triangles may have either sign.
+        far = np.abs(flat) > _FAR * np.linalg.norm(on - closest, axis=1)
+        size = np.sqrt(height**2 + np.maximum(aside2 - (_FAN_SLOPE * height) ** 2, 0.0))
+        distance = np.copysign(size, np.where(far, flat, height))
         zero = share < 1e-9
         edge = (zero & self._open_side[face]).any(axis=1) | (
             (zero.sum(axis=1) == 2) & ((share > 0.5) & self._open_corner[face]).any(axis=1)
@@ -71,7 +83,7 @@ class SmoothSurface:
     def _patch(self, face: np.ndarray, share: Array) -> tuple[Array, Array]:
         """Point and unit normal of each face's PN patch at barycentric shares (n, 3)."""
         corners = np.moveaxis(self.mesh.vertices_mm[self.mesh.faces[face]], 1, 0)
-        normals = np.moveaxis(self.vertex_normals[self.mesh.faces[face]], 1, 0)
+        normals = np.moveaxis(self._corner_normals[face], 1, 0)
         u = share.T[:, :, None]
         point = sum(corners[i] * u[i] ** 3 for i in range(3))
         edges = np.zeros_like(corners[0])

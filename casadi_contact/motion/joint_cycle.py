@@ -20,7 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.motion.columns import read_columns
+from casadi_contact.files import short
+from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.load_cycle import LARGEST_ANGLE_RAD
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number
@@ -47,6 +49,12 @@ class JointCycle:
             raise ValueError(f"cycle {self.name}: expected at least 2 frames and a time that rises")
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
+        for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
+            if (largest := float(np.abs(self.pose[name]).max())) > LARGEST_ANGLE_RAD:
+                column = quantity(name).column
+                raise ValueError(
+                    f"cycle {self.name}: {column} reaches {largest:g}, expected radians: is it in degrees?"
+                )
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""
@@ -70,17 +78,28 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured, and the centre
     of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
 
-    Raises FileNotFoundError, and ValueError naming file, line and column.
+    Other columns are ignored, but for those named as a quantity in another unit (rz_deg). Raises FileNotFoundError, and
+    ValueError naming file, line and column.
     """
     path = Path(path)
     columns = {**column_names(scene.load_names), **{name: quantity(name).column for name in _CENTRES}}
-    curves = read_columns(path, required=("time_s",), optional=tuple(columns.values()), what="cycle file")
-    named = {name: curves[column] for name, column in columns.items() if column in curves}
+    table = TextColumns.read(path, "cycle file")
+    table.require("time_s")
+    for got in table.header:
+        wanted = columns.get(got.rpartition("_")[0])
+        if wanted is not None and got != wanted and wanted not in table.header:
+            raise ValueError(f"{path} has the column {got}, expected {wanted}: convert its unit")
+    if not any(columns[name] in table.header for name in scene.load_names):
+        raise ValueError(
+            f"{path} has no load of scene {scene.name}, expected some of "
+            f"{', '.join(columns[name] for name in scene.load_names)}; it has {short(', '.join(table.header))}"
+        )
+    named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
     pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
     centres = {name: curve for name, curve in named.items() if name in _CENTRES}
     loads = {name: curve for name, curve in named.items() if name not in {*POSE_NAMES, *_CENTRES}}
     try:
-        return JointCycle(path.stem, curves["time_s"], pose, loads, centres)
+        return JointCycle(path.stem, table.numbers("time_s"), pose, loads, centres)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -22,7 +22,7 @@ COLUMNS = {
     "cop_ml_mm": "cop_ml_mm",
 }
 _CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
-_LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
+LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
 _LARGEST_COP_MM = 200.0
 
 
@@ -61,7 +61,7 @@ class LoadCycle:
                 )
         for key in ("rz", "ry"):
             largest = float(np.abs(getattr(self, key)).max())
-            if largest > _LARGEST_ANGLE_RAD:
+            if largest > LARGEST_ANGLE_RAD:
                 raise ValueError(
                     f"cycle {self.name}: {COLUMNS[key]} reaches {largest:g}, expected radians: is it in degrees?"
                 )

@@ -63,6 +63,8 @@ def frame_of(
         told.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")
         if side is None:
             untold.append("the side: taken as right (--side left mirrors it)")
+    elif side is not None:
+        untold.append(f"what {side} means here: only a knee, a hip or a patella is mirrored for its side (--joint)")
     known = tuple(axes) if axes is not None else _axes(pair, meeting, regions, joint, mirror, told, untold)
     turned = axes_rotation(known)
     offsets = _offsets(pair, meeting, regions, joint, Placement(mirror=mirror), turned, told)

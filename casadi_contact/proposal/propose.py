@@ -63,6 +63,8 @@ def propose(
     """
     files = {"moving": Path(moving), "fixed": Path(fixed)}
     units, meshes = _meshes(files)
+    if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
+        raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
     pair = Pair.of(meshes["moving"], meshes["fixed"])
     meeting = meeting_of(pair)
     regions = regions_of(pair, meeting)

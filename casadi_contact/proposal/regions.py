@@ -19,6 +19,7 @@ _BIN_MM = 1.0
 _SMOOTH_BINS = 2.0
 _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
 _HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
+_STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a saddle little is
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
 
@@ -65,8 +66,9 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
         depth, cuts = _valleys(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
-    seen = np.einsum("nk,nk->n", _unit(pivot - pair.points_mm), pair.normals) > LEAST_UPWARD
-    hollow = float(weight @ seen) > _HOLLOW * float(weight.sum())
+    facing = np.einsum("nk,nk->n", _unit(pivot - pair.points_mm), pair.normals)
+    seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
+    hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
     found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)), round=True, hollow=hollow)
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))

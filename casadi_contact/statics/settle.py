@@ -158,7 +158,11 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
     known: dict[bytes, tuple[Array, Array, Array]] = {}
 
     def residuals(steps: Array) -> tuple[Array, Array, Array]:
-        """Kept for the Jacobian, which SciPy asks for where it has asked for the value."""
+        """Kept for the Jacobian, which SciPy asks for where it has asked for the value. Not a number for steps that are
+        none, which SciPy may take where Jacobians are all but singular: it then keeps where it was."""
+        if not np.isfinite(steps).all():
+            nothing = np.full((1, len(equations.names)), np.nan)
+            return nothing, np.full((1, len(equations.names), len(columns)), np.nan), nothing
         if steps.tobytes() not in known:
             known.clear()
             known[steps.tobytes()] = equations.residuals(moved(steps), rows)

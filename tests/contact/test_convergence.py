@@ -40,3 +40,10 @@ def test_a_single_error_may_be_larger_where_the_force_is():
     light, heavy = (errors([WORST, *[0.0] * 15], [False] * 16, n * reference) for n in (1.0, 2.0))
     assert light.misses == pytest.approx(1.0)
     assert heavy.misses == pytest.approx(WORST / 4.0)  # the RMS of sixteen
+
+
+def test_the_worst_is_what_decides_and_names_what_is_allowed():
+    tolerance = cc.load_scene("sphere_on_plane").tolerances["Fy"]
+    spread, alone = errors([2.0] * 4, [False] * 4), errors([2.0 * WORST, *[0.0] * 99], [False] * 100, 0.0)
+    assert spread.worst == f"{2.0 * tolerance:.3g} N in Fy (RMS), expected {tolerance:.3g} at most"
+    assert alone.worst == f"{2.0 * WORST * tolerance:.3g} N in Fy, expected {WORST * tolerance:.3g} at most"

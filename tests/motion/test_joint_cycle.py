@@ -74,8 +74,27 @@ def test_a_cycle_file_names_its_units(tmp_path):
     for name, curve in curves.items():
         np.testing.assert_array_equal({**again.pose, **again.loads}[name], curve)
     path.write_text("time_s,rz_rad\n0.0,0.1\n1.0,0.2\n")
-    with pytest.raises(ValueError, match=r"walk\.csv: cycle walk has no load"):
+    with pytest.raises(ValueError, match=r"walk\.csv has no load of scene hip"):
         read_joint_cycle(path, scene)
     path.write_text("time_s,Fy_N\n0.0,0.1\n1.0,much\n")
     with pytest.raises(ValueError, match="line 3, Fy_N: got 'much'"):
         read_joint_cycle(path, scene)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "said"),
+    [
+        ("time_s,rz_rad,Fy_N", "30.0,900", "rz_rad reaches 30, expected radians: is it in degrees"),
+        ("time_s,rz_deg,Fy_N", "0.5,900", "has the column rz_deg, expected rz_rad: convert its unit"),
+        ("time_s,rz_rad,Fy_BW", "0.5,2.1", "has the column Fy_BW, expected Fy_N: convert its unit"),
+        (
+            "time_s,rz_rad,force",
+            "0.5,900",
+            "has no load of scene hip, expected some of Fx_N, .*; it has time_s, rz_rad, ",
+        ),
+    ],
+)
+def test_columns_in_other_units_are_refused_with_the_unit_that_is_expected(tmp_path, header, row, said):
+    (tmp_path / "cycle.csv").write_text(f"{header}\n0.0,{row}\n0.1,{row}\n")
+    with pytest.raises(ValueError, match=said):
+        read_joint_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))

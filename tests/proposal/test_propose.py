@@ -51,3 +51,10 @@ def test_a_button_in_a_groove(folder):
     assert scene.load_names[:2] == ("Fx_med", "Fx_lat")
     loads = cc.ElasticFoundation(scene)(scene.start_pose)
     np.testing.assert_allclose(loads[:2], 300.0, rtol=0.1)
+
+
+def test_the_same_body_twice_is_refused(folder):
+    (folder / "copy.obj").write_bytes((folder / "ball.obj").read_bytes())
+    result = CliRunner().invoke(app, ["scene", str(folder / "ball.obj"), str(folder / "copy.obj")])
+    assert isinstance(result.exception, ValueError)
+    assert "hold the same body, expected the two that touch each other" in str(result.exception)

@@ -97,6 +97,16 @@ def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
     assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
 
 
+def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
+    """As at the base of a thumb: it is hollow one way only, though all of it is seen from one point."""
+    fixed, (points, faces) = (sheet_mesh(side, 1.0, lambda x, z: x**2 / 18.0 - z**2 / 22.0) for side in (12.0, 11.0))
+    moving = checked_mesh("moving", points, faces[:, ::-1])
+    _, regions, joint, frame = seen(moving, checked_mesh("fixed", *fixed), side="left")
+    assert not regions.hollow
+    assert joint.kind == "other"
+    assert any("what left means here" in said for said in frame.untold)
+
+
 def test_a_force_that_turns_presses_down_where_the_scene_names_no_other_way():
     loads = rest_loads(cc.load_scene("hip"), Joint("other", ("contact",), ""), 100.0)
     assert loads == {"Fx": 0.0, "Fy": -100.0, "Fz": 0.0}
