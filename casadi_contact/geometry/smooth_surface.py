@@ -58,6 +58,12 @@ class SmoothSurface:
         chunks = range(0, len(points_mm), _CHUNK)
         return np.concatenate([self._distance(np.ascontiguousarray(points_mm[k : k + _CHUNK])) for k in chunks])
 
+    def beyond_open_edges(self, points_mm: Array) -> np.ndarray:
+        """True (n,) for points (n, 3) whose nearest point of the mesh lies on an open edge."""
+        points = np.ascontiguousarray(points_mm, dtype=float)
+        _, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
+        return self._at_open_edge(face, _barycentric(self.mesh.corners_mm[face], closest))
+
     def _distance(self, points: Array) -> Array:
         flat, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
         share = _barycentric(self.mesh.corners_mm[face], closest)
@@ -72,13 +78,17 @@ class SmoothSurface:
         far = np.abs(flat) > _FAR * np.linalg.norm(on - closest, axis=1)
         size = np.sqrt(height**2 + np.maximum(aside2 - (_FAN_SLOPE * height) ** 2, 0.0))
         distance = np.copysign(size, np.where(far, flat, height))
-        zero = share < 1e-9
-        edge = (zero & self._open_side[face]).any(axis=1) | (
-            (zero.sum(axis=1) == 2) & ((share > 0.5) & self._open_corner[face]).any(axis=1)
-        )
+        edge = self._at_open_edge(face, share)
         rounded = np.sqrt(aside2 + (height + EDGE_RADIUS_MM) ** 2) - EDGE_RADIUS_MM
         beside = (height > -EDGE_RADIUS_MM) | (aside2 > height**2)  # else behind the surface, where no edge matters
         return np.where(edge & beside, rounded, distance)
+
+    def _at_open_edge(self, face: np.ndarray, share: Array) -> np.ndarray:
+        zero = share < 1e-9
+        return np.asarray(
+            (zero & self._open_side[face]).any(axis=1)
+            | ((zero.sum(axis=1) == 2) & ((share > 0.5) & self._open_corner[face]).any(axis=1))
+        )
 
     def _patch(self, face: np.ndarray, share: Array) -> tuple[Array, Array]:
         """Point and unit normal of each face's PN patch at barycentric shares (n, 3)."""

@@ -9,6 +9,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
+from casadi_contact.verification import share_beyond_open_edges, words_beyond_open_edges
 
 
 def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
@@ -21,6 +22,8 @@ def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
             f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
             "the surface goes on or is cut; such poses are no samples to learn from"
         )
+    if beyond := words_beyond_open_edges(share_beyond_open_edges(model, poses)):
+        doubts.append(f"whether the moving part ends at its open edges: {beyond}")
     return doubts
 
 

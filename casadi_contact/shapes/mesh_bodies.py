@@ -14,6 +14,7 @@ from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import FILE_AXES, Box, TriangleMesh, load_mesh
 from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.shapes.mesh_files import file_digest
 from casadi_contact.shapes.own_model import patch_anchors
 
@@ -50,6 +51,11 @@ def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
 def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
     return _field(_source(geometry, body), geometry["spacing"])
+
+
+def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
+    """The body's smooth surface, in the body's own frame."""
+    return _surface(_source(geometry, body))
 
 
 def check_shells(geometry: Geometry) -> None:
@@ -131,6 +137,11 @@ def _mesh(source: _Source) -> TriangleMesh:
 @lru_cache(maxsize=8)
 def _shell_thickness(source: _Source) -> float:
     return shell_thickness(_mesh(source))
+
+
+@lru_cache(maxsize=4)
+def _surface(source: _Source) -> SmoothSurface:
+    return SmoothSurface(_mesh(source))
 
 
 @lru_cache(maxsize=4)

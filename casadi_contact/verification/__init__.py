@@ -1,7 +1,19 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
+from casadi_contact.verification.open_edges import share_beyond_open_edges, words_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
 
-__all__ = ["Refinement", "Solve", "Verdict", "Verification", "judge", "own_model", "refine", "verify"]
+__all__ = [
+    "Refinement",
+    "Solve",
+    "Verdict",
+    "Verification",
+    "judge",
+    "own_model",
+    "refine",
+    "share_beyond_open_edges",
+    "verify",
+    "words_beyond_open_edges",
+]

@@ -17,7 +17,7 @@ from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.verification import Verdict, share_beyond_open_edges, words_beyond_open_edges
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
@@ -40,7 +40,8 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class Tracked:
     """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), on the fine EF grid,
-    and on the teacher grid, which has next to no error of its own and tells the pressures."""
+    and on the teacher grid, which has next to no error of its own and tells the pressures, and the share (n,) of the
+    load beyond open edges of the moving mesh."""
 
     names: tuple[str, ...]
     wanted: Array
@@ -48,6 +49,7 @@ class Tracked:
     ef: Array
     teacher: Array
     pressures: PressureSummary
+    beyond: Array
 
     @classmethod
     def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
@@ -58,7 +60,8 @@ class Tracked:
         found = (result.loads, fine(result.poses)[:, columns], teacher(result.poses)[:, columns])
         curves = np.column_stack(list(wanted.values.values()))
         got, ef, converged = (wanted.got(loads) for loads in found)
-        return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses))
+        beyond = share_beyond_open_edges(teacher, result.poses)
+        return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses), beyond)
 
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:
         """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
@@ -85,6 +88,8 @@ def report(
     grids = {name: "×".join(map(str, scene.grids[name])) for name in ("fine", "teacher")}
     errors = tracked.errors()
     _print(problem, result, verdict, errors, grids, starts, kind)
+    if words := words_beyond_open_edges(tracked.beyond):
+        PlainConsole().print(words, highlight=False)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
     pressed = pressures_table(cycle.time_s, tracked.pressures, scene.patch_names, f"{cycle.name} pressures")
@@ -97,6 +102,7 @@ def report(
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
+        "largest_share_beyond_open_edges": float(tracked.beyond.max()),
         **solver_record(result),
         "errors": errors,
         "ef_grids": grids,
@@ -148,7 +154,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
         columns |= dict(zip(names, values.T, strict=True))
     columns |= pressure_columns(tracked.pressures, problem.model.scene.patch_names)
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
-    columns["on_rim"] = result.on_rim.astype(int)
+    columns |= {"on_rim": result.on_rim.astype(int), "share_beyond_open_edges": tracked.beyond}
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
