@@ -45,20 +45,20 @@ class Errors:
         """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
         error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
         only where most of them are: a narrow joint bears there."""
-        return float(max(self._rms(self._judged), self.of_allowed[self._judged].max()))
+        return float(max(self._rms(self._judged).max(), self.of_allowed[self._judged].max()))
 
     @property
     def misses_at_rim(self) -> float:
         """The largest ratio of a load's RMS to its tolerance over the poses at the rim, where others are judged."""
-        return self._rms(~self._judged) if (~self._judged).any() else 0.0
+        return float(self._rms(~self._judged).max()) if (~self._judged).any() else 0.0
 
     @property
     def worst(self) -> str:
         """The error that exceeds what is allowed most, an RMS or that of one pose, and what is allowed, in words."""
-        rms, single = np.sqrt(np.mean(self.loads[self._judged] ** 2, axis=0)), self.of_allowed[self._judged]
-        if (rms / self._tolerances).max() >= single.max():
-            load = int((rms / self._tolerances).argmax())
-            found, allowed, kind = rms[load], self._tolerances[load], " (RMS)"
+        rms, single = self._rms(self._judged), self.of_allowed[self._judged]
+        if rms.max() >= single.max():
+            load = int(rms.argmax())
+            found, allowed, kind = rms[load] * self._tolerances[load], self._tolerances[load], " (RMS)"
         else:
             n, load = (int(k) for k in np.unravel_index(single.argmax(), single.shape))
             found, kind = self.loads[self._judged][n, load], ""
@@ -80,8 +80,9 @@ class Errors:
         at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
         return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
 
-    def _rms(self, rows: np.ndarray) -> float:
-        return float((np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self._tolerances).max())
+    def _rms(self, rows: np.ndarray) -> Array:
+        """Of every load (L,), in its tolerance."""
+        return np.asarray(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self._tolerances)
 
     @property
     def _judged(self) -> np.ndarray:

@@ -51,6 +51,21 @@ class TriangleMesh:
         a, b, c = np.moveaxis(self.corners_mm, 1, 0)
         return 0.5 * np.cross(b - a, c - a)
 
+    @property
+    def normals(self) -> Array:
+        """Outward unit normal of every triangle (f, 3)."""
+        vectors = self.area_vectors_mm2
+        return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+    @property
+    def joined_sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of sides that are one edge of just two triangles; side k·f + triangle runs from its corner k to the
+        next."""
+        _, edge, count = np.unique(_undirected_edges(self.faces), axis=0, return_inverse=True, return_counts=True)
+        order = np.argsort(edge.ravel(), kind="stable")
+        pairs = order[count[edge.ravel()[order]] == 2]
+        return pairs[::2], pairs[1::2]
+
     @cached_property
     def nonmanifold_edges(self) -> np.ndarray:
         """Edges (e, 2) that join more than two triangles."""

@@ -22,7 +22,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import short
 from casadi_contact.motion.columns import TextColumns
-from casadi_contact.motion.load_cycle import LARGEST_ANGLE_RAD
+from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number
@@ -50,11 +50,7 @@ class JointCycle:
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
-            if (largest := float(np.abs(self.pose[name]).max())) > LARGEST_ANGLE_RAD:
-                column = quantity(name).column
-                raise ValueError(
-                    f"cycle {self.name}: {column} reaches {largest:g}, expected radians: is it in degrees?"
-                )
+            check_radians(self.name, quantity(name).column, self.pose[name])
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""

@@ -22,8 +22,14 @@ COLUMNS = {
     "cop_ml_mm": "cop_ml_mm",
 }
 _CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
-LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
+_LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
 _LARGEST_COP_MM = 200.0
+
+
+def check_radians(cycle: str, column: str, angles: Array) -> None:
+    """ValueError for angles (n,) of a cycle's column that are too large for radians."""
+    if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
+        raise ValueError(f"cycle {cycle}: {column} reaches {largest:g}, expected radians: is it in degrees?")
 
 
 @dataclass(frozen=True)
@@ -60,11 +66,7 @@ class LoadCycle:
                     "compression as negative numbers (contact cannot pull)"
                 )
         for key in ("rz", "ry"):
-            largest = float(np.abs(getattr(self, key)).max())
-            if largest > LARGEST_ANGLE_RAD:
-                raise ValueError(
-                    f"cycle {self.name}: {COLUMNS[key]} reaches {largest:g}, expected radians: is it in degrees?"
-                )
+            check_radians(self.name, COLUMNS[key], getattr(self, key))
         if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
             raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
 

@@ -82,7 +82,7 @@ def shell_thickness(mesh: TriangleMesh) -> float:
     """The way [mm] from its triangles straight through a closed mesh, the median; infinite for an open one."""
     if len(mesh.boundary_edges):
         return float("inf")
-    normals = mesh.area_vectors_mm2 / np.linalg.norm(mesh.area_vectors_mm2, axis=1, keepdims=True)
+    normals = mesh.normals
     distance, _ = RayCaster(mesh).first_hits(mesh.corners_mm.mean(axis=1) - _BELOW_MM * normals, -normals)
     return float(np.median(distance))
 

@@ -84,8 +84,8 @@ def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: Pictur
     place = along.of(pressed.centres_mm[near])
     step = np.floor((place - place.min()) / side + 0.5)
     nearest_first = np.lexsort((away[near], step))
-    column = pressed.centres_mm[near[nearest_first[np.unique(step[nearest_first], return_index=True)[1]]]]
-    return column[np.argsort(along.of(column))]
+    kept = nearest_first[np.unique(step[nearest_first], return_index=True)[1]]
+    return pressed.centres_mm[near[kept]]
 
 
 def _reaches(coordinates: Sequence[Array], low: float, high: float) -> list[tuple[float, float]]:

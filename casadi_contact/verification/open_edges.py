@@ -19,9 +19,7 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
     """
     poses = as_poses(poses)
     share = np.zeros(len(poses))
-    if model.scene.shape != "mesh":
-        return share
-    if not len(body_mesh(model.scene.geometry, "moving").boundary_edges):
+    if model.scene.shape != "mesh" or not len(body_mesh(model.scene.geometry, "moving").boundary_edges):
         return share
     surface = body_surface(model.scene.geometry, "moving")
     for k, (pose, turned) in enumerate(zip(poses, rotation(poses[:, 3:]), strict=True)):
