@@ -21,6 +21,7 @@ from casadi_contact.network import Network
 from casadi_contact.training import levenberg_marquardt as alone
 from casadi_contact.training.arrays import TorchArrays
 from casadi_contact.training.batch_mlp import BatchMlp, Columns
+from casadi_contact.training.drawn_rows import draw_rows
 from casadi_contact.training.mlp import ROWS_PER_PARAMETER
 
 
@@ -110,9 +111,8 @@ class Batch:
         rows, scales = [], []
         wanted = int(ROWS_PER_PARAMETER * self._size)
         for k in members:
-            m, total = self.members[k], int(self._mlp.rows[k])
-            drawn = alone.draw_rows(self._mlp.draw_weights(k), wanted, [m.seed, m.iterations])
-            chosen, scale = (np.arange(total), np.ones(total)) if drawn is None else drawn
+            m = self.members[k]
+            chosen, scale = draw_rows(self._mlp.draw_weights(k), wanted, [m.seed, m.iterations])
             rows.append(chosen)
             scales.append(scale)
             m.iterations += 1

@@ -12,7 +12,6 @@ not. A step that does not reduce the loss is shortened first, since a trial cost
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,16 +35,6 @@ class State:
     damping: float
     damping_growth: float
     iterations: int  # begun so far
-
-
-def draw_rows(weights: Array, wanted: int, seed: Sequence[int]) -> tuple[np.ndarray, Array] | None:
-    """About `wanted` rows drawn with probability ∝ their weight, and a scale for each, so that JᵀJ of the scaled rows
-    has the expectation of JᵀJ of all; None for all rows, where no more are there."""
-    if wanted >= len(weights) or not weights.sum() > 0.0:
-        return None
-    chance = np.minimum(1.0, weights * (wanted / weights.sum()))
-    drawn = np.flatnonzero(np.random.default_rng(seed).random(len(weights)) < chance)
-    return drawn, 1.0 / np.sqrt(chance[drawn])
 
 
 def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, float]:
@@ -96,11 +85,10 @@ class LevenbergMarquardt:
         return State(self.parameters, self.damping, self._growth, self._iterations)
 
     def _precondition(self) -> Any | None:
-        """A Cholesky factor of JᵀJ from some rows (see `draw_rows`), or of all, damped; rounding may ask for more
-        damping. None where no damping helps."""
-        drawn = draw_rows(self.mlp.draw_weights, self.mlp.rows_to_draw, [self._seed, self._iterations])
+        """A Cholesky factor of JᵀJ from some rows, damped; rounding may ask for more damping. None where no damping
+        helps."""
+        gram = self.mlp.drawn_gram([self._seed, self._iterations])
         self._iterations += 1
-        gram = self.mlp.gram() if drawn is None else self.mlp.gram(*drawn)
         self._unit = float(self.mlp.arrays.diagonal(gram).mean()) or 1.0
         while True:
             factor = self.mlp.arrays.factor(gram, self.damping * self._unit)

@@ -14,7 +14,7 @@ them visits: what a fit has cost, the same on any machine, however busy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 from casadi_contact.training.chunk import Chunk, Factors
+from casadi_contact.training.drawn_rows import draw_rows
 from casadi_contact.training.row_loss import RowLoss
 from casadi_contact.training.weights import layer_shapes, split
 
@@ -93,11 +94,11 @@ class Mlp:
         """Rows that a preconditioner is assembled from, about."""
         return int(ROWS_PER_PARAMETER * self.parameter_count / self.per_row)
 
-    @property
-    def draw_weights(self) -> Array:
-        """Norm (rows,) of ∂r/∂y of each row at the current parameters: what rows of a preconditioner are drawn by."""
+    def drawn_gram(self, seed: Sequence[int]) -> Any:
+        """JᵀJ as `gram`, of `rows_to_draw` rows that stand for all, drawn by the norm of their ∂r/∂y."""
         heads = [self.arrays.numpy(chunk.exact.derivatives[-1]) for chunk in self._chunks]
-        return np.concatenate([np.linalg.norm(head, axis=0) for head in heads])
+        weights = np.concatenate([np.linalg.norm(head, axis=0) for head in heads])
+        return self.gram(*draw_rows(weights, self.rows_to_draw, seed))
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each row and parameter."""

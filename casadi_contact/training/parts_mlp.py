@@ -2,7 +2,8 @@
 
 Fitted alone, each part meets its own root load, and the errors of its neighbours add up: what one bears too much the
 others do not bear less. Together they are fitted on what the patch carries. JᵀJ is then as wide as all of them; its
-preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest.
+preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest. A root load of weight 0
+is taken as its target, and its network is not asked: most rows are far from contact for most parts.
 """
 
 from __future__ import annotations
@@ -15,11 +16,9 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training.arrays import NumpyArrays
+from casadi_contact.training.drawn_rows import draw_rows
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import flatten, unflatten
-
-_ROWS_PER_PARAMETER = 3.0  # that a block is assembled from
-_BEARING = 0.4  # share of rows in which a part bears, about: others tell its block nothing
 
 
 class BlockArrays(NumpyArrays):
@@ -50,29 +49,20 @@ class PartsMlp:
     ) -> None:
         self.arrays, self.xp = BlockArrays(), np
         self._regression, self._rows, self.rows = regression, rows, len(rows)
-        nothing, one = np.zeros(self.rows), np.ones(self.rows)
+        self._shares, self._weights = regression.shares[rows], regression.weights[rows]
+        self._tried = regression.targets[rows]
+        self._asked = [np.flatnonzero(weights) for weights in self._weights.T]
         self._parts = [
-            Mlp(network, inputs[rows], nothing, one, 0.0, self.arrays, chunk_rows)
-            for network, inputs in zip(networks, regression.inputs, strict=True)
+            Mlp(network, inputs[rows[asked]], np.zeros(len(asked)), np.ones(len(asked)), 0.0, self.arrays, chunk_rows)
+            for network, inputs, asked in zip(networks, regression.inputs, self._asked, strict=True)
         ]
         self._ends = np.cumsum([part.parameter_count for part in self._parts])
         self.parameter_count = int(self._ends[-1])
-        self._shares, self._weights = regression.shares[rows], regression.weights[rows]
 
     @property
     def block_parameters(self) -> int:
         """Parameters of a part, the largest."""
         return max(part.parameter_count for part in self._parts)
-
-    @property
-    def rows_to_draw(self) -> int:
-        """Rows that the blocks are assembled from, about."""
-        return int(_ROWS_PER_PARAMETER * self.block_parameters / _BEARING)
-
-    @property
-    def draw_weights(self) -> Array:
-        """Norm (rows,) of what all root loads do to the residuals of a row."""
-        return np.sqrt((self._effect**2).sum(axis=1))
 
     @property
     def flop(self) -> int:
@@ -85,9 +75,9 @@ class PartsMlp:
 
     def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
-        for part, own in zip(self._parts, self.split(parameters), strict=True):
+        for k, (part, own) in enumerate(zip(self._parts, self.split(parameters), strict=True)):
             part.evaluate(own, solve_output=False)
-        self._tried = np.stack([part.like.output_scale * part.tried_outputs for part in self._parts], axis=1)
+            self._tried[self._asked[k], k] = part.like.output_scale * part.tried_outputs
         self._tried_residuals = self._regression.residuals(self._tried, self._rows)
         return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
 
@@ -96,31 +86,39 @@ class PartsMlp:
         for part, own in zip(self._parts, self.split(parameters), strict=True):
             part.move(own)
         self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
-        self._effect = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
+        effects = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
+        self._effects = [effects[asked, k] for k, asked in enumerate(self._asked)]
         return self._vjp(self._tried_residuals)
 
     def _jvp(self, direction: Array, *, rough: bool = False) -> Array:
         """J·v (rows, residuals)."""
-        parts = zip(self._parts, self.split(direction), strict=True)
-        roots = np.stack([part.jvp(own, rough=rough) for part, own in parts], axis=1)
+        roots = np.zeros(self._tried.shape)
+        for k, (part, own) in enumerate(zip(self._parts, self.split(direction), strict=True)):
+            roots[self._asked[k], k] = part.jvp(own, rough=rough)
         return np.concatenate([np.einsum("nk,nkj->nj", roots, self._slopes), self._weights * roots], axis=1)
 
     def _vjp(self, rows: Array, *, rough: bool = False) -> Array:
         """Jᵀ·u (parameters,)."""
         wrenches = self._slopes.shape[2]
         roots = np.einsum("nj,nkj->kn", rows[:, :wrenches], self._slopes) + (self._weights * rows[:, wrenches:]).T
-        pairs = zip(self._parts, roots, strict=True)
-        return np.concatenate([part.vjp(np.ascontiguousarray(own), rough=rough) for part, own in pairs])
+        parts = zip(self._parts, roots, self._asked, strict=True)
+        return np.concatenate([part.vjp(own[asked], rough=rough) for part, own, asked in parts])
 
     def gram_product(self, direction: Array) -> Array:
         """JᵀJ·v (parameters,), of many rows in single precision."""
         return self._vjp(self._jvp(direction, rough=True), rough=True)
 
-    def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> list[Array]:
+    def gram(self) -> list[Array]:
         """The blocks of JᵀJ, one for each part, as `Mlp.gram`."""
-        chosen = np.arange(self.rows) if rows is None else rows
-        scales = np.ones(len(chosen)) if row_scales is None else row_scales
-        return [part.gram(chosen, scales * self._effect[chosen, k]) for k, part in enumerate(self._parts)]
+        return [part.gram(None, effect) for part, effect in zip(self._parts, self._effects, strict=True)]
+
+    def drawn_gram(self, seed: Sequence[int]) -> list[Array]:
+        """The blocks, of rows drawn for each part by what its root load does to their residuals."""
+        blocks = []
+        for k, (part, effect) in enumerate(zip(self._parts, self._effects, strict=True)):
+            rows, scales = draw_rows(effect, part.rows_to_draw, [*seed, k])
+            blocks.append(part.gram(rows, scales * effect[rows]))
+        return blocks
 
 
 def flatten_parts(networks: Sequence[Network]) -> Array:

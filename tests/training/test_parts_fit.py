@@ -1,6 +1,7 @@
 """Root loads of a patch's parts fitted on together, for what the patch carries."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten
 from casadi_contact.training.weights import initial_network
 
 NAMES = ("root_a", "root_b", "root_c")
+ROWS = ("shares", "wanted", "targets", "weights", "validation")  # of a regression, beside the inputs
 
 
 @pytest.fixture(scope="module")
@@ -33,17 +35,28 @@ def networks(patch):
     return [initial_network(x, s, (4, 3), "algebraic", k) for k, (x, s) in enumerate(pairs)]
 
 
+@pytest.fixture(scope="module")
+def thinned(patch):
+    """Of the rows out of contact every second one weighs nothing."""
+    skipped = (patch.targets < 0.0) & (np.arange(400) % 2 == 0)[:, None]
+    return replace(patch, weights=np.where(skipped, 0.0, patch.weights))
+
+
 def residuals(patch, networks, parameters):
+    """A root load of weight 0 is its target."""
     parts = zip(unflatten_parts(parameters, networks), patch.inputs, strict=True)
-    return patch.residuals(np.stack([network.value(x) for network, x in parts], axis=1)).ravel()
+    roots = np.stack([network.value(x) for network, x in parts], axis=1)
+    return patch.residuals(np.where(patch.weights == 0.0, patch.targets, roots)).ravel()
 
 
 def test_true_root_loads_leave_nothing(patch):
     np.testing.assert_allclose(patch.residuals(patch.targets), 0.0, atol=1e-14)
 
 
-def test_products_are_those_of_the_jacobian(patch, networks):
+@pytest.mark.parametrize("given", ["patch", "thinned"])
+def test_products_are_those_of_the_jacobian(given, networks, request):
     """Against central differences of the residuals."""
+    patch = request.getfixturevalue(given)
     mlp, at = PartsMlp(networks, patch, np.arange(400), chunk_rows=128), flatten_parts(networks)
     step = 1e-6
     columns = [
@@ -62,8 +75,9 @@ def test_products_are_those_of_the_jacobian(patch, networks):
         np.testing.assert_allclose(np.triu(block), np.triu(jacobian[:, a:b].T @ jacobian[:, a:b]), rtol=1e-6, atol=1e-6)
 
 
-def test_the_patch_becomes_right(patch, networks):
-    fit = fit_parts(patch, TrainingSettings(max_gflop=0.5), None, None, networks)
+@pytest.mark.parametrize("given", ["patch", "thinned"])
+def test_the_patch_becomes_right(given, networks, request):
+    fit = fit_parts(request.getfixturevalue(given), TrainingSettings(max_gflop=0.5), None, None, networks)
     training = fit.history["training_rms"]
     assert (np.diff(training) <= 0.0).all()
     assert fit.rms < 0.05 * training[0]
@@ -91,6 +105,21 @@ def test_an_interrupted_fit_goes_on_to_the_same_weights(patch, networks, tmp_pat
     done = fit_parts(patch, settings, tmp_path / "parts.npz", stop, networks)
     assert len(seen) == 5, "a finished fit is returned at once"
     np.testing.assert_array_equal(done.history["gflop"], again.history["gflop"])
+
+
+def test_drawn_blocks_stand_for_all_rows(thinned, networks):
+    """Each is the mean of those drawn with many seeds."""
+    many = replace(
+        thinned, **{k: np.tile(getattr(thinned, k), (3, *[1] * (getattr(thinned, k).ndim - 1))) for k in ROWS},
+        inputs=tuple(np.tile(x, (3, 1)) for x in thinned.inputs),
+    )  # fmt: skip
+    mlp, at = PartsMlp(networks, many, np.arange(1200)), flatten_parts(networks)
+    mlp.evaluate(at)
+    mlp.accept(at)
+    drawn = [mlp.drawn_gram([seed]) for seed in range(300)]
+    for k, block in enumerate(mlp.gram()):
+        mean = np.mean([np.triu(blocks[k]) for blocks in drawn], axis=0)
+        np.testing.assert_allclose(mean, np.triu(block), atol=0.05 * np.abs(block).max())
 
 
 def test_patches_side_by_side_are_those_alone(patch, networks, tmp_path):
