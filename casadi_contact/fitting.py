@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.active import candidates, models_to_ask, worst_samples
-from casadi_contact.dataset import Samples
+from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
@@ -161,12 +161,13 @@ def fit_surrogate(
     needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
     twins = {twin: of for twin, of in kind.twins(project.scene).items() if twin in needed}
     fitted = {twins.get(name, name) for name in needed}
+    weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     regressions, settings = [], {}
     for regression in kind.regressions(either_side(samples) if twins else samples):
         if regression.name in twins or (loads is not None and regression.name not in fitted):
             continue
         effort = effort_for(efforts, regression.name)
-        wanted = replace(regression, tolerance=effort.tolerance_share * regression.tolerance)
+        wanted = replace(regression.weighed(weights), tolerance=effort.tolerance_share * regression.tolerance)
         regressions.append(_at_most(wanted, effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
             sizes=effort.sizes,
@@ -197,7 +198,10 @@ def fit_surrogate(
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
-        whole = [replace(r, tolerance=effort.tolerance_share * r.tolerance) for r in kind.parts_regressions(samples)]
+        whole = [
+            replace(r.weighed(weights), tolerance=effort.tolerance_share * r.tolerance)
+            for r in kind.parts_regressions(samples)
+        ]
         of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches

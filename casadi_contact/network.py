@@ -9,6 +9,7 @@ with σ the network's activation (see `casadi_contact.activations`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,6 +108,7 @@ class Regression:
     spots: targets (n,) are joint root loads (`casadi_contact.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
     Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
+    domain (n,): of rows that are samples, 1 to 7 for D1 to D7.
     """
 
     name: str
@@ -117,6 +119,7 @@ class Regression:
     tolerance: float
     spots: int = 1
     false_load: Array | float = 0.0
+    domain: np.ndarray | None = None
 
     @property
     def outputs(self) -> int:
@@ -126,7 +129,18 @@ class Regression:
     def of_rows(self, rows: np.ndarray) -> Regression:
         """The regression on these of its rows."""
         columns = {name: getattr(self, name)[rows] for name in ("inputs", "targets", "weights", "validation")}
-        return replace(self, **columns, false_load=np.broadcast_to(self.false_load, np.shape(self.targets))[rows])
+        false_load = np.broadcast_to(self.false_load, np.shape(self.targets))[rows]
+        domain = None if self.domain is None else self.domain[rows]
+        return replace(self, **columns, false_load=false_load, domain=domain)
+
+    def weighed(self, by_domain: Mapping[int, float]) -> Regression:
+        """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
+        if not by_domain:
+            return self
+        factors = _domain_weights(self.domain, by_domain)
+        false_load = factors * self.false_load if np.any(self.false_load) else 0.0
+        columns = factors.reshape(-1, *[1] * (np.ndim(self.targets) - 1))
+        return replace(self, weights=columns * self.weights, false_load=false_load)
 
     def residuals(self, network: Network) -> Array:
         """Weighted residuals, (n,) or (n, m)."""
@@ -146,7 +160,7 @@ class PartsRegression:
         weights_k·(s_k - targets_k)              of each part's own root load
 
     names (K) of the networks; inputs (n, k) of each; shares (n, K, m), wanted (n, m), targets and weights (n, K);
-    validation (n,) and tolerance as in `Regression`.
+    validation, domain (n,) and tolerance as in `Regression`.
     """
 
     name: str
@@ -158,9 +172,31 @@ class PartsRegression:
     weights: Array
     validation: np.ndarray
     tolerance: float
+    domain: np.ndarray | None = None
+
+    def weighed(self, by_domain: Mapping[int, float]) -> PartsRegression:
+        """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
+        if not by_domain:
+            return self
+        factors = _domain_weights(self.domain, by_domain)[:, None]
+        shares = factors[:, :, None] * self.shares
+        return replace(self, shares=shares, wanted=factors * self.wanted, weights=factors * self.weights)
 
     def residuals(self, roots: Array, rows: np.ndarray | slice = slice(None)) -> Array:
         """Residuals (n, m + K) of these rows at root loads (n, K)."""
         pressed = np.maximum(roots, 0.0)
         of_patch = np.einsum("nk,nkj->nj", pressed * pressed, self.shares[rows]) - self.wanted[rows]
         return np.concatenate([of_patch, self.weights[rows] * (roots - self.targets[rows])], axis=1)
+
+
+def _domain_weights(domain: np.ndarray | None, by_domain: Mapping[int, float]) -> Array:
+    """Factors (n,) of residuals, 1 for domains not named, all scaled to a mean square of 1.
+
+    Raises ValueError for rows of no domain.
+    """
+    if domain is None:
+        raise ValueError("the regression's rows belong to no domain, expected samples")
+    factors = np.ones(len(domain))
+    for number, factor in by_domain.items():
+        factors[domain == number] = factor
+    return np.asarray(factors / np.sqrt(np.mean(factors**2)))

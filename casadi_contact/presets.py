@@ -59,12 +59,14 @@ class ActiveRound:
 @dataclass(frozen=True)
 class Preset:
     """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
-    network's name (see `effort_for`); active: rounds that follow; chart: what the speed-accuracy chart trains."""
+    network's name (see `effort_for`); active: rounds that follow; chart: what the speed-accuracy chart trains;
+    domain_weights: what residuals in a domain ("D1") are multiplied by in training, 1 where it is not named."""
 
     sampling_scale: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
     active: tuple[ActiveRound, ...] = ()
     chart: ChartEffort = field(default_factory=ChartEffort)
+    domain_weights: dict[str, float] = field(default_factory=dict)
 
 
 def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
@@ -172,6 +174,7 @@ PRESETS: dict[str, Preset] = {
             sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
             peer_gflop=900.0,
         ),
+        domain_weights={"D1": 4.0, "D3": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,

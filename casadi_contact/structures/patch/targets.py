@@ -74,7 +74,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     poses = finite("poses", samples.poses)[rows]
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
-    gaps_mm = samples.gaps[rows]
+    gaps_mm, domain = samples.gaps[rows], samples.domain[rows]
     selection, components = scene.part_selection(scene.load_names), part_components(scene)
     regressions = []
     for p, part in enumerate(scene.parts):
@@ -113,6 +113,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                 part.spots,
                 # Not of several spots, which would all be driven out of contact before one learns to bear.
                 np.where(contact | (part.spots > 1), 0.0, scene.reference_load),
+                domain,
             )
         )
         for k in used:
@@ -124,6 +125,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
                     normal[contact],
                     validation[contact],
                     ratio_tolerances[k],
+                    domain=domain[contact],
                 )
             )
     return regressions

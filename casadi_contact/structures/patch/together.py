@@ -49,6 +49,7 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
                 _OWN * np.stack([_thinned(root) / root.tolerance for root in own], axis=1) / np.sqrt(len(own)),
                 validation,
                 tolerance=1.0,
+                domain=samples.domain[rows],
             )
         )
     return found

@@ -39,5 +39,5 @@ def trunk_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
         if len(ratios) == 1:
             targets, weights = targets[:, 0], weights[:, 0]
         columns = (ratios[0].inputs, targets, weights, ratios[0].validation)
-        regressions.append(Regression(trunk_name(part), *columns, tolerance=1.0))
+        regressions.append(Regression(trunk_name(part), *columns, tolerance=1.0, domain=ratios[0].domain))
     return regressions

@@ -84,6 +84,7 @@ class TwoStageSurrogate(Surrogate):
                 np.ones(len(poses)),
                 validation,
                 float(scene.tolerances.get(name, scene.boundary_load)),
+                domain=samples.domain[rows],
             )
             for column, name in enumerate(names)
         ]
