@@ -45,8 +45,8 @@ app = new_app()
 def train_with_work(
     project: Project, gflop: Sequence[float], update: Update | None = None, executor: Executor | None = None
 ) -> dict[str, Surrogate]:
-    """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads; those on disk are
-    not trained again, interrupted ones go on.
+    """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads; that of the largest
+    budget bears the size alone. Those on disk are not trained again, interrupted ones go on.
 
     Raises ValueError for a preset that does not train `two_stage` and for a scene that it does not fit.
     """
@@ -56,11 +56,12 @@ def train_with_work(
             "with it (standard, paper) and a scene that presses down"
         )
     samples, efforts = project.samples(), project.preset.efforts[STRUCTURE]
-    size = size_text(efforts[""].sizes[-1])
+    model = f"{STRUCTURE} {size_text(efforts[''].sizes[-1])}"
     made: dict[str, Surrogate] = {}
     with worker_pool(executor) as workers:
         for budget in gflop:
-            name, folder = f"{STRUCTURE} {size} ({budget:g} Gflop)", project.folder / NAME / f"{budget:g}_gflop"
+            name = model if budget == max(gflop) else f"{model} ({budget:g} Gflop)"
+            folder = project.folder / NAME / f"{budget:g}_gflop"
             path = folder / "surrogate.h5"
             surrogate = on_disk(project, path)
             if surrogate is None:
@@ -74,13 +75,14 @@ def train_with_work(
 
 def measured_front(project: Project, trained: dict[str, Surrogate], gflop: Sequence[float]) -> Front:
     """All in one run on one thread: those trained with these budgets, the scene's shipped surrogates, foundations and
-    elements."""
+    elements. That of the largest budget is a model of the chart, the others are the same one with less work."""
     candidates: list[Candidate] = list(untrained_candidates(project.scene))
     for name, surrogate in {**shipped_surrogates(project.scene), **trained}.items():
         candidates += surrogate_candidates(name, surrogate)
     settled = ElasticFoundation(project.scene, project.scene.grids["settle"])
     walking = unseen_walking(settled, read_motion(project)[0])
-    front = measure(candidates, project.scene, walking, project.samples(), dict.fromkeys(trained, SECONDS))
+    less = {name: SECONDS for name in trained if name.endswith("Gflop)")}
+    front = measure(candidates, project.scene, walking, project.samples(), less)
     return Front({**front.header, "command": _command(project, gflop)}, front.points)
 
 
