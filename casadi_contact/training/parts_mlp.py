@@ -2,13 +2,16 @@
 
 Fitted alone, each part meets its own root load, and the errors of its neighbours add up: what one bears too much the
 others do not bear less. Together they are fitted on what the patch carries. JᵀJ is then as wide as all of them; its
-preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest. A root load of weight 0
-is taken as its target, and its network is not asked: most rows are far from contact for most parts.
+preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest.
+
+Most rows are far from contact for most parts. Where a root load weighs nothing and is below 0 it has no derivatives:
+such rows are only looked at, whether a load is foretold there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,6 +43,17 @@ class BlockArrays(NumpyArrays):
         return np.concatenate([NumpyArrays.solve(self, *part) for part in parts])
 
 
+@dataclass
+class _Piece:
+    """Some rows of one part, by their numbers; matters: whether they have derivatives."""
+
+    part: int
+    rows: np.ndarray
+    mlp: Mlp
+    weighed: bool
+    matters: bool = True
+
+
 class PartsMlp:
     """Residuals of all parts' networks on the rows of a regression, with the methods of an `Mlp` that
     `LevenbergMarquardt` asks for. Parameters are those of one network after the other."""
@@ -50,24 +64,26 @@ class PartsMlp:
         self.arrays, self.xp = BlockArrays(), np
         self._regression, self._rows, self.rows = regression, rows, len(rows)
         self._shares, self._weights = regression.shares[rows], regression.weights[rows]
-        self._tried = regression.targets[rows]
-        self._asked = [np.flatnonzero(weights) for weights in self._weights.T]
-        self._parts = [
-            Mlp(network, inputs[rows[asked]], np.zeros(len(asked)), np.ones(len(asked)), 0.0, self.arrays, chunk_rows)
-            for network, inputs, asked in zip(networks, regression.inputs, self._asked, strict=True)
-        ]
-        self._ends = np.cumsum([part.parameter_count for part in self._parts])
+        self._tried = np.empty(self._weights.shape)
+        self._ends = np.cumsum([network.parameter_count for network in networks])
         self.parameter_count = int(self._ends[-1])
+        self._pieces: list[_Piece] = []
+        for k, (network, weights) in enumerate(zip(networks, self._weights.T, strict=True)):
+            weighed, others = np.flatnonzero(weights), np.flatnonzero(weights == 0.0)
+            for own in (weighed, *(others[i : i + chunk_rows] for i in range(0, len(others), chunk_rows))):
+                inputs, nothing, one = regression.inputs[k][rows[own]], np.zeros(len(own)), np.ones(len(own))
+                mlp = Mlp(network, inputs, nothing, one, 0.0, self.arrays, chunk_rows)
+                self._pieces.append(_Piece(k, own, mlp, own is weighed))
 
     @property
     def block_parameters(self) -> int:
         """Parameters of a part, the largest."""
-        return max(part.parameter_count for part in self._parts)
+        return int(np.diff(self._ends, prepend=0).max())
 
     @property
     def flop(self) -> int:
         """Floating-point operations of all parts, see `Mlp`."""
-        return sum(part.flop for part in self._parts)
+        return sum(piece.mlp.flop for piece in self._pieces)
 
     def split(self, parameters: Array) -> list[Array]:
         """Those of each part."""
@@ -75,34 +91,44 @@ class PartsMlp:
 
     def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
-        for k, (part, own) in enumerate(zip(self._parts, self.split(parameters), strict=True)):
-            part.evaluate(own, solve_output=False)
-            self._tried[self._asked[k], k] = part.like.output_scale * part.tried_outputs
+        own = self.split(parameters)
+        for piece in self._pieces:
+            piece.mlp.evaluate(own[piece.part], solve_output=False)
+            self._tried[piece.rows, piece.part] = piece.mlp.like.output_scale * piece.mlp.tried_outputs
         self._tried_residuals = self._regression.residuals(self._tried, self._rows)
         return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
 
     def accept(self, parameters: Array) -> Array:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
-        for part, own in zip(self._parts, self.split(parameters), strict=True):
-            part.move(own)
+        own = self.split(parameters)
+        for piece in self._pieces:
+            piece.matters = piece.weighed or bool((self._tried[piece.rows, piece.part] > 0.0).any())
+            if piece.matters:
+                piece.mlp.move(own[piece.part])
         self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
-        effects = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
-        self._effects = [effects[asked, k] for k, asked in enumerate(self._asked)]
+        self._effects = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
         return self._vjp(self._tried_residuals)
+
+    @property
+    def _mattering(self) -> list[_Piece]:
+        return [piece for piece in self._pieces if piece.matters]
 
     def _jvp(self, direction: Array, *, rough: bool = False) -> Array:
         """J·v (rows, residuals)."""
-        roots = np.zeros(self._tried.shape)
-        for k, (part, own) in enumerate(zip(self._parts, self.split(direction), strict=True)):
-            roots[self._asked[k], k] = part.jvp(own, rough=rough)
+        roots, own = np.zeros(self._tried.shape), self.split(direction)
+        for piece in self._mattering:
+            roots[piece.rows, piece.part] = piece.mlp.jvp(own[piece.part], rough=rough)
         return np.concatenate([np.einsum("nk,nkj->nj", roots, self._slopes), self._weights * roots], axis=1)
 
     def _vjp(self, rows: Array, *, rough: bool = False) -> Array:
         """Jᵀ·u (parameters,)."""
         wrenches = self._slopes.shape[2]
         roots = np.einsum("nj,nkj->kn", rows[:, :wrenches], self._slopes) + (self._weights * rows[:, wrenches:]).T
-        parts = zip(self._parts, roots, self._asked, strict=True)
-        return np.concatenate([part.vjp(own[asked], rough=rough) for part, own, asked in parts])
+        total = np.zeros(self.parameter_count)
+        own = self.split(total)
+        for piece in self._mattering:
+            own[piece.part] += piece.mlp.vjp(roots[piece.part, piece.rows], rough=rough)
+        return total
 
     def gram_product(self, direction: Array) -> Array:
         """JᵀJ·v (parameters,), of many rows in single precision."""
@@ -110,15 +136,23 @@ class PartsMlp:
 
     def gram(self) -> list[Array]:
         """The blocks of JᵀJ, one for each part, as `Mlp.gram`."""
-        return [part.gram(None, effect) for part, effect in zip(self._parts, self._effects, strict=True)]
+        return self._blocks(lambda mlp, effects: mlp.gram(None, effects))
 
     def drawn_gram(self, seed: Sequence[int]) -> list[Array]:
         """The blocks, of rows drawn for each part by what its root load does to their residuals."""
-        blocks = []
-        for k, (part, effect) in enumerate(zip(self._parts, self._effects, strict=True)):
-            rows, scales = draw_rows(effect, part.rows_to_draw, [*seed, k])
-            blocks.append(part.gram(rows, scales * effect[rows]))
-        return blocks
+
+        def drawn(mlp: Mlp, effects: Array) -> Array:
+            rows, scales = draw_rows(effects, mlp.rows_to_draw, seed)
+            return np.asarray(mlp.gram(rows, scales * effects[rows]))
+
+        return self._blocks(drawn)
+
+    def _blocks(self, gram_of: Callable[[Mlp, Array], Array]) -> list[Array]:
+        blocks: dict[int, Array] = {}
+        for piece in self._mattering:
+            block = gram_of(piece.mlp, self._effects[piece.rows, piece.part])
+            blocks[piece.part] = block + blocks[piece.part] if piece.part in blocks else block
+        return list(blocks.values())
 
 
 def flatten_parts(networks: Sequence[Network]) -> Array:

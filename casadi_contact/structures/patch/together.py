@@ -3,7 +3,7 @@
 With the ratios ρ_kc = W_kc/N_k that samples tell of each part k, and its normal load N_k = N0·max(s_k, 0)², the
 residuals of a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of
 what each may be off by, divided by the root of their number; and `_OWN` times those of the parts' own root loads. Of
-parts that are far from contact one row in `_FAR_ROWS` stands for all: the others weigh nothing.
+parts that are far from contact one row in `_FAR_ROWS` stands for all: the others weigh nothing of their own.
 """
 
 from __future__ import annotations
