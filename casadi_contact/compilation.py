@@ -55,12 +55,11 @@ class _Notice(event.Listener):
     def on_start(self, event: event.Event) -> None:
         """Called before a compilation, and not where the loop is read from disk."""
         dispatcher = event.data["dispatcher"]
-        if self.said or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
+        folder = dispatcher.stats.cache_path  # none of what becomes part of other loops
+        if self.said or not folder or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
             return
         self.said = True
-        folder = dispatcher.stats.cache_path
-        kept = f"kept in {Path(folder)}" if folder else "not kept: this function has no cache"
-        announce("the contact model, about 15 s", kept)
+        announce("the contact model, about 15 s", f"kept in {Path(folder)}")
 
     def on_end(self, event: event.Event) -> None:
         """Nothing to say."""
