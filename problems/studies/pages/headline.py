@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from casadi_contact.benchmark.front_file import Front
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.files import replacing
 from casadi_contact.report import read_evaluation, read_kernel_speed
@@ -13,29 +14,25 @@ from problems.studies.pages.markdown import machine, number, table
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
+_FRONT = "python -m casadi_contact.benchmark.shipped knee"
 
 
 def headline(data: Path) -> str:
     """Five numbers of the knee, with the command that measured each and the machine."""
-    walking = read_evaluation(data / "evaluation.json")["walking"]
-    own = walking["models"]["trunk"]
+    grid = f"EF {read_evaluation(data / 'evaluation.json')['walking']['fine']}"
     speed = read_kernel_speed(data / "kernel_speed.json")
     times = {k: v["low_us"] for k, v in speed["surrogates"]["trunk"]["microseconds"].items()}
     poses = json.loads((data / "pose_estimation" / "reference.json").read_text("utf-8"))
     kernel = ", ".join(number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
     solved = f"{poses['converged']} of {poses['frames']} frames, {poses['ipopt_iterations']} iterations"
-    grid = f"EF {walking['fine']}"
-    evaluate, timed = "`casadi-contact evaluate knee`", "`casadi-contact speed knee`"
+    timed = "`casadi-contact speed knee`"
+    front = _front_of_the_knee()
     rows = [
-        [
-            f"RMS error of `knee` on {walking['poses']} unseen poses of walking",
-            f"{number(own['converged']['force'])} N, {number(own['converged']['torque'])} N·mm",
-            evaluate,
-        ],
+        _error_of_the_knee(front),
         ["loads, Jacobian, Hessian of all loads, compiled; lowest of 15 repeats", f"{kernel} µs", timed],
-        _fastest_untrained(),
+        _fastest_untrained(front),
         [
-            f"time of {grid} (elements) in multiples of that of `knee`",
+            f"time per pose of {grid} (elastic foundation, that many elements a side), divided by that of `knee`",
             number(times[grid] / times["value, kernel"]),
             timed,
         ],
@@ -44,12 +41,23 @@ def headline(data: Path) -> str:
     return f"{table(['what', 'measured', 'command'], rows)}\n\n{machine(speed['machine'])}"
 
 
-def _fastest_untrained() -> list[str]:
-    """The row of what a surrogate must be compared with: the fastest without training that is as accurate."""
+def _front_of_the_knee() -> Front:
+    """The measured front that comes with the package; ValueError without it."""
     shipped = shipped_front(load_scene("knee"))
     if shipped is None:
-        raise ValueError("no front of knee is shipped: run python -m casadi_contact.benchmark.shipped knee first")
-    points = [point for point in shipped[1].models if point.value is not None]
+        raise ValueError(f"no front of knee is shipped: run {_FRONT} first")
+    return shipped[1]
+
+
+def _error_of_the_knee(front: Front) -> list[str]:
+    (knee,) = (point for point in front.models if point.name == "knee")
+    what = f"RMS error of `knee` on {front.header['walking_poses']} unseen poses of walking"
+    return [what, f"{number(knee.force_rms_n)} N, {number(knee.torque_rms_nmm)} N·mm", f"`{_FRONT}`"]
+
+
+def _fastest_untrained(front: Front) -> list[str]:
+    """The row of what a surrogate must be compared with: the fastest without training that is as accurate."""
+    points = [point for point in front.models if point.value is not None]
     times = {point.name: point.value.median_us for point in points if point.value is not None}
     (knee,) = (point for point in points if point.name == "knee")
     as_accurate = [
@@ -58,9 +66,12 @@ def _fastest_untrained() -> list[str]:
         if not point.samples and point.force_rms_n <= knee.force_rms_n and point.torque_rms_nmm <= knee.torque_rms_nmm
     ]
     best = min(as_accurate, key=lambda point: times[point.name])
-    what = f"the fastest as accurate without training ({best.name}, {number(best.force_rms_n)} N)"
-    command = "`python -m casadi_contact.benchmark.shipped knee`"
-    return [f"time of {what}, in multiples of that of `knee`", number(times[best.name] / times[knee.name]), command]
+    what = (
+        "time per pose of the fastest model without training that is as accurate "
+        f"(`cc.foundation`, {best.name.removeprefix('foundation ')}, RMS {number(best.force_rms_n)} N), divided by "
+        "that of `knee`"
+    )
+    return [what, number(times[best.name] / times[knee.name]), f"`{_FRONT}`"]
 
 
 def write_headline(readme: Path, text: str) -> None:

@@ -139,7 +139,8 @@ def domains_page(path: Path) -> str:
     parts = [
         f"RMS errors of scene `{content['scene']}` on held-back samples, against the elastic foundation (EF) of "
         f"{content['teacher']} elements per side; the largest error stands in parentheses. "
-        f"`casadi-contact evaluate {content['scene']}` measures this. The domains are explained in the "
+        f"`casadi-contact evaluate {content['scene']} --preset PRESET` measures this of what `build` made with the "
+        "same preset. The domains are explained in the "
         "[glossary](../glossary.md).",
         machine(content["machine"]),
     ]
