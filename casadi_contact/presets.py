@@ -152,7 +152,7 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((16, 16, 16),), 250.0, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 150.0, max_rows=30_000, tolerance_share=0.2),
                 "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
                 TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
             }
@@ -163,7 +163,7 @@ PRESETS: dict[str, Preset] = {
                 worst_share=0.2,
                 efforts={
                     "trunk": {
-                        "root": Effort(((20, 20, 20),), 150.0, tolerance_share=0.2),
+                        "root": Effort(((20, 20, 20),), 1.0, tolerance_share=0.2),  # only made wider
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
                         TOGETHER: Effort((), 10_000.0, tolerance_share=0.2),
                     }
@@ -174,7 +174,7 @@ PRESETS: dict[str, Preset] = {
             sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
             peer_gflop=900.0,
         ),
-        domain_weights={"D1": 4.0, "D3": 1.5},  # poses like those of the motion are to be the most accurate
+        domain_weights={"D1": 4.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
