@@ -11,6 +11,7 @@ import typer
 from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import file_stem, writable_folder, write_text
+from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.proposal.joint import JOINTS
 from casadi_contact.proposal.propose import propose
 from casadi_contact.proposal.tables import MATERIALS
@@ -22,6 +23,14 @@ from casadi_contact.show.scene_picture import draw_scene
 SIDES = ("right", "left")
 
 
+def _name_of(mesh: Path) -> str:
+    """A scene's name made of a mesh file's; a ValueError says --out where it cannot be one."""
+    try:
+        return scene_name("_".join(file_stem(mesh.stem).split()))
+    except ValueError as error:
+        raise ValueError(f"the scene cannot be named after {mesh.name} ({error}): name it with --out") from None
+
+
 def scene(
     moving: Annotated[Path, typer.Argument(help="mesh of the moving body: STL, OBJ, PLY or VTP")],
     fixed: Annotated[Path, typer.Argument(help="mesh of the fixed body, which carries the elements")],
@@ -31,21 +40,28 @@ def scene(
         str | None, typer.Option(help="file axes that are posterior, superior, medial, as -x,y,-z; found if left out")
     ] = None,
     material: Annotated[str | None, typer.Option(help=f"{' or '.join(MATERIALS)}; guessed if left out")] = None,
+    units: Annotated[
+        str | None, typer.Option(help=f"of both files: {', '.join(MM_PER_UNIT)}; mm or m, by size, if left out")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="scene file; the fixed mesh's name and .toml if left out")] = None,
+    force: Annotated[bool, typer.Option("--force", help="replace a scene file that is there")] = False,
 ) -> None:
     """Propose a scene for two mesh files, try it, and write it with a picture of what was understood."""
-    for option, value, allowed in (("side", side, SIDES), ("joint", joint, JOINTS), ("material", material, MATERIALS)):
+    options = (("side", side, SIDES), ("joint", joint, JOINTS), ("material", material, MATERIALS))
+    for option, value, allowed in (*options, ("units", units, MM_PER_UNIT)):
         if value is not None and value not in tuple(allowed):
             raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
-    path = Path(f"{file_stem(fixed.stem)}.toml") if out is None else out
+    path = Path(f"{_name_of(fixed)}.toml") if out is None else out
     if path.suffix != ".toml":
         raise ValueError(f"--out is {path}, expected a scene file, for example my.toml")
     named: Sequence[str] | None = None if axes is None else [axis.strip() for axis in axes.split(",")]
     name = scene_name(path.stem)
-    writable_folder(path.parent)  # before minutes of trying
-    proposal = propose(moving, fixed, name=name, side=side, kind=joint, axes=named, material=material)
-    write_text(path, scene_text(proposal, path.parent))
     picture = path.with_suffix(".png")
+    if not force and (there := [str(each) for each in (path, picture) if each.exists()]):
+        raise ValueError(f"{' and '.join(there)} would be replaced: give another --out, or --force")
+    writable_folder(path.parent)  # before minutes of trying
+    proposal = propose(moving, fixed, name=name, side=side, kind=joint, axes=named, material=material, units=units)
+    write_text(path, scene_text(proposal, path.parent))
     written = load_scene(path)
     draw_scene(ElasticFoundation(written), proposal.rest_pose, proposal.poses, picture)
     console.print(*proposal_lines(proposal), sep="\n", highlight=False, soft_wrap=True)

@@ -17,7 +17,7 @@ def toml_text(path: Path, what: str) -> str:
         raise FileNotFoundError(f"{what} file {path} does not exist")
     checked_size(path, 4 * MOST_CHARACTERS)
     try:
-        return path.read_text("utf-8")
+        return path.read_text("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not UTF-8 text ({error.reason}), expected TOML of the {what}") from None
 

@@ -20,7 +20,7 @@ from casadi_contact.files import MOST_MESH, checked_size, one_line
 from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.vtp import read_vtp
 
-MM_PER_UNIT = {"m": 1000.0, "mm": 1.0}
+MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 AS_IN_FILE = Placement()

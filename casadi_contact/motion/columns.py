@@ -37,7 +37,8 @@ class TextColumns:
         checked_size(path, MOST_TEXT)
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
-                rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
+                lines = enumerate(csv.reader(file), start=1)
+                rows = [(number, row) for number, row in lines if any(cell.strip() for cell in row)]
         except (UnicodeDecodeError, csv.Error) as error:
             raise ValueError(f"{path} is not a CSV text file ({error})") from None
         if not rows:
@@ -45,6 +46,9 @@ class TextColumns:
         if len(rows) == 1:
             raise ValueError(f"{path} has a header only, expected rows below it")
         header = tuple(name.strip() for name in rows[0][1])
+        if len(header) == 1 and (delimiter := next((c for c in ";\t" if c in rows[0][1][0]), "")):
+            what = "semicolons" if delimiter == ";" else "tabs"
+            raise ValueError(f"{path} has {what} between its columns, expected commas (and points in numbers)")
         for line, row in rows[1:]:
             if len(row) != len(header):
                 raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")

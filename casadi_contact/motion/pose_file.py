@@ -49,7 +49,8 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
 def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,).
 
-    Raises ValueError naming the curves that lack, for NaN, for angles beyond a whole turn, and lengths beyond 1 m.
+    Raises ValueError naming the curves that lack, for no pose, for NaN, for angles beyond a whole turn, and lengths
+    beyond 1 m.
     """
     missing = [name for name in POSE_NAMES if name not in curves]
     if missing:
@@ -57,6 +58,8 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
             f"without loads these are poses, which need the curves {', '.join(missing)}; there are {', '.join(curves)}"
         )
     poses = as_poses(np.stack([curves[name] for name in POSE_NAMES], axis=1))
+    if not len(poses):
+        raise ValueError("there is no row, expected a pose in each")
     largest = np.abs(poses).max(axis=0, initial=0.0)
     for name, size in zip(POSE_NAMES[3:], largest[3:], strict=True):
         if size > _LARGEST_ANGLE_RAD:

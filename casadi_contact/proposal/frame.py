@@ -20,6 +20,7 @@ from casadi_contact.proposal.regions import Regions
 _FAR_MM = 50.0  # from a body to its file's origin: a scan's
 _NOTCH_MM = 4.0  # half the width of the band between a femur's condyles
 _CLEARLY_MM = 2.0
+_TILTED_DEG = 15.0  # joints lie at lesser angles to the axes that they are drawn in
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,11 @@ def _axes(
         )
     else:
         told.append(f"the fixed surface faces the file's {axis_name(-meeting.pressing)}: up (+y)")
+        if (tilt := np.degrees(np.arccos(np.abs(meeting.pressing).max()))) > _TILTED_DEG:
+            untold.append(
+                f"how upright the file is: the fixed surface faces {tilt:.0f} degrees away from that axis, and loads "
+                "keep to the file's axes; rotation_deg in the placement of both bodies turns them"
+            )
     if joint.kind == "knee":
         wanted[0] = _posterior(pair, regions, told, untold)
     elif joint.kind == "other":

@@ -28,14 +28,21 @@ class Meeting:
 
 def meeting_of(pair: Pair) -> Meeting:
     """Find it from the pose zero if the bodies just touch there, else by dropping the moving body onto the fixed one
-    along each axis, both ways. Raises ValueError where they meet nowhere."""
+    along each axis, both ways. Raises ValueError where they meet nowhere, and where an open fixed surface is
+    inside out."""
     distance = pair.distances(np.eye(3), np.zeros(3))[0]
     reach = pair.scale * REACH_MM
     near = pair.near(np.eye(3), np.zeros(3), reach)
-    share = pair.areas_mm2[near].sum() / pair.areas_mm2.sum()
-    if distance.min() > -pair.scale * _DEEPEST_MM and share > _LEAST_SHARE:
+    whole, deepest = pair.areas_mm2.sum(), pair.scale * _DEEPEST_MM
+    if distance.min() > -deepest and pair.areas_mm2[near].sum() > _LEAST_SHARE * whole:
         pressing, concentration = _pressing(pair, near)
         return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
+    backs = pair.near(np.eye(3), np.zeros(3), reach, backs=True)
+    if pair.is_open and distance.min() > -deepest and pair.areas_mm2[backs].sum() > _LEAST_SHARE * whole:
+        raise ValueError(
+            "where the files place them the bodies nearly touch, but the fixed surface faces away from the moving one, "
+            "expected its outside towards it: turn its triangles round"
+        )
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     ends = pair.moving.vertices_mm
     centred = middle - 0.5 * (ends.min(axis=0) + ends.max(axis=0))

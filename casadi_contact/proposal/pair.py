@@ -11,6 +11,7 @@ from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import TriangleMesh
 
 _SPACING_MM = 1.5
+_COARSE_MM = 4.0  # longest edge of triangles whose centres alone tell where the surface is
 _FULL_SIZE_MM = 40.0  # across: a fixed surface smaller than this, of a finger, is looked at on a smaller scale
 _MOST_POINTS = 6000
 _FACING = 0.5  # cos of the angle between a fixed normal and the direction to the moving body, at least
@@ -25,6 +26,7 @@ class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
 
     scale: of this joint's size to that of large ones, 1 at most: what the lengths of this room are multiplied by.
+    is_open: whether the fixed mesh has edges of one triangle.
     """
 
     points_mm: Array
@@ -33,16 +35,22 @@ class Pair:
     field: DistanceField
     moving: TriangleMesh
     scale: float
+    is_open: bool
 
     @classmethod
     def of(cls, moving: TriangleMesh, fixed: TriangleMesh) -> Pair:
-        """The fixed mesh's triangles by their centres, thinned out evenly where there are very many."""
+        """The fixed mesh's triangles by their centres, large ones divided, thinned out evenly where there are very
+        many."""
+        scale = min(1.0, float(np.ptp(fixed.vertices_mm, axis=0).max()) / _FULL_SIZE_MM)
+        is_open = bool(len(fixed.boundary_edges))
+        fixed = _divided(fixed, scale * _COARSE_MM)
         chosen = np.linspace(0, len(fixed.faces) - 1, min(len(fixed.faces), _MOST_POINTS)).round().astype(int)
         vectors = fixed.area_vectors_mm2[chosen] * (len(fixed.faces) / len(chosen))
         areas = np.linalg.norm(vectors, axis=1)
         points = fixed.corners_mm[chosen].mean(axis=1)
-        scale = min(1.0, float(np.ptp(fixed.vertices_mm, axis=0).max()) / _FULL_SIZE_MM)
-        return cls(points, vectors / areas[:, None], areas, build_field(moving, scale * _SPACING_MM), moving, scale)
+        return cls(
+            points, vectors / areas[:, None], areas, build_field(moving, scale * _SPACING_MM), moving, scale, is_open
+        )
 
     def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
         """Signed distances (n,) [mm] of the fixed points from the moving body and their gradients (n, 3), fixed frame,
@@ -50,11 +58,11 @@ class Pair:
         distance, slope = self.field((self.points_mm - t) @ R)
         return distance, slope @ R.T
 
-    def near(self, R: Array, t: Array, reach_mm: float) -> np.ndarray:
-        """True (n,) for fixed points within reach of the moving body that face it."""
+    def near(self, R: Array, t: Array, reach_mm: float, *, backs: bool = False) -> np.ndarray:
+        """True (n,) for fixed points within reach of the moving body that face it; backs: that face away from it."""
         distance, slope = self.distances(R, t)
-        facing = np.einsum("nk,nk->n", slope, self.normals) < -_FACING
-        return np.asarray((distance < reach_mm) & facing)
+        facing = np.einsum("nk,nk->n", slope, self.normals) * (1.0 if backs else -1.0)
+        return np.asarray((distance < reach_mm) & (facing > _FACING))
 
     def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
         """The translation (3,) at which the body, coming along a direction from clear of the fixed one, first touches
@@ -83,6 +91,19 @@ class Pair:
                 break
             t = t + gap * direction
         return t
+
+
+def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
+    """The mesh with triangles halved until no edge is longer; flat faces from CAD are a few large ones. As it is where
+    most of its surface is made of small ones."""
+    import trimesh
+
+    edges = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2).max(axis=1)
+    areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    if areas[edges > longest_mm].sum() < 0.5 * areas.sum():
+        return mesh
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices_mm, mesh.faces, longest_mm, max_iter=20)
+    return TriangleMesh(mesh.name, np.asarray(vertices), np.asarray(faces))
 
 
 def centre_of_normals(points_mm: Array, normals: Array, weights: Array) -> Array:

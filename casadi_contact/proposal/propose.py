@@ -11,7 +11,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import MM_PER_UNIT, TriangleMesh, load_mesh
+from casadi_contact.geometry.mesh import TriangleMesh, load_mesh
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.proposal.doubts import edges_reached, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
@@ -56,13 +56,14 @@ def propose(
     kind: str | None = None,
     axes: Sequence[str] | None = None,
     material: str | None = None,
+    units: str | None = None,
 ) -> Proposal:
     """Look at the meshes, propose a scene, and try it: see the modules of this room for what is found how.
 
     Raises FileNotFoundError, and ValueError for meshes that cannot work, saying what to do.
     """
     files = {"moving": Path(moving), "fixed": Path(fixed)}
-    units, meshes = _meshes(files)
+    asked, (units, meshes) = units, _meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
     pair = Pair.of(meshes["moving"], meshes["fixed"])
@@ -73,8 +74,13 @@ def propose(
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
     tables = first_tables(pair, meeting, regions, joint, frame, files, units, MATERIALS[made_of], name)
     told = [f"both files are in {units}", *frame.told]
+    small = [] if asked or pair.scale == 1.0 else [_small(meshes["fixed"], units)]
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
-    untold = [*frame.untold, f"the material's stiffness and thickness: taken as {made_of}{because} (--material)"]
+    untold = [
+        *small,
+        *frame.untold,
+        f"the material's stiffness and thickness: taken as {made_of}{because} (--material)",
+    ]
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
     shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
     if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
@@ -109,10 +115,17 @@ def propose(
     return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
 
 
-def _meshes(files: Mapping[str, Path]) -> tuple[str, dict[str, TriangleMesh]]:
-    """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]."""
+def _small(fixed: TriangleMesh, units: str) -> str:
+    """The doubt about a size at which a large joint's file in another unit would look the same."""
+    across = float(np.ptp(fixed.vertices_mm, axis=0).max())
+    return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {units} (--units)"
+
+
+def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
+    """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]; no unit but the
+    one that is asked for. Centimetres are never guessed: they would do for most files in millimetres or metres."""
     errors = []
-    for unit in ("mm", *(unit for unit in MM_PER_UNIT if unit != "mm")):
+    for unit in ("mm", "m") if asked is None else (asked,):
         try:
             return unit, {body: load_mesh(path, unit) for body, path in files.items()}
         except ValueError as error:

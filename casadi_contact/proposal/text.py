@@ -68,12 +68,19 @@ def proposal_lines(proposal: Proposal) -> list[str]:
     ]
 
 
+def _one_line(value: Any) -> str:
+    """A value as TOML; lists, which `tomli_w` spreads over lines, on one."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_one_line, value))}]"
+    return tomli_w.dumps({"_": value}).strip().partition(" = ")[2]
+
+
 def _lines(path: str, table: Mapping[str, Any]) -> list[str]:
     """The table's own values, one a line with its comment, then its tables."""
     lines = []
     for key, value in table.items():
         if not isinstance(value, Mapping):
-            one_line = " ".join(tomli_w.dumps({key: value}).split()).replace("[ ", "[").replace(", ]", "]")
+            one_line = f"{tomli_w.dumps({key: 0}).partition(' = ')[0]} = {_one_line(value)}"
             lines.append(f"{one_line:<46} # {_COMMENTS[key]}" if key in _COMMENTS else one_line)
     for key, value in table.items():
         if isinstance(value, Mapping):

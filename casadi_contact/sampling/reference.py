@@ -133,13 +133,20 @@ def reference_poses(
     what is measured, then between the frames that converged, and then in the pose of the nearest one.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
-    ValueError for no cycles, cycles that measure different pose parameters, and a cycle of which no frame converges.
+    ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
+    converges.
     """
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
-    measured = tuple(cycles[0].measured_pose())
-    if any(tuple(cycle.measured_pose()) != measured for cycle in cycles):
-        raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
+    measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
+    for cycle in cycles:
+        if tuple(cycle.measured_pose()) != measured:
+            raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
+        if set(cycle.targets()) != loads:
+            raise ValueError(
+                f"cycle {cycle.name} has the loads {', '.join(cycle.targets())} and cycle {cycles[0].name} "
+                f"{', '.join(cycles[0].targets())}, expected the same of all cycles"
+            )
     scene = model.scene
     free = tuple(name for name in scene.pose_space.free_names if name not in measured)
     targets = [_on_frames(cycle, frames) for cycle in cycles]

@@ -43,12 +43,19 @@ def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
         ("x,y,x\n1,2,3\n", "has the column x more than once"),
         ("x,y\n1,2\n\n3,three\n", "line 4, y: got 'three', expected a number"),
         ("x,y\n1,inf\n", "line 2, y: got inf, expected a finite number"),
+        ("x;y\n1,5;2,5\n", "has semicolons between its columns, expected commas"),
+        ("x\ty\n1\t2\n", "has tabs between its columns, expected commas"),
     ],
 )
 def test_what_is_no_table_of_these_numbers_is_refused_with_its_place(tmp_path, text, said):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(ValueError, match=said):
         read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_lines_of_spaces_count_as_empty_ones(tmp_path):
+    (tmp_path / "t.csv").write_text("x,y\n1,2\n   \n,\n3,4\n")
+    assert read_columns(tmp_path / "t.csv", required=("x", "y"))["y"].tolist() == [2.0, 4.0]
 
 
 def test_no_file_and_a_folder_are_named(tmp_path):

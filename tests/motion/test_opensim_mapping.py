@@ -43,6 +43,8 @@ def test_units_and_signs():
     [
         ("knee", "is not understood, expected COLUMN=NAME"),
         ("knee=rz:", "is not understood"),
+        ("knee=+-rz", "is not understood"),
+        ("knee=--rz", "is not understood"),
         ("knee=flexion", "unknown quantity 'flexion', expected one of tx, ty"),
         ("knee=rz:mm", "unit 'mm' does not suit rz, expected one of rad, deg"),
         ("hip=rz", "table 'walk' has no column 'hip'; it has time, knee"),

@@ -11,7 +11,7 @@ from tests.support.shared_data import shared_file
 _TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="="), max_size=12).map(str.strip)
 _TEXT = _TEXT.filter(lambda text: text.lower() != "endheader")
 _WORD = st.from_regex(r"[A-Za-z]\w{0,6}", fullmatch=True).filter(
-    lambda word: word not in ("version", "nRows", "nColumns", "inDegrees")
+    lambda word: word.lower() not in ("version", "nrows", "ncolumns", "indegrees")
 )
 _LABELS = st.lists(_TEXT.filter(lambda text: text and text != "time"), unique=True, max_size=4)
 
@@ -121,3 +121,14 @@ def test_no_file_a_folder_and_binary_data_are_named(tmp_path):
 def test_a_table_that_no_file_can_hold_is_refused(columns, said):
     with pytest.raises(ValueError, match=said):
         Table("walk", columns)
+
+
+def test_keys_of_the_header_may_be_in_small_letters(tmp_path):
+    path = tmp_path / "walk.sto"
+    path.write_text("walk\nversion=1\nnrows=1\nncolumns=2\nindegrees=yes\nendheader\ntime\tknee\n0\t-60\n")
+    table = read_opensim_table(path)
+    assert table.in_degrees is True
+    assert table.header == {}
+    path.write_text(path.read_text().replace("nrows=1", "nrows=2"))
+    with pytest.raises(ValueError, match="nRows=2: truncated"):
+        read_opensim_table(path)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.opensim import Table, poses_table, write_table
 from casadi_contact.motion.pose_file import read_poses, write_poses
 
@@ -39,6 +40,12 @@ def test_files_without_poses_are_refused(tmp_path, text, said):
     (tmp_path / "poses.csv").write_text(text)
     with pytest.raises(ValueError, match=re.escape(said)):
         read_poses(tmp_path / "poses.csv")
+
+
+def test_a_file_without_rows_holds_no_pose(tmp_path):
+    write_table(Table("walk", {name: [] for name in ("time", *POSE_NAMES)}), tmp_path / "walk.sto")
+    with pytest.raises(ValueError, match=r"walk\.sto: there is no row, expected a pose in each"):
+        read_poses(tmp_path / "walk.sto")
 
 
 def test_missing_files_and_columns_of_opensim_are_named(tmp_path):

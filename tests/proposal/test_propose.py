@@ -1,11 +1,15 @@
 """A proposed scene needs no editing: it loads, settles its reference motion, and says what was not told."""
 
+import tomllib
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
+from casadi_contact.proposal.text import scene_text
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
 
 POLE = [0.2, 0.8, 0.5]
@@ -51,6 +55,39 @@ def test_a_button_in_a_groove(folder):
     assert scene.load_names[:2] == ("Fx_med", "Fx_lat")
     loads = cc.ElasticFoundation(scene)(scene.start_pose)
     np.testing.assert_allclose(loads[:2], 300.0, rtol=0.1)
+
+
+def refused(*arguments):
+    result = CliRunner().invoke(app, ["scene", *map(str, arguments)])
+    assert isinstance(result.exception, ValueError)
+    return str(result.exception)
+
+
+def test_a_scene_file_that_is_there_is_kept(folder):
+    """It may have been edited by hand."""
+    kept = folder / "mine.toml"
+    kept.write_text("# mine")
+    said = refused(folder / "ball.obj", folder / "cup.obj", "--out", kept)
+    assert "mine.toml would be replaced: give another --out, or --force" in said
+    assert kept.read_text() == "# mine"
+
+
+def test_names_and_units_that_cannot_be_are_refused_before_any_work(folder):
+    (folder / "01_cup.obj").write_bytes((folder / "cup.obj").read_bytes())
+    assert "name it with --out" in refused(folder / "ball.obj", folder / "01_cup.obj")
+    files = (folder / "ball.obj", folder / "cup.obj", "--out", folder / "other.toml")
+    assert "--units is 'inch', expected m or mm or cm" in refused(*files, "--units", "inch")
+    assert "mm across" in refused(*files, "--units", "m")
+
+
+def test_names_of_files_stand_in_a_scene_as_they_are(folder):
+    """Spaces, brackets and commas in them are no TOML."""
+    geometry = {"moving": str(folder / "a  b" / "[ x, ].stl"), "fixed": str(folder / "c.stl"), "start_pose": [0.0, 1.5]}
+    tables = {"name": "own", "geometry": geometry, "grids": {"fine": [40, 20]}, "loads": {"names": ["Fx", "Fy"]}}
+    proposal = SimpleNamespace(scene=SimpleNamespace(tables=tables), told=[], untold=[], poses=[], frames=0)
+    written = tomllib.loads(scene_text(proposal, folder))
+    assert written["geometry"] == {**geometry, "moving": "a  b/[ x, ].stl", "fixed": "c.stl"}
+    assert {**written, "geometry": geometry} == tables
 
 
 def test_the_same_body_twice_is_refused(folder):

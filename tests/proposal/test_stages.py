@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import casadi_contact as cc
 from casadi_contact.conventions import rotation
@@ -95,6 +96,45 @@ def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
     _, regions, joint, _ = seen(moving, checked_mesh("dishes", *sheet_mesh(14.0, 0.5, dishes)))
     np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=0.5)
     assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
+
+
+def ball_on_box(triangles_mm=None):
+    """As CAD exports a box: twelve triangles, unless they are divided."""
+    ball, faces = ball_mesh(15.0, 2.0)
+    box = trimesh.creation.box((60.0, 10.0, 60.0))
+    if triangles_mm:
+        box = box.subdivide_to_size(triangles_mm)
+    return checked_mesh("ball", ball + np.array([0.0, 20.0, 0.0]), faces), checked_mesh("box", box.vertices, box.faces)
+
+
+@pytest.mark.parametrize("triangles_mm", [None, 3.0])
+def test_large_flat_triangles_tell_where_a_surface_is_as_small_ones_do(triangles_mm):
+    meeting, regions, joint, _ = seen(*ball_on_box(triangles_mm))
+    np.testing.assert_allclose(meeting.pressing, [0.0, -1.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(meeting.translation_mm, 0.0, atol=0.2)
+    np.testing.assert_allclose(regions.anchors_mm, [[0.0, 20.0, 0.0]], atol=0.3)
+    assert (joint.kind, joint.patches) == ("other", ("contact",))
+
+
+def test_an_open_surface_inside_out_is_refused():
+    ball, box = ball_on_box(3.0)
+    top = box.part(box.normals[:, 1] > 0.9)
+    assert meeting_of(Pair.of(ball, top)).together
+    inside_out = checked_mesh("top", top.vertices_mm, top.faces[:, ::-1])
+    with pytest.raises(ValueError, match="the fixed surface faces away from the moving one"):
+        meeting_of(Pair.of(ball, inside_out))
+
+
+@pytest.mark.parametrize(("turn_deg", "doubted"), [(8.0, False), (40.0, True)])
+def test_a_file_that_does_not_stand_upright_is_doubted(turn_deg, doubted):
+    """Two plates, one on the other, as they were scanned."""
+    R, box = rotation(np.radians([0.0, 0.0, turn_deg])), ball_on_box(3.0)[1]
+    above = box.vertices_mm + np.array([0.0, 10.1, 0.0])
+    plates = [checked_mesh(name, points @ R.T, box.faces) for name, points in (("a", above), ("b", box.vertices_mm))]
+    frame = seen(*plates)[3]
+    said = [line for line in frame.untold if line.startswith("how upright the file is")]
+    assert bool(said) == doubted
+    assert not doubted or "faces 40 degrees away" in said[0]
 
 
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():

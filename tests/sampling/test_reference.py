@@ -52,6 +52,14 @@ def test_a_cycle_without_any_pose_is_refused():
         reference_poses(MODEL, [])
 
 
+def test_cycles_with_different_loads_are_refused():
+    made, _ = cycles(MODEL, count=2)
+    fewer = replace(made[1], loads={name: load for name, load in made[1].loads.items() if name != "Fy_lat"})
+    for pair in ([made[0], fewer], [fewer, made[0]]):
+        with pytest.raises(ValueError, match="expected the same of all cycles"):
+            reference_poses(MODEL, pair)
+
+
 def test_motion_holds_estimated_poses_and_measured_loads():
     made, wanted = cycles(MODEL)
     motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))

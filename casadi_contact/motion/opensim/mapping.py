@@ -46,9 +46,10 @@ class ColumnMap:
         """From ``COLUMN=[-]NAME[:UNIT]``; raises ValueError for another form, an unknown name or unit."""
         column, equals, target = text.rpartition("=")
         name, _, unit = target.strip().partition(":")
-        if not equals or not column.strip() or not name or (":" in target and not unit):
+        bare = name.removeprefix("-").removeprefix("+") if name[:2] not in ("-+", "+-") else ""
+        if not equals or not column.strip() or not bare or bare[0] in "+-" or (":" in target and not unit):
             raise ValueError(f"map {text!r} is not understood, {_FORM}")
-        return cls(column.strip(), name.lstrip("-+"), -1.0 if name.startswith("-") else 1.0, unit or None)
+        return cls(column.strip(), bare, -1.0 if name.startswith("-") else 1.0, unit or None)
 
     def curve(self, table: Table) -> Array:
         """The curve (n,) in mm, rad, N or N·mm; raises ValueError where the table lacks the column."""

@@ -25,6 +25,7 @@ TIME = "time"
 VERSIONS = (1, 2, 3)
 _KEY_AND_VALUE = re.compile(r"([A-Za-z]\w*)\s*=\s*(.*)")
 _COUNTED = ("version", "nRows", "nColumns", "inDegrees")  # header keys that `Table` holds in another form
+_KNOWN_KEYS = {key.lower(): key for key in _COUNTED}  # files write them in small letters too
 _WORDS = {"yes": True, "no": False, "true": True, "false": False}
 
 
@@ -151,7 +152,7 @@ def _read_header(lines: list[str]) -> tuple[str, dict[str, str], tuple[str, ...]
     for number, line in enumerate(text.strip() for text in lines):
         pair = _KEY_AND_VALUE.fullmatch(line)
         if pair:
-            header[pair[1]] = pair[2]
+            header[_KNOWN_KEYS.get(pair[1].lower(), pair[1])] = pair[2]
         elif number == 0:
             name = line
         elif line:
