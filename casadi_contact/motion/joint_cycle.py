@@ -74,7 +74,8 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured, and the centre
     of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
 
-    Other columns are ignored, but for those named as a quantity in another unit (rz_deg). Raises FileNotFoundError, and
+    Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or as a knee's load cycle has
+    them (flexion_rz_rad). Raises FileNotFoundError, and
     ValueError naming file, line and column.
     """
     path = Path(path)
@@ -85,6 +86,9 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
         wanted = columns.get(got.rpartition("_")[0])
         if wanted is not None and got != wanted and wanted not in table.header:
             raise ValueError(f"{path} has the column {got}, expected {wanted}: convert its unit")
+        for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
+            if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
+                raise ValueError(f"{path} has the column {got}, expected {columns[name]}: rename it")
     if not any(columns[name] in table.header for name in scene.load_names):
         raise ValueError(
             f"{path} has no load of scene {scene.name}, expected some of "
