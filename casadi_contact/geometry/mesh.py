@@ -99,8 +99,9 @@ def checked_mesh(
             f"{_LARGEST_MM:g} mm: is the file in {other}?"
         )
     vertices, faces = _merge_vertices(vertices, faces)
-    sound = (_heights(vertices, faces) > _LEAST_HEIGHT) & _first_of_equals(faces)
-    mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()))
+    wide, once = _heights(vertices, faces) > _LEAST_HEIGHT, _first_of_equals(faces)
+    sound, sliver = wide & once, ~wide & once & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()), faces[sliver])
     if not sound.any():
         raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
     check_manifold(mesh, contact)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from casadi_contact.conventions import Array
 
@@ -13,12 +15,13 @@ from casadi_contact.conventions import Array
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """A checked mesh: vertices_mm (v, 3), faces (f, 3) anticlockwise seen from outside; dropped: degenerate and
-    repeated ones."""
+    repeated ones; slivers (s, 3): those of the dropped that have three corners but no area."""
 
     name: str
     vertices_mm: Array
     faces: np.ndarray
     dropped: int = 0
+    slivers: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
 
     @property
     def corners_mm(self) -> Array:
@@ -54,9 +57,25 @@ class TriangleMesh:
 
     @cached_property
     def boundary_edges(self) -> np.ndarray:
-        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed."""
+        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed.
+
+        A gap that slivers fill is none: it has no width, and the mesh was closed there before they were dropped.
+        """
         edges, count = np.unique(undirected_edges(self.faces), axis=0, return_counts=True)
-        return edges[count == 1]
+        single = edges[count == 1]
+        filled, times = np.unique(undirected_edges(self._gap_fillers), axis=0, return_counts=True)
+        size = len(self.vertices_mm)
+        return single[~np.isin(single @ [size, 1], filled[times % 2 == 1] @ [size, 1])]
+
+    @property
+    def _gap_fillers(self) -> np.ndarray:
+        """The slivers (s, 3) of groups joined by edges in which no edge is left over, as one is at an open rim."""
+        if not len(self.slivers):
+            return self.slivers
+        group, edges, edge_group, times = joined_by_edges(self.slivers)
+        size = len(self.vertices_mm)
+        beside = np.isin(edges @ [size, 1], undirected_edges(self.faces) @ [size, 1])
+        return self.slivers[~np.isin(group, edge_group[~beside & (times == 1)])]
 
     @property
     def extent(self) -> str:
@@ -78,7 +97,11 @@ class TriangleMesh:
     def part(self, chosen: np.ndarray) -> TriangleMesh:
         """The chosen triangles (f,) with the vertices that they use."""
         used, renumbered = np.unique(self.faces[chosen], return_inverse=True)
-        return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped)
+        number = np.full(len(self.vertices_mm), -1)
+        number[used] = np.arange(len(used))
+        slivers = number[self.slivers]
+        slivers = slivers[(slivers >= 0).all(axis=1)]
+        return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped, slivers)
 
 
 def directed_edges(faces: np.ndarray) -> np.ndarray:
@@ -89,6 +112,16 @@ def directed_edges(faces: np.ndarray) -> np.ndarray:
 def undirected_edges(faces: np.ndarray) -> np.ndarray:
     """The same with the lower vertex first."""
     return np.sort(directed_edges(faces), axis=1)
+
+
+def joined_by_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Groups of triangles joined by edges: of each triangle (f,); the edges (e, 2), their groups and triangles (e,)."""
+    count, size = len(faces), int(faces.max(initial=0)) + 1
+    codes, edge, times = np.unique(undirected_edges(faces) @ [size, 1], return_inverse=True, return_counts=True)
+    triangle, edge = np.tile(np.arange(count), 3), edge.reshape(-1)
+    links = sparse.coo_matrix((np.ones(3 * count), (triangle, count + edge)), shape=(count + len(codes),) * 2)
+    _, group = connected_components(links, directed=False)
+    return group[:count], np.stack([codes // size, codes % size], axis=1), group[count:], times
 
 
 def point_words(point: Array) -> str:
