@@ -77,6 +77,12 @@ class TriangleMesh:
         beside = np.isin(edges @ [size, 1], undirected_edges(self.faces) @ [size, 1])
         return self.slivers[~np.isin(group, edge_group[~beside & (times == 1)])]
 
+    @cached_property
+    def pieces(self) -> np.ndarray:
+        """The number (f,) of the piece that each triangle belongs to: one of triangles joined by edges and slivers."""
+        group = joined_by_edges(np.concatenate([self.faces, self._gap_fillers]))[0][: len(self.faces)]
+        return np.unique(group, return_inverse=True)[1].reshape(-1)
+
     @property
     def extent(self) -> str:
         """Lowest and highest coordinates [mm] in words."""

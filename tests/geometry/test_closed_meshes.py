@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.shapes.mesh_bodies import shell_thickness
-from tests.support.meshes import ball_mesh, cap_mesh, shell_mesh
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh
 
 
 def with_sliver(vertices, faces, face=0):
@@ -75,3 +75,65 @@ def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
     thickness = shell_thickness(checked_mesh("shell", vertices, faces))
     assert thickness == pytest.approx(1.5, abs=0.05)
     assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
+
+
+def together(*meshes):
+    sizes = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    return np.vstack([vertices for vertices, _ in meshes]), np.vstack(
+        [faces + size for (_, faces), size in zip(meshes, sizes[:-1], strict=True)]
+    )
+
+
+def ball(radius, centre, *, inside_out=False):
+    vertices, faces = ball_mesh(radius, radius / 5.0)
+    return vertices + centre, faces[:, ::-1] if inside_out else faces
+
+
+MIDDLE, ASIDE = [0.0, 0.0, 0.0], [50.0, 0.0, 0.0]
+BIG = ball(20.0, MIDDLE)
+CUP = shell_mesh(10.0, 20.0, 2.0, 1.2, [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("meshes", "where"),
+    [
+        ([BIG, ball(8.0, ASIDE, inside_out=True)], r"1 of its 2 pieces, first about \((50|49\.9)"),
+        ([BIG, ball(8.0, ASIDE), ball(4.0, ASIDE), ball(0.5, [0.0, 25.0, 0.0], inside_out=True)], "1 of its 4 pieces"),
+        ([BIG, ball(12.0, MIDDLE, inside_out=True), ball(5.0, MIDDLE, inside_out=True)], "1 of its 3"),
+        ([CUP, ball(5.0, MIDDLE, inside_out=True)], "1 of its 2 pieces"),  # in its hollow, not in its solid
+        ([sheet_mesh(40.0, 2.0), ball(5.0, [0.0, 20.0, 0.0], inside_out=True)], "1 of its 2 pieces"),
+        ([(BIG[0], BIG[1][:, ::-1]), ball(5.0, MIDDLE)], "1 of its 2 pieces"),
+    ],
+)
+def test_a_closed_piece_that_is_inside_out_and_no_cavity_is_refused(meshes, where):
+    with pytest.raises(ValueError, match=f"bodies is inside-out in {where}"):
+        checked_mesh("bodies", *together(*meshes))
+
+
+OPEN_BONE = (lambda vertices, faces: (vertices, faces[(vertices[faces][..., 0] < 16.0).all(axis=1)]))(*BIG)
+
+
+@pytest.mark.parametrize(
+    "meshes",
+    [
+        [BIG, ball(8.0, ASIDE)],
+        [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True)],
+        [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True), ball(5.0, [3.0, 0.0, 0.0])],
+        [CUP, ball(3.0, [0.0, 15.0, 0.0], inside_out=True)],
+        [OPEN_BONE, ball(3.0, MIDDLE, inside_out=True)],
+    ],
+)
+def test_bodies_side_by_side_and_cavities_in_solid_have_the_sign_of_what_they_are_in(meshes):
+    mesh = checked_mesh("bodies", *together(*meshes))
+    assert mesh.pieces.max() + 1 == len(meshes)
+    centres = mesh.corners_mm.mean(axis=1)[::7]
+    normals = mesh.normals[::7]
+    surface = SmoothSurface(mesh)
+    assert (surface.distance(centres + 0.5 * normals) > 0.0).all()
+    assert (surface.distance(centres - 0.5 * normals) < 0.0).all()
+
+
+def test_a_flake_without_volume_beside_a_body_is_no_body_turned_inside_out():
+    flake = np.array([[30.0, 0.1, 0.2], [33.0, 0.7, 1.1], [31.0, 2.3, 0.9]])
+    for turn in ([[0, 1, 2], [0, 2, 1]], [[1, 0, 2], [1, 2, 0]]):
+        assert checked_mesh("ball", *together(BIG, (flake, np.array(turn)))).pieces.max() == 1
