@@ -84,11 +84,9 @@ def checked_mesh(
             f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles: is the file "
             "whole?"
         )
-    if not np.isfinite(vertices).all():
-        row = int(np.argwhere(~np.isfinite(vertices))[0, 0])
-        raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(f"mesh {name}: a triangle names vertex {faces.max()} of {len(vertices)}: the file is damaged")
+    vertices, faces = _used_vertices(name, vertices, faces)
     vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
     faces = placement.faces(faces)
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
@@ -108,6 +106,15 @@ def checked_mesh(
     check_orientation(mesh)
     check_outside(mesh)
     return mesh
+
+
+def _used_vertices(name: str, vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
+    """The vertices that triangles use, in their order; ValueError for one that is not finite."""
+    used, renumbered = np.unique(faces, return_inverse=True)
+    if not np.isfinite(vertices[used]).all():
+        row = int(used[np.argwhere(~np.isfinite(vertices[used]))[0, 0]])
+        raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
+    return vertices[used], renumbered.reshape(-1, 3)
 
 
 def _merge_vertices(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:

@@ -117,6 +117,17 @@ def test_meshes_that_cannot_work_are_refused(mesh, units, said):
         checked_mesh("t", *mesh, units)
 
 
+@pytest.mark.parametrize("stray", [[5000.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0]])
+def test_a_vertex_that_no_triangle_uses_says_nothing_about_the_mesh(stray):
+    vertices, faces = TETRAHEDRON
+    plain = checked_mesh("t", vertices, faces)
+    mesh = checked_mesh("t", np.vstack([vertices[:2], stray, vertices[2:]]), faces + (faces > 1))
+    np.testing.assert_array_equal(mesh.vertices_mm, plain.vertices_mm)
+    np.testing.assert_array_equal(mesh.faces, plain.faces)
+    with pytest.raises(ValueError, match=r"0\.0173 mm across.*is the file in m\?"):
+        checked_mesh("t", np.vstack([0.001 * vertices, stray]), faces)
+
+
 def with_fin(at):
     """A sheet y = 0 with a triangle that stands on one of its edges near (x, z)."""
     vertices, faces = sheet_mesh(40.0, 1.0)
