@@ -24,6 +24,7 @@ AS_IN_FILE = Placement()
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
 _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
+_MOST_DROPPED = 0.5  # of the triangles: a sheet written twice, back on back, is still the same sheet
 
 
 def axes_rotation(axes: Sequence[str]) -> Array:
@@ -102,6 +103,11 @@ def checked_mesh(
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()), faces[sliver])
     if not sound.any():
         raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
+    if mesh.dropped > _MOST_DROPPED * len(faces):
+        raise ValueError(
+            f"mesh {name}: {mesh.dropped} of {len(faces)} triangles are degenerate or repeated, expected "
+            f"{_MOST_DROPPED:.0%} at most: the file was misread or is damaged, export it again"
+        )
     check_manifold(mesh, contact)
     check_orientation(mesh)
     check_outside(mesh)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.files import MOST_MESH, checked_size, one_line
+
+_RELATIVE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-|0+(?:[/\s]|$))", re.MULTILINE)  # or 0
 
 
 def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
@@ -24,6 +27,8 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
         whole = path.read_bytes()
         if kind == "stl":
             _check_stl_size(whole)
+        elif kind == "obj":
+            whole = _with_absolute_indices(whole)
         # Not by its path: trimesh would read files that the mesh names.
         content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
         return np.asarray(content.vertices), np.asarray(content.faces)
@@ -38,3 +43,30 @@ def _check_stl_size(content: bytes) -> None:
     claimed = int.from_bytes(content[80:84], "little")
     if b"facet" not in content[:1000] and len(content) != 84 + 50 * claimed:
         raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
+
+
+def _with_absolute_indices(content: bytes) -> bytes:
+    """An OBJ file whose triangles name vertices from the first on: -1 is the last vertex before the triangle.
+
+    The same content where no vertex is named so; else texture and normals are left out. ValueError for a vertex that is
+    not there, and for 0, which names none (Wavefront OBJ: indices begin with 1).
+    """
+    joined = content.replace(b"\\\r\n", b"").replace(b"\\\n", b"")
+    if not _RELATIVE.search(joined):
+        return content
+    lines, vertices = [], 0
+    for line in joined.splitlines():
+        words = line.split()
+        if words[:1] == [b"v"]:
+            vertices += 1
+            lines.append(line)
+        elif words[:1] == [b"f"]:
+            lines.append(b"f " + b" ".join(_absolute(word, vertices) for word in words[1:]))
+    return b"\n".join(lines) + b"\n"
+
+
+def _absolute(word: bytes, vertices: int) -> bytes:
+    index = int(word.split(b"/")[0])
+    if index == 0 or index < -vertices:
+        raise ValueError(f"a triangle names vertex {index} after {vertices} vertices")
+    return b"%d" % (index if index > 0 else vertices + index + 1)
