@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
             _check_stl_size(whole)
         elif kind == "obj":
             whole = _with_absolute_indices(whole)
+        else:
+            _check_ply_lines(whole)
         # Not by its path: trimesh would read files that the mesh names.
         content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
         return np.asarray(content.vertices), np.asarray(content.faces)
@@ -43,6 +46,24 @@ def _check_stl_size(content: bytes) -> None:
     claimed = int.from_bytes(content[80:84], "little")
     if b"facet" not in content[:1000] and len(content) != 84 + 50 * claimed:
         raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
+
+
+def _check_ply_lines(content: bytes) -> None:
+    """Raise ValueError for ASCII PLY that ends before the last element that its header counts, or within it."""
+    head, _, body = content.partition(b"end_header")
+    words = [line.split() for line in head.splitlines()]
+    if [b"format", b"ascii"] not in (line[:2] for line in words):
+        return  # of binary PLY trimesh knows the size
+    rows = [line for line in body.splitlines()[1:] if line.strip()]
+    for line, first_property in pairwise([each for each in words if each[:1] in ([b"element"], [b"property"])]):
+        if line[0] != b"element":
+            continue
+        name, count = line[1].decode(), int(line[2])
+        if len(rows) < count:
+            raise ValueError(f"it ends after {len(rows)} of the {count} {name} lines that its header counts")
+        if count and first_property[1] == b"list" and len(last := rows[count - 1].split()) <= int(last[0]):
+            raise ValueError(f"it ends in a {name} with {len(last) - 1} of {int(last[0])} corners")
+        rows = rows[count:]
 
 
 def _with_absolute_indices(content: bytes) -> bytes:

@@ -52,3 +52,31 @@ def test_obj_indices_of_no_vertex_are_refused(tmp_path, face, said):
     (tmp_path / "t.obj").write_text(f"v 0 0 0\nv 10 0 0\nv 0 10 0\nf {face}\nv 0 0 10\n")
     with pytest.raises(ValueError, match=rf"t\.obj cannot be read \(a triangle names {said} vertices\)"):
         load_mesh(tmp_path / "t.obj", "mm")
+
+
+def ply(vertices, faces):
+    kinds = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\ncomment made by hand\nelement vertex {len(vertices)}\n{kinds}"
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    points = "".join("{:.9f} {:.9f} {:.9f}\n".format(*p) for p in vertices)
+    return head + points + "".join("3 {} {} {}\n".format(*f) for f in faces)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_an_ascii_ply_file_is_whole_or_refused_wherever_it_ends(tmp_path, newline):
+    text = ply(*BALL).replace("\n", newline)
+    path = tmp_path / "ball.ply"
+    for whole in (text, text.rstrip(), text + newline):
+        path.write_bytes(whole.encode())
+        whole_ball(path)
+    lines = text.splitlines(keepends=True)
+    count, head = len(BALL[1]), len(lines) - len(BALL[1])
+    for end, said in (
+        ("".join(lines[: head + 5]), f"ends after 5 of the {count} face lines"),
+        ("".join(lines[: head - 4]), f"ends after {len(BALL[0]) - 4} of the {len(BALL[0])} vertex lines"),
+        ("".join(lines[:head]), f"ends after 0 of the {count} face lines"),
+        (text.rstrip().rpartition(" ")[0], "ends in a face with 2 of 3 corners"),
+    ):
+        path.write_bytes(end.encode())
+        with pytest.raises(ValueError, match=rf"ball\.ply cannot be read \(it {said}"):
+            load_mesh(path, "mm")
