@@ -44,7 +44,7 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
 def _check_stl_size(content: bytes) -> None:
     """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
     claimed = int.from_bytes(content[80:84], "little")
-    if b"facet" not in content[:1000] and len(content) != 84 + 50 * claimed:
+    if b"facet" not in content[:1000].lower() and len(content) != 84 + 50 * claimed:
         raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
 
 

@@ -80,3 +80,19 @@ def test_an_ascii_ply_file_is_whole_or_refused_wherever_it_ends(tmp_path, newlin
         path.write_bytes(end.encode())
         with pytest.raises(ValueError, match=rf"ball\.ply cannot be read \(it {said}"):
             load_mesh(path, "mm")
+
+
+def stl(vertices, faces):
+    corner = "      vertex {:.9e} {:.9e} {:.9e}\n"
+    facet = "  facet normal 0 0 0\n    outer loop\n{}    endloop\n  endfacet\n"
+    facets = (facet.format("".join(corner.format(*point) for point in vertices[face])) for face in faces)
+    return f"solid part\n{''.join(facets)}endsolid\n"
+
+
+@pytest.mark.parametrize("change", [str.lower, str.upper, str.title])
+def test_ascii_stl_is_read_in_any_case(tmp_path, change):
+    path = tmp_path / "ball.stl"
+    path.write_text(stl(*BALL))
+    plain = whole_ball(path)
+    path.write_text(change(stl(*BALL)))
+    np.testing.assert_array_equal(whole_ball(path).corners_mm, plain.corners_mm)
