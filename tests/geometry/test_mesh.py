@@ -90,6 +90,16 @@ def test_repeated_triangles_are_dropped_and_counted():
         checked_mesh("t", vertices, np.vstack([faces, faces[2][::-1]]))
 
 
+def test_a_mesh_of_which_most_triangles_are_dropped_is_refused():
+    """Written twice it is the same mesh; beyond that its indices were misread."""
+    vertices, faces = TETRAHEDRON
+    assert checked_mesh("t", vertices, np.vstack([faces, faces])).dropped == 4
+    with pytest.raises(ValueError, match="t: 5 of 9 triangles are degenerate or repeated, expected 50% at most"):
+        checked_mesh("t", vertices, np.vstack([faces, faces, faces[:1]]))
+    with pytest.raises(ValueError, match="t: 3 of 4 triangles are degenerate or repeated"):
+        checked_mesh("t", vertices, np.array([faces[0], [0, 0, 1], [1, 1, 2], [2, 3, 3]]))
+
+
 def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
     vertices = scale * TETRAHEDRON[0]
     if vertex is not None:
@@ -115,6 +125,17 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
 def test_meshes_that_cannot_work_are_refused(mesh, units, said):
     with pytest.raises(ValueError, match=said):
         checked_mesh("t", *mesh, units)
+
+
+@pytest.mark.parametrize("stray", [[5000.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0]])
+def test_a_vertex_that_no_triangle_uses_says_nothing_about_the_mesh(stray):
+    vertices, faces = TETRAHEDRON
+    plain = checked_mesh("t", vertices, faces)
+    mesh = checked_mesh("t", np.vstack([vertices[:2], stray, vertices[2:]]), faces + (faces > 1))
+    np.testing.assert_array_equal(mesh.vertices_mm, plain.vertices_mm)
+    np.testing.assert_array_equal(mesh.faces, plain.faces)
+    with pytest.raises(ValueError, match=r"0\.0173 mm across.*is the file in m\?"):
+        checked_mesh("t", np.vstack([0.001 * vertices, stray]), faces)
 
 
 def with_fin(at):

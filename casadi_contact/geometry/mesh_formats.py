@@ -1,0 +1,93 @@
+"""Triangles of STL, OBJ and PLY files: read by trimesh, which takes some damaged files for whole ones."""
+
+from __future__ import annotations
+
+import io
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.files import MOST_MESH, checked_size, one_line
+
+_RELATIVE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-|0+(?:[/\s]|$))", re.MULTILINE)  # or 0
+
+
+def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
+    """Vertices (v, 3) and triangles (f, 3) of an STL, OBJ or PLY file; ValueError for one that cannot be read."""
+    try:
+        import trimesh
+    except ImportError:
+        raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
+    checked_size(path, MOST_MESH)
+    kind = path.suffix[1:].lower()
+    try:
+        whole = path.read_bytes()
+        if kind == "stl":
+            _check_stl_size(whole)
+        elif kind == "obj":
+            whole = _with_absolute_indices(whole)
+        else:
+            _check_ply_lines(whole)
+        # Not by its path: trimesh would read files that the mesh names.
+        content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
+        return np.asarray(content.vertices), np.asarray(content.faces)
+    except Exception as error:  # trimesh's readers raise whatever the damage led to
+        raise ValueError(
+            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file"
+        ) from None
+
+
+def _check_stl_size(content: bytes) -> None:
+    """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
+    claimed = int.from_bytes(content[80:84], "little")
+    if b"facet" not in content[:1000].lower() and len(content) != 84 + 50 * claimed:
+        raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
+
+
+def _check_ply_lines(content: bytes) -> None:
+    """Raise ValueError for ASCII PLY that ends before the last element that its header counts, or within it."""
+    head, _, body = content.partition(b"end_header")
+    words = [line.split() for line in head.splitlines()]
+    if [b"format", b"ascii"] not in (line[:2] for line in words):
+        return  # of binary PLY trimesh knows the size
+    rows = [line for line in body.splitlines()[1:] if line.strip()]
+    for line, first_property in pairwise([each for each in words if each[:1] in ([b"element"], [b"property"])]):
+        if line[0] != b"element":
+            continue
+        name, count = line[1].decode(), int(line[2])
+        if len(rows) < count:
+            raise ValueError(f"it ends after {len(rows)} of the {count} {name} lines that its header counts")
+        if count and first_property[1] == b"list" and len(last := rows[count - 1].split()) <= int(last[0]):
+            raise ValueError(f"it ends in a {name} with {len(last) - 1} of {int(last[0])} corners")
+        rows = rows[count:]
+
+
+def _with_absolute_indices(content: bytes) -> bytes:
+    """An OBJ file whose triangles name vertices from the first on: -1 is the last vertex before the triangle.
+
+    The same content where no vertex is named so; else texture and normals are left out. ValueError for a vertex that is
+    not there, and for 0, which names none (Wavefront OBJ: indices begin with 1).
+    """
+    joined = content.replace(b"\\\r\n", b"").replace(b"\\\n", b"")
+    if not _RELATIVE.search(joined):
+        return content
+    lines, vertices = [], 0
+    for line in joined.splitlines():
+        words = line.split()
+        if words[:1] == [b"v"]:
+            vertices += 1
+            lines.append(line)
+        elif words[:1] == [b"f"]:
+            lines.append(b"f " + b" ".join(_absolute(word, vertices) for word in words[1:]))
+    return b"\n".join(lines) + b"\n"
+
+
+def _absolute(word: bytes, vertices: int) -> bytes:
+    index = int(word.split(b"/")[0])
+    if index == 0 or index < -vertices:
+        raise ValueError(f"a triangle names vertex {index} after {vertices} vertices")
+    return b"%d" % (index if index > 0 else vertices + index + 1)

@@ -1,0 +1,135 @@
+"""A triangle mesh in mm: its triangles, its edges and parts of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from casadi_contact.conventions import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A checked mesh: vertices_mm (v, 3), faces (f, 3) anticlockwise seen from outside; dropped: degenerate and
+    repeated ones; slivers (s, 3): those of the dropped that have three corners but no area."""
+
+    name: str
+    vertices_mm: Array
+    faces: np.ndarray
+    dropped: int = 0
+    slivers: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+
+    @property
+    def corners_mm(self) -> Array:
+        """Corners of every triangle (f, 3, 3)."""
+        return self.vertices_mm[self.faces]
+
+    @property
+    def area_vectors_mm2(self) -> Array:
+        """Outward normal times area of every triangle (f, 3)."""
+        a, b, c = np.moveaxis(self.corners_mm, 1, 0)
+        return 0.5 * np.cross(b - a, c - a)
+
+    @property
+    def normals(self) -> Array:
+        """Outward unit normal of every triangle (f, 3)."""
+        vectors = self.area_vectors_mm2
+        return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+    @property
+    def joined_sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of sides that are one edge of just two triangles; side k·f + triangle runs from its corner k to the
+        next."""
+        _, edge, count = np.unique(undirected_edges(self.faces), axis=0, return_inverse=True, return_counts=True)
+        order = np.argsort(edge.ravel(), kind="stable")
+        pairs = order[count[edge.ravel()[order]] == 2]
+        return pairs[::2], pairs[1::2]
+
+    @cached_property
+    def nonmanifold_edges(self) -> np.ndarray:
+        """Edges (e, 2) that join more than two triangles."""
+        edges, count = np.unique(undirected_edges(self.faces), axis=0, return_counts=True)
+        return edges[count > 2]
+
+    @cached_property
+    def boundary_edges(self) -> np.ndarray:
+        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed.
+
+        A gap that slivers fill is none: it has no width, and the mesh was closed there before they were dropped.
+        """
+        edges, count = np.unique(undirected_edges(self.faces), axis=0, return_counts=True)
+        single = edges[count == 1]
+        filled, times = np.unique(undirected_edges(self._gap_fillers), axis=0, return_counts=True)
+        size = len(self.vertices_mm)
+        return single[~np.isin(single @ [size, 1], filled[times % 2 == 1] @ [size, 1])]
+
+    @property
+    def _gap_fillers(self) -> np.ndarray:
+        """The slivers (s, 3) of groups joined by edges in which no edge is left over, as one is at an open rim."""
+        if not len(self.slivers):
+            return self.slivers
+        group, edges, edge_group, times = joined_by_edges(self.slivers)
+        size = len(self.vertices_mm)
+        beside = np.isin(edges @ [size, 1], undirected_edges(self.faces) @ [size, 1])
+        return self.slivers[~np.isin(group, edge_group[~beside & (times == 1)])]
+
+    @cached_property
+    def pieces(self) -> np.ndarray:
+        """The number (f,) of the piece that each triangle belongs to: one of triangles joined by edges and slivers."""
+        group = joined_by_edges(np.concatenate([self.faces, self._gap_fillers]))[0][: len(self.faces)]
+        return np.unique(group, return_inverse=True)[1].reshape(-1)
+
+    @property
+    def extent(self) -> str:
+        """Lowest and highest coordinates [mm] in words."""
+        return f"{point_words(self.vertices_mm.min(axis=0))} to {point_words(self.vertices_mm.max(axis=0))}"
+
+    def inside_box(self, low: Array, high: Array, *, reaching: bool = False) -> TriangleMesh:
+        """The triangles whose centre lies inside the box [mm], or all that reach into it; ValueError if none does."""
+        corners = self.corners_mm
+        lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
+        inside = np.all((highest >= low) & (lowest < high), axis=1)
+        if not inside.any():
+            raise ValueError(
+                f"mesh {self.name}: no triangle between {point_words(low)} and {point_words(high)} mm, "
+                f"expected a part of {self.extent}: check the box, units and axes"
+            )
+        return self.part(inside)
+
+    def part(self, chosen: np.ndarray) -> TriangleMesh:
+        """The chosen triangles (f,) with the vertices that they use."""
+        used, renumbered = np.unique(self.faces[chosen], return_inverse=True)
+        number = np.full(len(self.vertices_mm), -1)
+        number[used] = np.arange(len(used))
+        slivers = number[self.slivers]
+        slivers = slivers[(slivers >= 0).all(axis=1)]
+        return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped, slivers)
+
+
+def directed_edges(faces: np.ndarray) -> np.ndarray:
+    """Sides (3f, 2) as their triangles run through them: all first ones, then all second, then all third."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def undirected_edges(faces: np.ndarray) -> np.ndarray:
+    """The same with the lower vertex first."""
+    return np.sort(directed_edges(faces), axis=1)
+
+
+def joined_by_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Groups of triangles joined by edges: of each triangle (f,); the edges (e, 2), their groups and triangles (e,)."""
+    count, size = len(faces), int(faces.max(initial=0)) + 1
+    codes, edge, times = np.unique(undirected_edges(faces) @ [size, 1], return_inverse=True, return_counts=True)
+    triangle, edge = np.tile(np.arange(count), 3), edge.reshape(-1)
+    links = sparse.coo_matrix((np.ones(3 * count), (triangle, count + edge)), shape=(count + len(codes),) * 2)
+    _, group = connected_components(links, directed=False)
+    return group[:count], np.stack([codes // size, codes % size], axis=1), group[count:], times
+
+
+def point_words(point: Array) -> str:
+    """A point's coordinates for a message."""
+    return "(" + ", ".join(f"{v:.4g}" for v in point) + ")"

@@ -1,0 +1,139 @@
+"""A mesh is closed, and its outside out, by what its triangles enclose: slivers in it change nothing."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from casadi_contact.geometry.mesh import checked_mesh
+from casadi_contact.geometry.smooth_surface import SmoothSurface
+from casadi_contact.shapes.mesh_bodies import shell_thickness
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh
+
+
+def with_sliver(vertices, faces, face=0):
+    """One triangle halved at the middle of its first edge, the gap to its neighbour filled by a triangle of no area."""
+    a, b, c = faces[face]
+    middle = len(vertices)
+    halves = [[a, middle, c], [middle, b, c], [a, b, middle]]
+    return np.vstack([vertices, 0.5 * (vertices[a] + vertices[b])]), np.vstack([np.delete(faces, face, axis=0), halves])
+
+
+def test_a_closed_mesh_with_a_sliver_is_closed():
+    mesh = checked_mesh("ball", *with_sliver(*ball_mesh(16.0, 2.5)))
+    assert mesh.dropped == 1
+    assert len(mesh.boundary_edges) == 0
+    points = np.random.default_rng(0).normal(size=(300, 3)) * 9.0
+    exact = np.linalg.norm(points, axis=1) - 16.0
+    near = np.abs(exact) < 4.0
+    assert near.sum() > 50
+    assert np.abs(SmoothSurface(mesh).distance(points) - exact)[near].max() < 0.01
+
+
+def test_a_closed_mesh_with_a_row_of_slivers_is_closed():
+    """The edge is cut in four: three slivers, of which two lie beside each other alone."""
+    vertices, faces = ball_mesh(16.0, 2.5)
+    a, b, c = faces[0]
+    along = vertices[a] + np.outer([0.25, 0.5, 0.75], vertices[b] - vertices[a])
+    chain = [a, *(len(vertices) + np.arange(3)), b]
+    fan = [[start, end, c] for start, end in pairwise(chain)]
+    slivers = [[chain[0], chain[4], chain[2]], [chain[0], chain[2], chain[1]], [chain[2], chain[4], chain[3]]]
+    mesh = checked_mesh("ball", np.vstack([vertices, along]), np.vstack([faces[1:], fan, slivers]))
+    assert (mesh.dropped, len(mesh.boundary_edges)) == (3, 0)
+
+
+def test_slivers_at_an_open_edge_leave_it_open():
+    vertices, faces = cap_mesh(20.0, 2.0, 0.6)
+    plain = checked_mesh("cap", vertices, faces)
+    rim = plain.boundary_edges[0]
+    middle = plain.vertices_mm[rim].mean(axis=0)
+    beside = np.vstack([plain.faces, [*rim, len(plain.vertices_mm)]])
+    mesh = checked_mesh("cap", np.vstack([plain.vertices_mm, middle]), beside)
+    assert (mesh.dropped, len(mesh.boundary_edges)) == (1, len(plain.boundary_edges))
+    inner = np.flatnonzero((plain.vertices_mm[plain.faces][..., 1] < -19.0).all(axis=1))[0]
+    filled = checked_mesh("cap", *with_sliver(plain.vertices_mm, plain.faces, inner))
+    assert (filled.dropped, len(filled.boundary_edges)) == (1, len(plain.boundary_edges))
+
+
+def test_a_part_beside_a_sliver_is_open_where_it_is_cut():
+    mesh = checked_mesh("ball", *with_sliver(*ball_mesh(16.0, 2.5)))
+    beside = np.isin(mesh.faces, mesh.slivers[0]).sum(axis=1) == 2
+    assert beside.sum() == 3
+    assert len(mesh.part(beside).boundary_edges) == 4  # of a quadrilateral: the halves and their neighbour
+    for face in np.flatnonzero(beside):
+        assert len(mesh.part(np.arange(len(mesh.faces)) == face).boundary_edges) == 3
+
+
+def test_slivers_do_not_hide_that_a_mesh_is_inside_out():
+    vertices, faces = ball_mesh(16.0, 2.5)
+    with pytest.raises(ValueError, match="ball is inside-out"):
+        checked_mesh("ball", *with_sliver(vertices, faces[:, ::-1]))
+
+
+def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
+    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
+    thickness = shell_thickness(checked_mesh("shell", vertices, faces))
+    assert thickness == pytest.approx(1.5, abs=0.05)
+    assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
+
+
+def together(*meshes):
+    sizes = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    return np.vstack([vertices for vertices, _ in meshes]), np.vstack(
+        [faces + size for (_, faces), size in zip(meshes, sizes[:-1], strict=True)]
+    )
+
+
+def ball(radius, centre, *, inside_out=False):
+    vertices, faces = ball_mesh(radius, radius / 5.0)
+    return vertices + centre, faces[:, ::-1] if inside_out else faces
+
+
+MIDDLE, ASIDE = [0.0, 0.0, 0.0], [50.0, 0.0, 0.0]
+BIG = ball(20.0, MIDDLE)
+CUP = shell_mesh(10.0, 20.0, 2.0, 1.2, [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("meshes", "where"),
+    [
+        ([BIG, ball(8.0, ASIDE, inside_out=True)], r"1 of its 2 pieces, first about \((50|49\.9)"),
+        ([BIG, ball(8.0, ASIDE), ball(4.0, ASIDE), ball(0.5, [0.0, 25.0, 0.0], inside_out=True)], "1 of its 4 pieces"),
+        ([BIG, ball(12.0, MIDDLE, inside_out=True), ball(5.0, MIDDLE, inside_out=True)], "1 of its 3"),
+        ([CUP, ball(5.0, MIDDLE, inside_out=True)], "1 of its 2 pieces"),  # in its hollow, not in its solid
+        ([sheet_mesh(40.0, 2.0), ball(5.0, [0.0, 20.0, 0.0], inside_out=True)], "1 of its 2 pieces"),
+        ([(BIG[0], BIG[1][:, ::-1]), ball(5.0, MIDDLE)], "1 of its 2 pieces"),
+    ],
+)
+def test_a_closed_piece_that_is_inside_out_and_no_cavity_is_refused(meshes, where):
+    with pytest.raises(ValueError, match=f"bodies is inside-out in {where}"):
+        checked_mesh("bodies", *together(*meshes))
+
+
+OPEN_BONE = (lambda vertices, faces: (vertices, faces[(vertices[faces][..., 0] < 16.0).all(axis=1)]))(*BIG)
+
+
+@pytest.mark.parametrize(
+    "meshes",
+    [
+        [BIG, ball(8.0, ASIDE)],
+        [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True)],
+        [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True), ball(5.0, [3.0, 0.0, 0.0])],
+        [CUP, ball(3.0, [0.0, 15.0, 0.0], inside_out=True)],
+        [OPEN_BONE, ball(3.0, MIDDLE, inside_out=True)],
+    ],
+)
+def test_bodies_side_by_side_and_cavities_in_solid_have_the_sign_of_what_they_are_in(meshes):
+    mesh = checked_mesh("bodies", *together(*meshes))
+    assert mesh.pieces.max() + 1 == len(meshes)
+    centres = mesh.corners_mm.mean(axis=1)[::7]
+    normals = mesh.normals[::7]
+    surface = SmoothSurface(mesh)
+    assert (surface.distance(centres + 0.5 * normals) > 0.0).all()
+    assert (surface.distance(centres - 0.5 * normals) < 0.0).all()
+
+
+def test_a_flake_without_volume_beside_a_body_is_no_body_turned_inside_out():
+    flake = np.array([[30.0, 0.1, 0.2], [33.0, 0.7, 1.1], [31.0, 2.3, 0.9]])
+    for turn in ([[0, 1, 2], [0, 2, 1]], [[1, 0, 2], [1, 2, 0]]):
+        assert checked_mesh("ball", *together(BIG, (flake, np.array(turn)))).pieces.max() == 1

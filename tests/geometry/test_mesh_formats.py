@@ -1,0 +1,98 @@
+"""Files of triangles are read as their formats define them, and what is not whole is refused."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.geometry.mesh import load_mesh
+from tests.support.meshes import ball_mesh
+
+BALL = ball_mesh(16.0, 4.0)
+
+
+def v(point):
+    return "v {:.9f} {:.9f} {:.9f}\n".format(*point)
+
+
+def whole_ball(path):
+    mesh = load_mesh(path, "mm")
+    assert (len(mesh.faces), mesh.dropped, len(mesh.boundary_edges)) == (len(BALL[1]), 0, 0)
+    corners = BALL[0][BALL[1]]
+    np.testing.assert_allclose(np.sort(mesh.corners_mm.sum(axis=1), 0), np.sort(corners.sum(axis=1), 0), atol=1e-4)
+    return mesh
+
+
+def obj_each_with_its_own(vertices, faces):
+    """As streaming exporters write it: three vertices and their triangle, again and again."""
+    return "".join("".join(v(p) for p in vertices[face]) + "vn 0 1 0\nf -3//-1 -2//-1 -1//-1\n" for face in faces)
+
+
+def obj_vertices_first(vertices, faces):
+    return "".join(v(p) for p in vertices) + "".join("f {} {} {}\n".format(*f) for f in faces - len(vertices))
+
+
+def obj_of_both_kinds(vertices, faces):
+    """Vertices come in two lots; faces are broken over two lines and mix both ways of naming a vertex."""
+    half = len(vertices) // 2
+    first = (faces < half).all(axis=1)
+    lots = ["".join(v(p) for p in lot) for lot in (vertices[:half], vertices[half:])]
+    lots[0] += "".join(f"f {a - half} {b + 1} \\\n{c - half}\n" for a, b, c in faces[first])
+    lots[1] += "".join(f"\tf {a + 1}/7/7 {b - len(vertices)}/-1/7 {c + 1}/7/7\n" for a, b, c in faces[~first])
+    return "# f -1 -2 -3\n".join(lots)
+
+
+@pytest.mark.parametrize("write", [obj_each_with_its_own, obj_vertices_first, obj_of_both_kinds])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_obj_indices_below_zero_count_back_from_the_triangle(tmp_path, write, newline):
+    (tmp_path / "ball.obj").write_bytes(write(*BALL).replace("\n", newline).encode())
+    whole_ball(tmp_path / "ball.obj")
+
+
+@pytest.mark.parametrize(("face", "said"), [("-1 -2 -4", "vertex -4 after 3"), ("1 0 2", "vertex 0 after 3")])
+def test_obj_indices_of_no_vertex_are_refused(tmp_path, face, said):
+    (tmp_path / "t.obj").write_text(f"v 0 0 0\nv 10 0 0\nv 0 10 0\nf {face}\nv 0 0 10\n")
+    with pytest.raises(ValueError, match=rf"t\.obj cannot be read \(a triangle names {said} vertices\)"):
+        load_mesh(tmp_path / "t.obj", "mm")
+
+
+def ply(vertices, faces):
+    kinds = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\ncomment made by hand\nelement vertex {len(vertices)}\n{kinds}"
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    points = "".join("{:.9f} {:.9f} {:.9f}\n".format(*p) for p in vertices)
+    return head + points + "".join("3 {} {} {}\n".format(*f) for f in faces)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_an_ascii_ply_file_is_whole_or_refused_wherever_it_ends(tmp_path, newline):
+    text = ply(*BALL).replace("\n", newline)
+    path = tmp_path / "ball.ply"
+    for whole in (text, text.rstrip(), text + newline):
+        path.write_bytes(whole.encode())
+        whole_ball(path)
+    lines = text.splitlines(keepends=True)
+    count, head = len(BALL[1]), len(lines) - len(BALL[1])
+    for end, said in (
+        ("".join(lines[: head + 5]), f"ends after 5 of the {count} face lines"),
+        ("".join(lines[: head - 4]), f"ends after {len(BALL[0]) - 4} of the {len(BALL[0])} vertex lines"),
+        ("".join(lines[:head]), f"ends after 0 of the {count} face lines"),
+        (text.rstrip().rpartition(" ")[0], "ends in a face with 2 of 3 corners"),
+    ):
+        path.write_bytes(end.encode())
+        with pytest.raises(ValueError, match=rf"ball\.ply cannot be read \(it {said}"):
+            load_mesh(path, "mm")
+
+
+def stl(vertices, faces):
+    corner = "      vertex {:.9e} {:.9e} {:.9e}\n"
+    facet = "  facet normal 0 0 0\n    outer loop\n{}    endloop\n  endfacet\n"
+    facets = (facet.format("".join(corner.format(*point) for point in vertices[face])) for face in faces)
+    return f"solid part\n{''.join(facets)}endsolid\n"
+
+
+@pytest.mark.parametrize("change", [str.lower, str.upper, str.title])
+def test_ascii_stl_is_read_in_any_case(tmp_path, change):
+    path = tmp_path / "ball.stl"
+    path.write_text(stl(*BALL))
+    plain = whole_ball(path)
+    path.write_text(change(stl(*BALL)))
+    np.testing.assert_array_equal(whole_ball(path).corners_mm, plain.corners_mm)
