@@ -104,11 +104,12 @@ def build(
     """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
 
     model: a surrogate or a foundation. compiled: as a C kernel, which solves several times faster once it is compiled;
-    if left out, a foundation is and a surrogate is not. Raises ValueError for a negative smoothness, a model without
-    the wanted loads, and a cycle that measures too little to tell the pose, or so much that nothing is free to press.
+    if left out, a foundation is and a surrogate is not. Raises ValueError for a smoothness that is negative or not
+    finite, a model without the wanted loads, and a cycle that measures too little to tell the pose, or so much that
+    nothing is free to press.
     """
-    if not smoothness >= 0.0:
-        raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
+    if not 0.0 <= smoothness < np.inf:
+        raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
     count, wanted = len(cycle.time_s), WantedLoads.of(model.scene, cycle.wanted())
     measured = cycle.measured_pose()
     free = [name for name in POSE_NAMES if name not in measured]

@@ -147,8 +147,9 @@ def test_loads_no_pose_can_carry_are_named_frame_by_frame(knee):
 
 
 def test_wrong_requests_are_refused(knee):
-    with pytest.raises(ValueError, match="smoothness is -1"):
-        pose_estimation.build(knee, reference_cycle(), smoothness=-1.0)
+    for smoothness in (-1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=f"smoothness is {smoothness}, expected a finite number >= 0"):
+            pose_estimation.build(knee, reference_cycle(), smoothness=smoothness)
     with pytest.raises(ValueError, match="start has 3 poses, expected one for each of 101 frames"):
         pose_estimation.solve(pose_estimation.build(knee, reference_cycle()), np.zeros((3, 6)))
 
