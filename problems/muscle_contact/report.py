@@ -82,7 +82,7 @@ class Compared:
         forces = [np.interp(walk.time_s, measured.time_s, curve) for curve in (measured.fy_med, measured.fy_lat)]
         return cls(result.loads, grids[0], grids[1], np.column_stack(forces))
 
-    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+    def errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
         """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus model."""
         pairs = {"fine_ef": self.ef - self.got, "teacher_ef": self.teacher - self.got}
         if self.measured is not None:

@@ -17,7 +17,14 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
 from problems.common.outcome import print_reasons, print_verdict, solver_record
-from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.common.records import (
+    DIGITS,
+    load_columns,
+    pose_columns,
+    rms_and_largest,
+    rms_and_largest_words,
+    write_summary,
+)
 from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
 
@@ -100,8 +107,7 @@ def _held_errors(problem: OptimalControl, result: ControlResult) -> dict[str, Ar
 
 
 def _rms_and_largest(errors: Array) -> str:
-    found = rms_and_largest(errors)
-    return f"{found['rms']:.2g} / {found['max']:.2g}"
+    return rms_and_largest_words(rms_and_largest(errors))
 
 
 def _write_table(

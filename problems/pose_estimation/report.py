@@ -20,11 +20,12 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict, share_beyond_open_edges, words_beyond_open_edges
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
-from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
+from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
 from problems.pose_estimation.problem import Cycle, PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts
 
+Errors = dict[str, dict[str, dict[str, float | None]]]
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
 _TITLES = {
     "Fy_med": "medial vertical force",
@@ -63,7 +64,7 @@ class Tracked:
         beyond = share_beyond_open_edges(teacher, result.poses)
         return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses), beyond)
 
-    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+    def errors(self) -> Errors:
         """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
         pairs = (self.got - self.wanted, self.ef - self.got, self.teacher - self.got)
         return {
@@ -122,7 +123,7 @@ def _print(
     problem: PoseEstimation,
     result: PoseResult,
     verdict: Verdict,
-    errors: dict[str, dict[str, dict[str, float]]],
+    errors: Errors,
     grids: dict[str, str],
     starts: RandomStarts | None,
     kind: str,
@@ -134,7 +135,7 @@ def _print(
     for column in (f"{kind} - wanted", f"EF {grids['fine']} - {kind}", f"EF {grids['teacher']} - {kind}"):
         table.add_column(column, justify="right")
     for name in problem.wanted.values:
-        cells = [f"{errors[name][key]['rms']:.2g} / {errors[name][key]['max']:.2g}" for key in COMPARISONS]
+        cells = [rms_and_largest_words(errors[name][key]) for key in COMPARISONS]
         table.add_row(f"{name} ({quantity(name).unit})", *cells)
     console.print(table)
     print_outcome(console, result)

@@ -245,6 +245,21 @@ def test_frames_that_are_not_solved_are_called_so_first_of_all(tmp_path, monkeyp
     assert re.search(said_of_it, " ".join(said.out.split()))
 
 
+def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch, capsys):
+    """It has no centre of pressure: all others have, and a JSON file has no NaN."""
+    cycle = reference_cycle(frames=11)
+    pressed = np.arange(11) != 4
+    write_cycle(replace(cycle, fy_med=pressed * cycle.fy_med, fy_lat=pressed * cycle.fy_lat), tmp_path / "walk.csv")
+    assert in_process(monkeypatch, "--cycle", tmp_path / "walk.csv", "--out", tmp_path) == 2
+    assert "frame 4: no load: any pose out of contact carries it" in " ".join(capsys.readouterr().out.split())
+    text = (tmp_path / "summary.json").read_text("utf-8")
+    assert "NaN" not in text
+    errors = json.loads(text)["errors"]
+    assert errors["cop_ap"]["tracking"]["values"] == 10
+    assert errors["cop_ap"]["tracking"]["rms"] < 0.1
+    assert "values" not in errors["Fy_med"]["tracking"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
