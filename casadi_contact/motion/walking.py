@@ -44,6 +44,12 @@ def _split_point(fy_med: Array, fy_lat: Array) -> Array:
 
 
 def _harmonic_curves(cycle: LoadCycle) -> dict[str, Array]:
+    for column, force in (("Fy_med_N", cycle.fy_med), ("Fy_lat_N", cycle.fy_lat)):
+        if not force.all():
+            raise ValueError(
+                f"cycle {cycle.name}: {column} is 0 at frame {int(np.argmin(force != 0.0))}, expected compression "
+                "(negative) in every frame, whose logarithm is described: leave such frames out"
+            )
     return {
         "rz": cycle.rz,
         "ry": cycle.ry,
@@ -55,7 +61,12 @@ def _harmonic_curves(cycle: LoadCycle) -> dict[str, Array]:
 
 
 def harmonic_description(cycles: Sequence[LoadCycle]) -> dict[str, Any]:
-    """Mean and deviation of every curve's harmonic coefficients, fitted by least squares to each cycle."""
+    """Mean and deviation of every curve's harmonic coefficients, fitted by least squares to each cycle.
+
+    Raises ValueError for no cycle, and for one with a frame in which a side carries nothing.
+    """
+    if not cycles:
+        raise ValueError("got no cycle, expected one or more: python -m casadi_contact.motion.walking CYCLE.csv")
     durations = [cycle.time_s[-1] - cycle.time_s[0] for cycle in cycles]
     spread = 1 if len(cycles) > 1 else 0
     figures: dict[str, Any] = {

@@ -14,7 +14,7 @@ from casadi_contact.optimisation import IpoptOutcome, ipopt_options
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards
 from problems.pose_estimation.solve import SCALING, settled
-from problems.pose_estimation.wanted import off_by
+from problems.pose_estimation.wanted import NO_LOAD, off_by
 
 TOLERANCE_N = 1e-3  # left on a balanced body, torques over 25 mm
 # IPOPT's, a hundredth of that. Asked for more, Newton's steps go astray where a pose is hardly determined, such as that
@@ -101,7 +101,9 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
         best, iterations = best.or_better(found, rows), iterations + outcome.iterations
     poses, residual, errors, converged = best.poses, best.residual_n, best.errors, best.converged(problem)
     loads = np.asarray(problem.assembly.function().map(count)(poses.reshape(-1, 6).T)).T
-    reason = np.array([_why(problem, residual[k], errors[k], bool(converged[k])) for k in range(count)], dtype=object)
+    loaded = problem.measured.wanted.loaded if problem.measured else np.ones(count, dtype=bool)
+    why = [_why(problem, *of_frame) for of_frame in zip(residual, errors, converged, loaded, strict=True)]
+    reason = np.array(why, dtype=object)
     seconds = time.perf_counter() - began
     return AssemblyResult(
         poses,
@@ -171,11 +173,11 @@ def _settled(problem: AssemblyPoses, start: Array | None) -> Array:
     return flat.reshape(poses.shape)
 
 
-def _why(problem: AssemblyPoses, residual: float, errors: Array, converged: bool) -> str:
-    """Why a frame is not solved; "" if it is."""
+def _why(problem: AssemblyPoses, residual: float, errors: Array, converged: bool, loaded: bool) -> str:
+    """Why a frame is not solved; "" if it is. loaded: whether its measured contact presses (`WantedLoads.loaded`)."""
     if converged:
         return ""
     missed = [f"{residual:.3g} N left on a body"] if residual > TOLERANCE_N else []
     if problem.measured:
-        missed.append(off_by(problem.measured.wanted.values, errors))
+        missed.append(off_by(problem.measured.wanted.values, errors) if loaded else NO_LOAD)
     return f"not found: {', '.join(missed)}"

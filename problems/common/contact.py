@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
@@ -10,11 +11,12 @@ import typer
 
 import casadi_contact as cc
 from casadi_contact.assembly.file import whole_wrench
-from casadi_contact.contact import NotGoodEnoughError, SymbolicContact, symbolic
+from casadi_contact.contact import ElasticFoundation, NotGoodEnoughError, SymbolicContact, symbolic
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel import warn_once
+from casadi_contact.verification import own_model
 
 SurrogateOption = Annotated[
     str | None, typer.Option("--surrogate", help="a ready surrogate or the path of a .h5 file; knee if left out")
@@ -68,11 +70,25 @@ def _load(source: ContactSource) -> SymbolicContact:
     return _untrained(model.scene.with_sensitive_pose(found))
 
 
+def models_on_grids(scene: Scene) -> dict[str, ElasticFoundation]:
+    """The scene's contact model on its fine and its teacher grid, by these names; none where there is no contact model
+    at hand (`own_model`): a report then leaves out what it tells."""
+    teacher = own_model(scene)
+    if not isinstance(teacher, ElasticFoundation):
+        return {}
+    return {"fine": ElasticFoundation(scene, scene.grids["fine"]), "teacher": teacher}
+
+
+def grids_in_words(models: Mapping[str, ElasticFoundation]) -> dict[str, str]:
+    """Elements along and across of `models_on_grids`, by name: 160×80."""
+    return {name: "×".join(map(str, model.grid)) for name, model in models.items()}
+
+
 def _untrained(scene: Scene) -> SymbolicContact:
     """The foundation of a scene; where none is good enough, and the user is told so, its fine grid of elements."""
     try:
         return cc.foundation(scene)
     except NotGoodEnoughError as error:
-        elements = cc.ElasticFoundation(scene, scene.grids["fine"])
+        elements = ElasticFoundation(scene, scene.grids["fine"])
         warn_once(f"{error}; solved here on {elements}, slower and with differenced second derivatives")
         return symbolic(elements)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,14 +35,33 @@ def assembly_columns(names: Sequence[str], loads: Array) -> dict[str, Array]:
     return {f"{name}_{'Nmm' if '_T' in name else 'N'}": column for name, column in zip(names, loads.T, strict=True)}
 
 
-def rms_and_largest(errors: Array) -> dict[str, float]:
-    """Root mean square and largest size of errors (n,)."""
-    return {"rms": float(np.sqrt(np.mean(errors**2))), "max": float(np.abs(errors).max())}
+def rms_and_largest(errors: Array) -> dict[str, float | None]:
+    """Root mean square and largest size of errors (n,), of those that are numbers: a centre of pressure is none without
+    contact. "values" tells how many they are where that is not all; None where there are none."""
+    known = errors[~np.isnan(errors)]
+    found: dict[str, float | None] = {"rms": None, "max": None}
+    if len(known):
+        found = {"rms": float(np.sqrt(np.mean(known**2))), "max": float(np.abs(known).max())}
+    return found if len(known) == len(errors) else {**found, "values": len(known)}
+
+
+def rms_and_largest_words(found: Mapping[str, float | None]) -> str:
+    """A cell of a table: "0.12 / 0.56", "-" where there are no values."""
+    rms, largest = found["rms"], found["max"]
+    return "-" if rms is None or largest is None else f"{rms:.2g} / {largest:.2g}"
 
 
 def write_summary(path: Path, content: Mapping[str, Any]) -> None:
-    """A JSON file, whole or not at all, with the machine that made it."""
+    """A JSON file, whole or not at all, with the machine that made it; null for a number that is not finite."""
+    whole = _without_nan({**content, "machine": machine_record()})
     with replacing(path) as beside:
-        beside.write_text(
-            json.dumps({**content, "machine": machine_record()}, indent=1, ensure_ascii=False, default=str), "utf-8"
-        )
+        beside.write_text(json.dumps(whole, indent=1, ensure_ascii=False, default=str, allow_nan=False), "utf-8")
+
+
+def _without_nan(value: Any) -> Any:
+    """The same with None for NaN and infinity, which JSON has not."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -28,7 +28,7 @@ from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
-from problems.pose_estimation.problem import Cycle, build
+from problems.pose_estimation.problem import Cycle, build, wanted_loads
 from problems.pose_estimation.report import report
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 
@@ -51,8 +51,11 @@ def run(
     Exit status 2: some frames are not solved, and are named with the reason; 3: all are, but the contact model of the
     meshes differs in some.
     """
+    _check_names(cycles)
     found = load_scene(scene)
     measured: Sequence[Cycle] = reference_motion_cycles(found, cycles)  # before minutes of training
+    for cycle in measured:
+        wanted_loads(found, cycle)
     poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
     folder = RESULTS / NAME / file_stem(found.name) if out is None else out
     source = ContactSource(scene=str(scene))
@@ -63,12 +66,12 @@ def run(
     writable_folder(folder)
     model = source.load()
     elements, codes = own_model(model.scene), []
-    for path, cycle, first in zip(cycles, measured, poses, strict=True):
-        problem = build(model, cycle, compiled=True)
+    problems = [build(model, cycle, compiled=True) for cycle in measured]
+    for path, problem, first in zip(cycles, problems, poses, strict=True):
         result = solve_and_complete(problem, first, elements)
         loads = problem.wanted.load_names
         verdict = judge(model, result.poses, result.converged, elements, loads, result.on_model)
-        tried = solve_from_random_starts(source, cycle, result.poses, starts) if starts else None
+        tried = solve_from_random_starts(source, problem.cycle, result.poses, starts) if starts else None
         result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
         report(problem, result, verdict, folder / "poses" / path.stem, tried, source.kind)
         codes.append(verdict.exit_code)
@@ -76,6 +79,19 @@ def run(
         worst = "some frames have no pose" if 2 in codes else "the contact model differs in some frames"
         typer.echo(f"{NAME}: {worst}; see above", err=True)
         raise typer.Exit(2 if 2 in codes else 3)
+
+
+def _check_names(cycles: Sequence[Path]) -> None:
+    """ValueError where two cycles have one name, by which their results go into one folder (perhaps of a file system
+    that takes capitals for small letters)."""
+    known: dict[str, Path] = {}
+    for path in cycles:
+        first = known.setdefault(path.stem.casefold(), path)
+        if first is not path:
+            raise ValueError(
+                f"got the cycles {first} and {path}, expected names that differ: results go into poses/{path.stem}; "
+                "rename one"
+            )
 
 
 def _model_to_learn(scene: Scene) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.scenes import Scene
+from casadi_contact.verification import own_model
 from problems.knee_simulator.problem import KneeSimulator, build
 from problems.knee_simulator.solve import Simulation, solve, start_state
 
@@ -73,7 +74,9 @@ def race(
 
 
 def foundations(scene: Scene) -> list[ElasticFoundation]:
-    """The scene's EF on its fine grid, and on one twice as fine each way."""
+    """The scene's EF on its fine grid, and on one twice as fine each way; none where there is no EF at hand."""
+    if not isinstance(own_model(scene), ElasticFoundation):
+        return []
     nx, nz = scene.grids["fine"]
     return [ElasticFoundation(scene, (nx, nz)), ElasticFoundation(scene, (2 * nx, 2 * nz))]
 

@@ -126,7 +126,8 @@ def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance:
     kind, finest = runs[0].model, runs[-1]
     page = new_page(14.0, 8.5)
     moved = ((0, 2), (0, 3), (1, 0), (1, 1), (1, 2))
-    parts = panels(page, 2, 4, moved)
+    compared = finest.model != kind  # an EF ran as well
+    parts = panels(page, 2, 4, moved if compared else ())
     axes = {place: panel.curves for place, panel in parts.items()}
     time_s, share = motion.time_s, motion.time_s / simulator.rig.period_s
     waves = simulator.waveforms
@@ -145,8 +146,10 @@ def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance:
         turn = np.degrees if name.startswith("r") else np.asarray
         own, other = turn(motion.poses[:, column]), turn(finest.simulation.poses[:, column])
         axes[place].plot(time_s, own, label=kind, **SURROGATE)
-        axes[place].plot(time_s, other, label=finest.model, **FOUNDATION)
         axes[place].set_ylabel(f"{name} [{unit}]")
+        if not compared:
+            continue
+        axes[place].plot(time_s, other, label=finest.model, **FOUNDATION)
         parts[place].difference(time_s, other - own, f"EF - {kind}", **FOUNDATION)
         parts[place].differences.set_ylabel(f"EF off [{unit}]", fontsize=7)
     axes[0, 2].legend(fontsize=8)

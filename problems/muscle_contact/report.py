@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -30,8 +29,17 @@ from casadi_contact.page import (
 )
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
-from problems.common.records import DIGITS, assembly_columns, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.common.records import (
+    DIGITS,
+    assembly_columns,
+    load_columns,
+    pose_columns,
+    rms_and_largest,
+    rms_and_largest_words,
+    write_summary,
+)
 from problems.muscle_contact.cocontraction import SOLEUS_N
 from problems.muscle_contact.extensor import PATELLA, PatellaResult, quadriceps
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
@@ -59,12 +67,14 @@ _DRAWN_MUSCLES = 6
 @dataclass(frozen=True)
 class Compared:
     """Contact loads (n, 7) as in `CONTACT_LOADS` of the problem's model, on the fine EF grid and on the teacher grid,
-    which has next to no error of its own; measured (n, 2) as in `SIDES`, at the walk's times, or None."""
+    which has next to no error of its own, None where there is no EF at hand; measured (n, 2) as in `SIDES`, at the
+    walk's times, or None; grids: of the EF, in words."""
 
     got: Array
-    ef: Array
-    teacher: Array
+    ef: Array | None
+    teacher: Array | None
     measured: Array | None
+    grids: dict[str, str]
 
     @classmethod
     def of(cls, problem: MuscleContact, result: MuscleContactResult, measured: LoadCycle | None) -> Compared:
@@ -74,17 +84,21 @@ class Compared:
         """
         scene, walk = problem.contact_model.scene, problem.walk
         columns = [scene.load_names.index(name) for name in CONTACT_LOADS]
-        grids = [ElasticFoundation(scene, scene.grids[grid])(result.poses)[:, columns] for grid in ("fine", "teacher")]
+        models = models_on_grids(scene)
+        on = {name: model(result.poses)[:, columns] for name, model in models.items()}
+        grids = grids_in_words(models)
         if measured is None:
-            return cls(result.loads, grids[0], grids[1], None)
+            return cls(result.loads, on.get("fine"), on.get("teacher"), None, grids)
         if measured.time_s[0] > walk.time_s[-1] or measured.time_s[-1] < walk.time_s[0]:
             raise ValueError(f"measured cycle {measured.name} and walk {walk.name} share no time")
         forces = [np.interp(walk.time_s, measured.time_s, curve) for curve in (measured.fy_med, measured.fy_lat)]
-        return cls(result.loads, grids[0], grids[1], np.column_stack(forces))
+        return cls(result.loads, on.get("fine"), on.get("teacher"), np.column_stack(forces), grids)
 
-    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+    def errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
         """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus model."""
-        pairs = {"fine_ef": self.ef - self.got, "teacher_ef": self.teacher - self.got}
+        pairs = {
+            name: ef - self.got for name, ef in (("fine_ef", self.ef), ("teacher_ef", self.teacher)) if ef is not None
+        }
         if self.measured is not None:
             pairs["prediction"] = self.measured - self.got[:, : len(SIDES)]
         return {
@@ -120,7 +134,6 @@ def report(
     write_table(
         loads_table(walk.time_s, result.loads, CONTACT_LOADS, f"{walk.name} contact on insert"), out / "loads.sto"
     )
-    grids = {name: "×".join(map(str, problem.contact_model.scene.grids[name])) for name in ("fine", "teacher")}
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "walk": walk.name,
@@ -141,7 +154,7 @@ def report(
         "largest_reserve": {name: float(np.abs(curve).max()) for name, curve in result.reserves.items()},
         "largest_imbalance": {name: float(np.abs(curve).max()) for name, curve in result.unbalanced.items()},
         "largest_activation": dict(zip(walk.muscles.names, result.activations.max(axis=0).tolist(), strict=True)),
-        "ef_grids": grids,
+        **({"ef_grids": compared.grids} if compared.grids else {}),
         "scene": problem.contact_model.scene.name,
         "patella": None if patellar is None else str(patellar),
     }
@@ -162,7 +175,7 @@ def _print(
     for column, name in enumerate(SIDES):
         row = errors[name]
         prediction = [f"{row['prediction'][key]:.0f}" if "prediction" in row else "-" for key in ("rms", "mean")]
-        grids = [f"{row[key]['rms']:.2g} / {row[key]['max']:.2g}" for key in ("fine_ef", "teacher_ef")]
+        grids = [rms_and_largest_words(row[key]) if key in row else "-" for key in ("fine_ef", "teacher_ef")]
         table.add_row(name, f"{-result.loads[:, column].min():.0f}", *prediction, *grids)
     console.print(table)
     largest = ", ".join(
@@ -215,7 +228,7 @@ def draw(
     walk, errors = problem.walk, compared.errors()
     rows = 2 if patellar is None else 3
     page = new_page(13.0, 4.25 * rows)
-    parts = panels(page, rows, 2, {(0, 0), (0, 1), (2, 1)})
+    parts = panels(page, rows, 2, {(2, 1)} if compared.teacher is None else {(0, 0), (0, 1), (2, 1)})
     failed = ~result.converged
     for column, (name, side) in enumerate(zip(SIDES, ("medial", "lateral"), strict=True)):
         panel, axis = parts[0, column], parts[0, column].curves
@@ -224,14 +237,16 @@ def draw(
             axis.plot(walk.percent, -compared.measured[:, column], label="measured", **WANTED)
             title += f": RMS error {errors[name]['prediction']['rms']:.0f} N"
         axis.plot(walk.percent, -compared.got[:, column], label="predicted", **SURROGATE)
-        axis.plot(walk.percent, -compared.teacher[:, column], label="EF, same poses", **FOUNDATION)
+        if compared.teacher is not None:
+            axis.plot(walk.percent, -compared.teacher[:, column], label="EF, same poses", **FOUNDATION)
         if failed.any():
             axis.plot(walk.percent[failed], -compared.got[failed, column], label="not converged", **FAILED)
         axis.set(title=title, ylabel="compression [N]")
         axis.legend(fontsize=8)
-        off = compared.got[:, column] - compared.teacher[:, column]  # of compressions, which have the other sign
-        panel.difference(walk.percent, off, "EF - predicted", **FOUNDATION)
-        panel.differences.set_ylabel("EF - predicted [N]", fontsize=7)
+        if compared.teacher is not None:
+            off = compared.got[:, column] - compared.teacher[:, column]  # of compressions, which have the other sign
+            panel.difference(walk.percent, off, "EF - predicted", **FOUNDATION)
+            panel.differences.set_ylabel("EF - predicted [N]", fontsize=7)
     forces = [parts[0, column].curves for column in range(2)]
     top = max(axis.get_ylim()[1] for axis in forces)
     for axis in forces:

@@ -8,16 +8,23 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_unit
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.learned_range import reasons
 from problems.common.outcome import print_reasons, print_verdict, solver_record
-from problems.common.records import DIGITS, load_columns, pose_columns, rms_and_largest, write_summary
+from problems.common.records import (
+    DIGITS,
+    load_columns,
+    pose_columns,
+    rms_and_largest,
+    rms_and_largest_words,
+    write_summary,
+)
 from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
 
@@ -34,11 +41,11 @@ def report(
     forward: poses (points, 6) of `forward_poses`."""
     writable_folder(out)
     scene = problem.model.scene
-    grids = {"fine": scene.grids["fine"], "teacher": scene.grids["teacher"]}
+    models = models_on_grids(scene)
     columns = [scene.load_names.index(name) for name in problem.model.load_names]
-    ef = {name: ElasticFoundation(scene, grid)(result.poses)[:, columns] for name, grid in grids.items()}
+    ef = {name: foundation(result.poses)[:, columns] for name, foundation in models.items()}
     off = {f"{kind} - wanted": result.load_error}
-    off |= {f"EF {nx}×{nz} - {kind}": ef[name] - result.loads for name, (nx, nz) in grids.items()}
+    off |= {f"EF {grid} - {kind}": ef[name] - result.loads for name, grid in grids_in_words(models).items()}
     console = PlainConsole()
     print_verdict(console, verdict)
     table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
@@ -50,7 +57,7 @@ def report(
         table.add_row(f"{name} ({load_unit(name)})", *cells)
     held = _held_errors(problem, result)
     for what, error in held.items():
-        table.add_row(what, _rms_and_largest(error), "", "")
+        table.add_row(what, _rms_and_largest(error))
     console.print(table)
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start, "
@@ -79,7 +86,7 @@ def report(
         "forward_largest_error": moved,
     }
     write_summary(out / "optimal_control.json", summary)
-    draw(problem, result, ef["fine"], kind, out / "optimal_control.png")
+    draw(problem, result, ef.get("fine"), kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
 
 
@@ -100,8 +107,7 @@ def _held_errors(problem: OptimalControl, result: ControlResult) -> dict[str, Ar
 
 
 def _rms_and_largest(errors: Array) -> str:
-    found = rms_and_largest(errors)
-    return f"{found['rms']:.2g} / {found['max']:.2g}"
+    return rms_and_largest_words(rms_and_largest(errors))
 
 
 def _write_table(
@@ -114,8 +120,8 @@ def _write_table(
     write_columns(path, {**columns, "reason": reason, "verdict": verdict.words}, digits=DIGITS)
 
 
-def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, path: Path) -> None:
-    """Contact loads wanted, got and on the EF, the pose, and the actuator loads found, as a PNG."""
+def draw(problem: OptimalControl, result: ControlResult, ef: Array | None, kind: str, path: Path) -> None:
+    """Contact loads wanted, got and on the EF where there is one, the pose, and the actuator loads found, as a PNG."""
     page = new_page(14.0, 8.5)
     parts = panels(page, 2, 4, {(0, column) for column in range(4)})
     time_s = problem.times
@@ -127,10 +133,12 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array, kind: str, p
         panel, axis, column = parts[0, place], parts[0, place].curves, names.index(name)
         axis.plot(time_s, wanted[:, column], label="wanted", **WANTED)
         axis.plot(time_s, result.loads[:, column], label=kind, **SURROGATE)
-        axis.plot(time_s, ef[:, column], label="elastic foundation", **FOUNDATION)
+        if ef is not None:
+            axis.plot(time_s, ef[:, column], label="elastic foundation", **FOUNDATION)
         axis.set(title=f"contact {name}", ylabel=f"{name} [{load_unit(name)}]")
         panel.difference(time_s, result.loads[:, column] - wanted[:, column], f"{kind} - wanted", **SURROGATE)
-        panel.difference(time_s, ef[:, column] - result.loads[:, column], f"EF - {kind}", **FOUNDATION)
+        if ef is not None:
+            panel.difference(time_s, ef[:, column] - result.loads[:, column], f"EF - {kind}", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{load_unit(name)}]", fontsize=8)
     parts[0, 0].curves.legend(fontsize=8)
     parts[0, 0].differences.legend(fontsize=6)

@@ -29,6 +29,7 @@ from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, pose_steps
 from casadi_contact.sampling import reference
+from casadi_contact.scenes import Scene
 from problems.pose_estimation.wanted import WantedLoads
 
 
@@ -98,31 +99,40 @@ class PoseEstimation:
         return self.contact.start_poses()
 
 
-def build(
-    model: SymbolicContact, cycle: Cycle, smoothness: float = 0.0, *, compiled: bool | None = None
-) -> PoseEstimation:
-    """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
+def wanted_loads(scene: Scene, cycle: Cycle) -> WantedLoads:
+    """What a cycle wants of a scene's contact.
 
-    model: a surrogate or a foundation. compiled: as a C kernel, which solves several times faster once it is compiled;
-    if left out, a foundation is and a surrogate is not. Raises ValueError for a negative smoothness, a model without
-    the wanted loads, and a cycle that measures too little to tell the pose, or so much that nothing is free to press.
+    Raises ValueError for loads that the scene lacks, and for a cycle that measures too little to tell the pose, or so
+    much that nothing is free to press.
     """
-    if not smoothness >= 0.0:
-        raise ValueError(f"smoothness is {smoothness}, expected a number >= 0")
-    count, wanted = len(cycle.time_s), WantedLoads.of(model.scene, cycle.wanted())
-    measured = cycle.measured_pose()
+    wanted, measured = WantedLoads.of(scene, cycle.wanted()), cycle.measured_pose()
     free = [name for name in POSE_NAMES if name not in measured]
     if len(wanted.values) < len(free):
         raise ValueError(
             f"cycle {cycle.name}: {len(wanted.values)} loads ({', '.join(wanted.values)}) cannot tell "
             f"{len(free)} pose parameters ({', '.join(free)}): measure more of either"
         )
-    held = [name for name in model.scene.sensitive_pose if name in measured]
-    if len(wanted.pressing) > len(model.scene.sensitive_pose) - len(held):
+    held = [name for name in scene.sensitive_pose if name in measured]
+    if held and len(wanted.pressing) > len(scene.sensitive_pose) - len(held):
         raise ValueError(
             f"cycle {cycle.name} gives {', '.join(held)}, expected {'it' if len(held) == 1 else 'them'} free: "
-            f"{', '.join(model.scene.sensitive_pose)} carry {', '.join(wanted.pressing)}"
+            f"{', '.join(scene.sensitive_pose)} carry {', '.join(wanted.pressing)}"
         )
+    return wanted
+
+
+def build(
+    model: SymbolicContact, cycle: Cycle, smoothness: float = 0.0, *, compiled: bool | None = None
+) -> PoseEstimation:
+    """Pose the problem for all frames of a cycle; smoothness [N²/mm²] weighs the change from frame to frame.
+
+    model: a surrogate or a foundation. compiled: as a C kernel, which solves several times faster once it is compiled;
+    if left out, a foundation is and a surrogate is not. Raises ValueError for a smoothness that is negative or not
+    finite, and as `wanted_loads` does.
+    """
+    if not 0.0 <= smoothness < np.inf:
+        raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
+    count, wanted, measured = len(cycle.time_s), wanted_loads(model.scene, cycle), cycle.measured_pose()
     contact = ContactFrames(model, count, locked=measured, loads=wanted.load_names, compiled=compiled)
     residuals = contact.misfit(wanted.values)
     q, objective = contact.q, 0.5 * ca.sumsqr(residuals)

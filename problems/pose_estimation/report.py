@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation, PressureSummary
+from casadi_contact.contact import PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -18,13 +18,15 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict, share_beyond_open_edges, words_beyond_open_edges
+from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
-from problems.common.records import DIGITS, pose_columns, rms_and_largest, write_summary
+from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
 from problems.pose_estimation.problem import Cycle, PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts
 
+Errors = dict[str, dict[str, dict[str, float | None]]]
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
 _TITLES = {
     "Fy_med": "medial vertical force",
@@ -38,36 +40,53 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 
 
 @dataclass(frozen=True)
+class OnFoundation:
+    """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
+    and tells the pressures and the share (n,) of the load beyond open edges of the moving mesh; grids: in words."""
+
+    fine: Array
+    teacher: Array
+    pressures: PressureSummary
+    beyond: Array
+    grids: dict[str, str]
+
+    @classmethod
+    def of(cls, problem: PoseEstimation, result: PoseResult) -> OnFoundation | None:
+        """Re-evaluate the solution on the scene's fine and teacher EF grids; None where there is no EF at hand."""
+        wanted, scene, poses = problem.wanted, problem.model.scene, result.poses
+        models = models_on_grids(scene)
+        if not models:
+            return None
+        columns = [scene.load_names.index(name) for name in wanted.load_names]
+        fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
+        pressures, beyond = models["teacher"].summary(poses), share_beyond_open_edges(models["teacher"], poses)
+        return cls(fine, teacher, pressures, beyond, grids_in_words(models))
+
+
+@dataclass(frozen=True)
 class Tracked:
-    """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), on the fine EF grid,
-    and on the teacher grid, which has next to no error of its own and tells the pressures, and the share (n,) of the
-    load beyond open edges of the moving mesh."""
+    """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), and what the EF says,
+    None where there is none at hand."""
 
     names: tuple[str, ...]
     wanted: Array
     got: Array
-    ef: Array
-    teacher: Array
-    pressures: PressureSummary
-    beyond: Array
+    ef: OnFoundation | None
 
     @classmethod
     def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
-        """Re-evaluate the solution on the scene's fine and teacher EF grids."""
-        wanted, scene = problem.wanted, problem.model.scene
-        columns = [scene.load_names.index(name) for name in wanted.load_names]
-        fine, teacher = (ElasticFoundation(scene, scene.grids[grid]) for grid in ("fine", "teacher"))
-        found = (result.loads, fine(result.poses)[:, columns], teacher(result.poses)[:, columns])
+        """Re-evaluate the solution on the EF."""
+        wanted = problem.wanted
         curves = np.column_stack(list(wanted.values.values()))
-        got, ef, converged = (wanted.got(loads) for loads in found)
-        beyond = share_beyond_open_edges(teacher, result.poses)
-        return cls(tuple(wanted.values), curves, got, ef, converged, teacher.summary(result.poses), beyond)
+        return cls(tuple(wanted.values), curves, wanted.got(result.loads), OnFoundation.of(problem, result))
 
-    def errors(self) -> dict[str, dict[str, dict[str, float]]]:
+    def errors(self) -> Errors:
         """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
-        pairs = (self.got - self.wanted, self.ef - self.got, self.teacher - self.got)
+        pairs = [self.got - self.wanted]
+        if self.ef is not None:
+            pairs += [self.ef.fine - self.got, self.ef.teacher - self.got]
         return {
-            name: {key: rms_and_largest(off[:, column]) for key, off in zip(COMPARISONS, pairs, strict=True)}
+            name: {key: rms_and_largest(off[:, column]) for key, off in zip(COMPARISONS, pairs, strict=False)}
             for column, name in enumerate(self.names)
         }
 
@@ -81,19 +100,19 @@ def report(
     kind: str = "surrogate",
 ) -> None:
     """Print the table and write pose_estimation.csv, .png, summary.json, and poses.sto and pressures.sto (OpenSim) in
-    the folder out; kind: what to call the model there."""
+    the folder out; kind: what to call the model there. Without an EF at hand there are no pressures."""
     writable_folder(out)
     cycle, scene = problem.cycle, problem.model.scene
     tracked = Tracked.of(problem, result)
-    grids = {name: "×".join(map(str, scene.grids[name])) for name in ("fine", "teacher")}
-    errors = tracked.errors()
-    _print(problem, result, verdict, errors, grids, starts, kind)
-    if words := words_beyond_open_edges(tracked.beyond):
+    ef, errors = tracked.ef, tracked.errors()
+    _print(problem, result, verdict, errors, ef, starts, kind)
+    if ef is not None and (words := words_beyond_open_edges(ef.beyond)):
         PlainConsole().print(words, highlight=False)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
-    pressed = pressures_table(cycle.time_s, tracked.pressures, scene.patch_names, f"{cycle.name} pressures")
-    write_table(pressed, out / "pressures.sto")
+    if ef is not None:
+        pressed = pressures_table(cycle.time_s, ef.pressures, scene.patch_names, f"{cycle.name} pressures")
+        write_table(pressed, out / "pressures.sto")
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "cycle": cycle.name,
@@ -102,10 +121,10 @@ def report(
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
-        "largest_share_beyond_open_edges": float(tracked.beyond.max()),
+        **({} if ef is None else {"largest_share_beyond_open_edges": float(ef.beyond.max())}),
         **solver_record(result),
         "errors": errors,
-        "ef_grids": grids,
+        **({} if ef is None else {"ef_grids": ef.grids}),
         "structure": getattr(problem.model, "structure", kind),
         "scene": scene.name,
     }
@@ -122,8 +141,8 @@ def _print(
     problem: PoseEstimation,
     result: PoseResult,
     verdict: Verdict,
-    errors: dict[str, dict[str, dict[str, float]]],
-    grids: dict[str, str],
+    errors: Errors,
+    ef: OnFoundation | None,
     starts: RandomStarts | None,
     kind: str,
 ) -> None:
@@ -131,10 +150,11 @@ def _print(
     print_verdict(console, verdict)
     table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
     table.add_column("RMS / max")
-    for column in (f"{kind} - wanted", f"EF {grids['fine']} - {kind}", f"EF {grids['teacher']} - {kind}"):
+    compared = [] if ef is None else [f"EF {ef.grids[grid]} - {kind}" for grid in ("fine", "teacher")]
+    for column in (f"{kind} - wanted", *compared):
         table.add_column(column, justify="right")
     for name in problem.wanted.values:
-        cells = [f"{errors[name][key]['rms']:.2g} / {errors[name][key]['max']:.2g}" for key in COMPARISONS]
+        cells = [rms_and_largest_words(off) for off in errors[name].values()]
         table.add_row(f"{name} ({quantity(name).unit})", *cells)
     console.print(table)
     print_outcome(console, result)
@@ -149,12 +169,17 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     cycle = problem.cycle
     columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": cycle.time_s, "cycle_percent": _percent(cycle)}
     columns |= pose_columns(result.poses)
-    for what, values in (("wanted", tracked.wanted), ("got", tracked.got), ("ef", tracked.ef)):
+    ef = tracked.ef
+    named = {"wanted": tracked.wanted, "got": tracked.got, **({} if ef is None else {"ef": ef.fine})}
+    for what, values in named.items():
         names = [f"{name}_{what}_{quantity(name).kind.plain_unit}" for name in tracked.names]
         columns |= dict(zip(names, values.T, strict=True))
-    columns |= pressure_columns(tracked.pressures, problem.model.scene.patch_names)
+    if ef is not None:
+        columns |= pressure_columns(ef.pressures, problem.model.scene.patch_names)
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
-    columns |= {"on_rim": result.on_rim.astype(int), "share_beyond_open_edges": tracked.beyond}
+    columns |= {"on_rim": result.on_rim.astype(int)}
+    if ef is not None:
+        columns |= {"share_beyond_open_edges": ef.beyond}
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
@@ -176,10 +201,13 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: st
         panel, axis = parts[0, column], parts[0, column].curves
         axis.plot(percent, tracked.wanted[:, column], label="wanted", **WANTED)
         axis.plot(percent, tracked.got[:, column], label=kind, **SURROGATE)
-        axis.plot(percent, tracked.ef[:, column], label="elastic foundation", **FOUNDATION)
+        if tracked.ef is not None:
+            axis.plot(percent, tracked.ef.fine[:, column], label="elastic foundation", **FOUNDATION)
         axis.set(title=_TITLES.get(name, ""), ylabel=f"{name} [{unit}]")
         panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], f"{kind} - wanted", **SURROGATE)
-        panel.difference(percent, tracked.ef[:, column] - tracked.got[:, column], f"EF - {kind}", **FOUNDATION)
+        if tracked.ef is not None:
+            off = tracked.ef.fine[:, column] - tracked.got[:, column]
+            panel.difference(percent, off, f"EF - {kind}", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
         if result.on_model.any():
             on = result.on_model

@@ -14,7 +14,7 @@ from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds
 from casadi_contact.statics import settle
 from problems.pose_estimation.march import march
 from problems.pose_estimation.problem import PoseEstimation
-from problems.pose_estimation.wanted import off_by
+from problems.pose_estimation.wanted import NO_LOAD, off_by
 
 _SETTLED_N = 0.01
 _FRAME_ITERATIONS = 100  # of a frame alone
@@ -56,22 +56,28 @@ def solve(
 
     start: poses (n, 6), `PoseEstimation.start_poses` if left out. alone: frames left unsolved are solved alone from
     their solved neighbours (without smoothness, which couples frames; `march`). Never raises for frames that do not
-    converge: each is reported with its errors and the reason.
+    converge: each is reported with its errors and the reason. Frames without load stay where they begin, but for
+    smoothness, which moves them between their neighbours.
     """
-    contact, steps = problem.contact, problem.steps
+    contact, steps, loaded = problem.contact, problem.steps, problem.wanted.loaded
     began = time.perf_counter()
     poses = settled(problem, start_or_default(start, problem.start_poses()))
     options = ipopt_options(max_iterations=max_iterations, print_level=print_level, **SCALING)
     solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
-    answer = solver(x0=contact.variables(poses), lbx=contact.lower, ubx=contact.upper)
+    begin = contact.variables(poses)
+    held = np.repeat(~loaded & (problem.smoothness == 0.0), len(steps))
+    answer = solver(x0=begin, lbx=np.where(held, begin, contact.lower), ubx=np.where(held, begin, contact.upper))
     outcome = IpoptOutcome.of(solver)
     x = np.asarray(answer["x"]).reshape(-1, len(steps))
     poses[:, contact.columns] = x * steps
     result = _result(problem, poses, outcome, outcome.iterations, time.perf_counter() - began)
-    if not alone or problem.smoothness > 0.0 or result.converged.all() or not result.converged.any():
+    close = result.converged[loaded]
+    if not alone or problem.smoothness > 0.0 or close.all() or not close.any():
         return result
     one, bounds = frame_solver(problem, print_level), (part[: len(steps)] for part in (contact.lower, contact.upper))
-    more = march(one, x, problem.parameters, result.converged, *bounds)
+    frames = x[loaded]
+    more = march(one, frames, problem.parameters[loaded], close, *bounds)
+    x[loaded] = frames
     poses[:, contact.columns] = x * steps
     return _result(problem, poses, outcome, outcome.iterations + more, time.perf_counter() - began)
 
@@ -126,6 +132,6 @@ def _result(
     reason = np.full(problem.frames, "", dtype=object)
     ended = f"not found{problem.within}" if outcome.solved else f"IPOPT stopped ({outcome.status})"
     for k in np.flatnonzero(~converged):
-        reason[k] = f"{ended}: {off_by(wanted.values, errors[k])} at the nearest"
+        reason[k] = f"{ended}: {off_by(wanted.values, errors[k])} at the nearest" if wanted.loaded[k] else NO_LOAD
     none = np.zeros(problem.frames, dtype=bool)
     return PoseResult(poses, loads, errors, converged, none, none, reason, outcome.status, iterations, seconds)

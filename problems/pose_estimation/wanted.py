@@ -14,6 +14,7 @@ from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of
 
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1
+NO_LOAD = "no load: any pose out of contact carries it"  # why a frame is not `WantedLoads.loaded`
 TOLERANCES = {FORCE: FORCE_TOLERANCE_N, TORQUE: FORCE_TOLERANCE_N * LEVER_MM, LENGTH: COP_TOLERANCE_MM}
 
 
@@ -54,10 +55,15 @@ class WantedLoads:
 
     @property
     def loaded(self) -> np.ndarray:
-        """True (n,) where something presses: without load there is neither a centre of pressure nor a pose to find."""
-        named = [name for name in self.values if quantity(name).kind == FORCE]
-        count = len(next(iter(self.values.values())))
-        return np.any([self.values[name] != 0.0 for name in named], axis=0) if named else np.ones(count, dtype=bool)
+        """True (n,) where something presses: without load there is neither a centre of pressure nor a pose to find.
+
+        A centre of pressure may belong to a force that is not wanted: then that may press in any frame.
+        """
+        forces = [curve for name, curve in self.values.items() if quantity(name).kind == FORCE]
+        all_known = all(set(normal.loads) <= set(self.values) for normal in self.scene.normal_loads)
+        if not forces or (self.centres and not all_known):
+            return np.ones(len(next(iter(self.values.values()))), dtype=bool)
+        return np.any(np.array(forces) != 0.0, axis=0)
 
     @property
     def pressing(self) -> dict[str, Array]:
@@ -75,7 +81,7 @@ class WantedLoads:
 
     def carried(self, errors: Array) -> np.ndarray:
         """True (n,) where every error (n, wanted) is within its tolerance; False without load."""
-        return np.asarray((np.abs(errors) <= self.tolerances).all(axis=1))
+        return np.asarray((np.abs(errors) <= self.tolerances).all(axis=1) & self.loaded)
 
     def targets(self) -> dict[str, Array] | None:
         """The same as named loads alone, as `settle` takes them; None where a centre's force is not wanted itself."""

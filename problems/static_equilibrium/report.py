@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -16,6 +15,7 @@ from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.static_equilibrium.problem import StaticEquilibrium
@@ -35,8 +35,8 @@ def report(
     the model there."""
     writable_folder(out)
     scene = problem.model.scene
-    grids = {name: scene.grids[name] for name in ("fine", "teacher")}
-    foundations = {name: ElasticFoundation(scene, grid) for name, grid in grids.items()}
+    foundations = models_on_grids(scene)
+    grids = grids_in_words(foundations)
     ef = {
         name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
     }
@@ -60,14 +60,14 @@ def report(
     for name, difference in off.items():
         found = int(np.isfinite(ef_poses[name][:, 0]).sum())
         console.print(
-            f"EF {grids[name][0]}×{grids[name][1]} - {kind}, largest: force {difference[:, :3].max():.2g} N, "
+            f"EF {grids[name]} - {kind}, largest: force {difference[:, :3].max():.2g} N, "
             f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium, found in {found} rows, lies "
             f"{moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away",
             highlight=False,
         )
     if starts is not None:
         console.print(str(starts), highlight=False)
-    _write_table(out / "static_equilibrium.csv", problem, result, ef["fine"], verdict)
+    _write_table(out / "static_equilibrium.csv", problem, result, ef.get("fine"), verdict)
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "free": problem.free,
@@ -90,7 +90,7 @@ def report(
             "median_iterations": starts.iterations.tolist(),
         }
     write_summary(out / "static_equilibrium.json", summary)
-    draw(result, ef_poses["fine"], ef["fine"], kind, out / "static_equilibrium.png")
+    draw(result, ef_poses.get("fine"), ef.get("fine"), kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
 
 
@@ -100,19 +100,21 @@ def _largest(moves: Array) -> Array:
 
 
 def _write_table(
-    path: Path, problem: StaticEquilibrium, result: EquilibriumResult, ef: Array, verdict: Verdict
+    path: Path, problem: StaticEquilibrium, result: EquilibriumResult, ef: Array | None, verdict: Verdict
 ) -> None:
     columns: dict[str, Any] = {"row": range(len(result.poses)), **pose_columns(result.poses)}
     for what, wrenches in (("wanted", problem.loads), ("contact", result.wrenches), ("ef", ef)):
-        columns |= load_columns(WRENCH_NAMES, wrenches, what)
+        if wrenches is not None:
+            columns |= load_columns(WRENCH_NAMES, wrenches, what)
     columns |= {"converged": result.converged.astype(int), "reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
 
-def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, kind: str, path: Path) -> None:
-    """The settled poses over flexion and the EF's own; and what the EF says of the loads there, as a PNG."""
+def draw(result: EquilibriumResult, ef_poses: Array | None, ef: Array | None, kind: str, path: Path) -> None:
+    """The settled poses over flexion, and where there is an EF its own, and what it says of the loads there, as a
+    PNG."""
     page = new_page(13.0, 3.6)
-    axes = page.subplots(1, 4)
+    axes = page.subplots(1, 2 if ef is None else 4)
     flexion = np.degrees(-result.poses[:, POSE_NAMES.index("rz")])
     colours = [COLOURS[name] for name in ("blue", "vermillion", "green")]
     low_ty = np.floor(result.poses[:, POSE_NAMES.index("ty")].min())
@@ -122,11 +124,14 @@ def draw(result: EquilibriumResult, ef_poses: Array, ef: Array, kind: str, path:
             shift, scale = (low_ty if name == "ty" else 0.0), (180.0 / np.pi if name.startswith("r") else 1.0)
             label = f"{name} - {shift:g}" if shift else name
             axis.plot(flexion, scale * (result.poses[:, column] - shift), "-", color=colour, label=label)
-            axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
+            if ef_poses is not None:
+                axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
         axis.set_ylabel(title)
         axis.legend(fontsize=7)
-    off = ef - result.wrenches
-    for axis, names, title in ((axes[2], WRENCH_NAMES[:3], "force [N]"), (axes[3], WRENCH_NAMES[3:], "torque [N·mm]")):
+    off = None if ef is None else ef - result.wrenches
+    titles = ("force [N]", "torque [N·mm]")
+    for axis, names, title in zip(axes[2:], (WRENCH_NAMES[:3], WRENCH_NAMES[3:]), titles, strict=False):
+        assert off is not None
         for name, colour in zip(names, colours, strict=True):
             axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
         axis.set_ylabel(f"EF - {kind}, {title}")

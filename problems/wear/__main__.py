@@ -12,7 +12,7 @@ import typer
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.scenes import load_scene
+from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
@@ -45,17 +45,17 @@ def run(
     if poses is not None:
         if scene is None or surrogate is not None:
             raise ValueError("--poses needs --scene, and no --surrogate: its elements are what wears")
-        of, cycle, verdict = load_scene(scene), read_poses(poses), None
+        fine, cycle, verdict = _elements(load_scene(scene)), read_poses(poses), None
     else:
         model = ContactSource.of(surrogate, scene).load()
-        of, cycle = model.scene, simulated_poses(model, frames)
-        verdict = judge(model, cycle, np.ones(len(cycle), dtype=bool), own_model(of))
+        fine = _elements(model.scene)
+        cycle = simulated_poses(model, frames)
+        verdict = judge(model, cycle, np.ones(len(cycle), dtype=bool), fine)
         print_verdict(PlainConsole(), verdict)
     began = time.perf_counter()
-    fine = ElasticFoundation(of, of.grids.get("teacher"))
     wear = archard_wear(fine, cycle, wear_factor)
     seconds = time.perf_counter() - began
-    fewer = ElasticFoundation(of)
+    fewer = ElasticFoundation(fine.scene)
     coarser = {
         "every other frame": volume_mm3(archard_wear(fine, cycle[::2], wear_factor)),
         f"elements {fewer.grid[0]}×{fewer.grid[1]}": volume_mm3(archard_wear(fewer, cycle, wear_factor)),
@@ -63,6 +63,14 @@ def run(
     report(fine, wear, coarser, wear_factor, seconds, out)
     if verdict is not None:
         end_with(verdict, NAME, out)
+
+
+def _elements(scene: Scene) -> ElasticFoundation:
+    """What wears; ValueError where a scene has no elements at hand."""
+    found = own_model(scene)
+    if not isinstance(found, ElasticFoundation):
+        raise ValueError(f"{found}: expected elements, which wear, from a surrogate or --scene that has them")
+    return found
 
 
 def main() -> None:

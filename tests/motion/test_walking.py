@@ -1,5 +1,7 @@
 """Measured cycles and the built-in reference motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,16 @@ def test_a_harmonic_cycle_is_described_exactly():
     np.testing.assert_allclose(figures["rz"]["mean"][:3], [-0.5, 0.3, 0.0], atol=1e-5)
     np.testing.assert_allclose(figures["log_fy_med"]["mean"][:3], [6.0, 0.2, 0.0], atol=1e-5)
     assert not np.any(figures["rz"]["deviation"])
+
+
+def test_no_cycle_and_a_frame_without_load_have_no_description():
+    with pytest.raises(ValueError, match="got no cycle, expected one or more"):
+        harmonic_description([])
+    cycle = reference_cycle(frames=50)
+    for side, column in (("fy_med", "Fy_med_N"), ("fy_lat", "Fy_lat_N")):
+        lifted = replace(cycle, **{side: np.where(np.arange(50) == 7, 0.0, getattr(cycle, side))})
+        with pytest.raises(ValueError, match=f"cycle reference: {column} is 0 at frame 7, expected compression"):
+            harmonic_description([cycle, lifted])
 
 
 def test_the_built_in_figures_follow_from_the_measured_cycles():

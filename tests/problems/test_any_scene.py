@@ -67,6 +67,30 @@ def test_every_joint_s_own_motion_is_found_again_from_random_starts(name, model,
 
 
 @needs_compiler
+def test_a_frame_without_load_has_no_pose_to_find_and_leaves_the_others_alone():
+    """Any pose of the ball out of its cup carries nothing: none of them is the measured one."""
+    scene = cc.load_scene("hip")
+    foundation, cycle = CupFoundation(scene), few_frames(scene_cycles(scene)[0])
+    known = pose_estimation.solve(pose_estimation.build(foundation, cycle))
+    unloaded = np.isin(np.arange(len(cycle.time_s)), [0, 2, 3])
+    lifted = replace(cycle, loads={name: np.where(unloaded, 0.0, curve) for name, curve in cycle.loads.items()})
+    result = solve_and_complete(pose_estimation.build(foundation, lifted), None, own_model(scene))
+    np.testing.assert_array_equal(result.converged, ~unloaded)
+    assert set(result.reason[unloaded]) == {"no load: any pose out of contact carries it"}
+    assert result.ipopt_status == "Solve_Succeeded"
+    np.testing.assert_allclose(result.poses[~unloaded], known.poses[~unloaded], atol=1e-6)
+
+
+@needs_compiler
+def test_a_side_whose_load_was_not_measured_may_press_while_the_other_is_free(patellofemoral):
+    forces = {"Fx_med": np.array([-90.0, 0.0])}
+    assert pose_estimation.WantedLoads.of(patellofemoral.scene, {**forces, "cop_z": np.zeros(2)}).loaded.all()
+    alone = pose_estimation.WantedLoads.of(patellofemoral.scene, forces)
+    np.testing.assert_array_equal(alone.loaded, [True, False])
+    np.testing.assert_array_equal(alone.carried(np.zeros((2, 1))), [True, False])
+
+
+@needs_compiler
 def test_frames_in_which_a_coarse_foundation_is_off_go_on_with_the_contact_model(patellofemoral):
     coarse, teacher = PolarFoundation(patellofemoral.scene, Rays(4, 1)), own_model(patellofemoral.scene)
     problem = pose_estimation.build(coarse, few_frames(scene_cycles(coarse.scene)[0], every=50))

@@ -1,8 +1,10 @@
 """Real knee components, from their mesh files: measured poses settle under wanted loads; one line for a mistake."""
 
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from casadi_contact.dataset import read_samples
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle, reference_cycles
 from casadi_contact.presets import PRESETS, Effort, Preset
-from problems.implant import SCENE
+from problems.common.contact import ContactSource
+from problems.implant import SCENE, __main__
 from problems.implant.__main__ import app
 from problems.pose_estimation.starts import start_from_file
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
@@ -75,6 +78,43 @@ def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("second", ["monday/walk.csv", "tuesday/walk.csv", "tuesday/WALK.csv"])
+def test_two_cycles_of_one_name_are_refused_before_any_work(tmp_path, second):
+    """Their results would go into one folder, and of the first nothing would be left."""
+    for name in ("monday/walk.csv", second):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_cycle(reference_cycle(frames=5), tmp_path / name)
+    done = CliRunner().invoke(app, ["no scene", str(tmp_path / "monday/walk.csv"), str(tmp_path / second)])
+    assert isinstance(done.exception, ValueError)
+    assert str(done.exception) == (
+        f"got the cycles {tmp_path / 'monday/walk.csv'} and {tmp_path / second}, expected names that differ: results "
+        f"go into poses/{Path(second).stem}; rename one"
+    )
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ("Fx_N,Fy_N", r"cycle later: 2 loads \(Fx, Fy\) cannot tell 6 pose parameters"),
+        ("Fx_N,Fy_N,Fz_N,Tx_Nmm,Ty_Nmm,Tz_Nmm,tx_mm", "cycle later gives tx, expected it free"),
+    ],
+)
+def test_a_later_cycle_that_cannot_be_solved_is_refused_before_the_first_is(tmp_path, monkeypatch, columns, said):
+    monkeypatch.setattr(ContactSource, "load", lambda source: pytest.fail("work has begun"))
+    monkeypatch.setattr(__main__, "build_surrogates", lambda *given, **named: pytest.fail("networks are trained"))
+    rows = "0,-100,900,200,0.1,0.1,-0.2\n1,-100,900,200,0.1,0.1,-0.2\n"
+    (tmp_path / "good.csv").write_text("time_s,Fx_N,Fy_N,Fz_N,rx_rad,ry_rad,rz_rad\n" + rows)
+    count = len(columns.split(","))
+    row = ",".join(["0.1"] * count)
+    (tmp_path / "later.csv").write_text(f"time_s,{columns}\n0,{row}\n1,{row}\n")
+    files = ["hip", str(tmp_path / "good.csv"), str(tmp_path / "later.csv"), "--out", str(tmp_path / "out")]
+    for more in ((), ("--surrogate",)):
+        done = CliRunner().invoke(app, [*files, *more])
+        assert isinstance(done.exception, ValueError)
+        assert re.search(said, str(done.exception))
+        assert not (tmp_path / "out").exists()
 
 
 def test_networks_learn_around_the_cycles_given(tmp_path, monkeypatch):

@@ -147,8 +147,9 @@ def test_loads_no_pose_can_carry_are_named_frame_by_frame(knee):
 
 
 def test_wrong_requests_are_refused(knee):
-    with pytest.raises(ValueError, match="smoothness is -1"):
-        pose_estimation.build(knee, reference_cycle(), smoothness=-1.0)
+    for smoothness in (-1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=f"smoothness is {smoothness}, expected a finite number >= 0"):
+            pose_estimation.build(knee, reference_cycle(), smoothness=smoothness)
     with pytest.raises(ValueError, match="start has 3 poses, expected one for each of 101 frames"):
         pose_estimation.solve(pose_estimation.build(knee, reference_cycle()), np.zeros((3, 6)))
 
@@ -242,6 +243,21 @@ def test_frames_that_are_not_solved_are_called_so_first_of_all(tmp_path, monkeyp
     assert "pose_estimation: not solved: frames 4; see" in said.err
     said_of_it = r"frame 4: infeasible: [\d.]+ mm beyond any centre of pressure that contact can have"
     assert re.search(said_of_it, " ".join(said.out.split()))
+
+
+def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch, capsys):
+    """It has no centre of pressure: all others have, and a JSON file has no NaN."""
+    cycle = reference_cycle(frames=11)
+    pressed = np.arange(11) != 4
+    write_cycle(replace(cycle, fy_med=pressed * cycle.fy_med, fy_lat=pressed * cycle.fy_lat), tmp_path / "walk.csv")
+    assert in_process(monkeypatch, "--cycle", tmp_path / "walk.csv", "--out", tmp_path) == 2
+    assert "frame 4: no load: any pose out of contact carries it" in " ".join(capsys.readouterr().out.split())
+    text = (tmp_path / "summary.json").read_text("utf-8")
+    assert "NaN" not in text
+    errors = json.loads(text)["errors"]
+    assert errors["cop_ap"]["tracking"]["values"] == 10
+    assert errors["cop_ap"]["tracking"]["rms"] < 0.1
+    assert "values" not in errors["Fy_med"]["tracking"]
 
 
 @pytest.mark.parametrize(
