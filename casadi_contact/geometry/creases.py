@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 _LEAST_COS = np.cos(np.deg2rad(40.0))  # between the normals of two triangles: beyond, their edge is a crease
 

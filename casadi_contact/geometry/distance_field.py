@@ -23,8 +23,8 @@ from scipy import ndimage
 
 from casadi_contact.compilation import njit
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import TriangleMesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 SPACING_MM = 0.75
 MARGIN_MM = 4.0

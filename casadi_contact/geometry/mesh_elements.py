@@ -7,9 +7,9 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.mesh import TriangleMesh
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
 from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 _LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
 _ITERATIONS = 6

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 DOWN = (0.0, -1.0, 0.0)
 LEAST_UPWARD = 0.2  # cos of a surface's normal to its line: walls steeper than 78 degrees are not laid out

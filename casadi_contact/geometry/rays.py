@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 
 class RayCaster:

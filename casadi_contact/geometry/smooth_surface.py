@@ -18,7 +18,7 @@ from scipy import sparse
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.creases import split_at_creases
-from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 EDGE_RADIUS_MM = 3.0
 _LEAST_AGREEMENT = 0.8  # cos between fitted and averaged normal: below, the vertex lies on a sharp edge

@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 _SPACING_MM = 1.5
 _COARSE_MM = 4.0  # longest edge of triangles whose centres alone tell where the surface is

@@ -11,7 +11,8 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import TriangleMesh, load_mesh
+from casadi_contact.geometry.mesh import load_mesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.proposal.doubts import edges_reached, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.mesh import TriangleMesh
 from casadi_contact.geometry.projection import DOWN, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
 from casadi_contact.shapes.shape import Geometry
 
