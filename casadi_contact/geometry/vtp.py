@@ -1,7 +1,7 @@
 """Triangles of a VTK PolyData file (.vtp), of which OpenSim's geometry folders are made.
 
-Read are the `Points` and `Polys` arrays in ASCII or inline base64 (plain or zlib); appended data is refused. Polygons
-are cut into fans of triangles. Source: VTK file formats, XML formats.
+Read are the `Points`, `Polys` and `Strips` arrays in ASCII or inline base64 (plain or zlib); appended data is refused.
+Polygons are cut into fans of triangles, strips into theirs. Source: VTK file formats, XML formats.
 """
 
 from __future__ import annotations
@@ -30,21 +30,32 @@ def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
         vertices, faces = [], []
         offset = 0
         for piece in root.iter("Piece"):
+            if piece.get("NumberOfPoints") == "0":
+                continue  # its arrays may be left out
             points = _array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
-            polys = {a.get("Name"): _array(root, a) for a in piece.findall("Polys/DataArray")}
-            missing = [name for name in ("connectivity", "offsets") if name not in polys]
-            if missing:
-                raise ValueError(f"its Polys lack {' and '.join(missing)}")
-            faces.append(_fans(polys["connectivity"], polys["offsets"]) + offset)
+            strips = piece.find("Strips/DataArray") is not None and piece.get("NumberOfStrips") != "0"
+            if not strips or piece.find("Polys/DataArray") is not None:
+                faces.append(_fans(*_cells(root, piece, "Polys")) + offset)
+            if strips:
+                faces.append(_strips(*_cells(root, piece, "Strips")) + offset)
             vertices.append(points)
             offset += len(points)
         if not vertices:
-            raise ValueError("it has no Piece")
+            raise ValueError("it has no Piece with points")
         return np.concatenate(vertices), np.concatenate(faces)
     except Exception as error:  # damaged bytes lead to errors of many kinds in expat, base64, zlib and NumPy
         raise ValueError(
             f"mesh {path} cannot be read ({one_line(error)}), expected a VTK PolyData file in ascii or inline base64"
         ) from None
+
+
+def _cells(root: ElementTree.Element, piece: ElementTree.Element, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Connectivity and offsets of a piece's Polys or Strips."""
+    arrays = {a.get("Name"): _array(root, a) for a in piece.findall(f"{kind}/DataArray")}
+    missing = [name for name in ("connectivity", "offsets") if name not in arrays]
+    if missing:
+        raise ValueError(f"its {kind} lack {' and '.join(missing)}")
+    return arrays["connectivity"], arrays["offsets"]
 
 
 def _without_entities(content: bytes) -> bytes:
@@ -94,11 +105,23 @@ def _decode_start(text: str, size: int) -> bytes:
 
 def _fans(connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Polygon (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ..."""
+    first, k = _triangles(connectivity, offsets)
+    return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)].astype(np.int64)
+
+
+def _strips(connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Strip (a, b, c, d, e, ...) as triangles (a, b, c), (c, b, d), (c, d, e), ...: every other one is turned."""
+    first, k = _triangles(connectivity, offsets)
+    odd = k % 2
+    return connectivity[np.stack([first + k + odd, first + k + 1 - odd, first + k + 2], axis=1)].astype(np.int64)
+
+
+def _triangles(connectivity: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each triangle (t,) of all cells: where its cell starts, and which of the cell's triangles it is."""
     ends = offsets.astype(np.int64)
-    starts = np.concatenate([[0], ends[:-1]])
+    starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
     if np.any(ends < starts) or ends[-1:].sum() != len(connectivity):
         raise ValueError(f"its polygons end at {ends[-1:]}, expected rising offsets up to {len(connectivity)}")
-    count = np.maximum(ends - starts - 2, 0)  # triangles of each polygon
+    count = np.maximum(ends - starts - 2, 0)  # triangles of each cell
     first = np.repeat(starts, count)
-    k = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count) + 1
-    return connectivity[np.stack([first, first + k, first + k + 1], axis=1)].astype(np.int64)
+    return first, np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)

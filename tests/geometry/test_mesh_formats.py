@@ -96,3 +96,64 @@ def test_ascii_stl_is_read_in_any_case(tmp_path, change):
     plain = whole_ball(path)
     path.write_text(change(stl(*BALL)))
     np.testing.assert_array_equal(whole_ball(path).corners_mm, plain.corners_mm)
+
+
+def vtp_piece(vertices, **cells):
+    """A piece of these vertices; cells: lists of vertices for Polys and Strips."""
+    array = '<DataArray type="{}" Name="{}" format="ascii">{}</DataArray>'
+    counts = "".join(f' NumberOf{kind}="{len(each)}"' for kind, each in {"Points": vertices, **cells}.items())
+    points = array.format("Float64", "points", " ".join(map(str, np.ravel(vertices).tolist())))
+    arrays = ""
+    for kind, lists in cells.items():
+        connectivity = " ".join(str(vertex) for each in lists for vertex in each)
+        offsets = " ".join(map(str, np.cumsum([len(each) for each in lists], dtype=int).tolist()))
+        both = array.format("Int32", "connectivity", connectivity) + array.format("Int32", "offsets", offsets)
+        arrays += f"<{kind}>{both}</{kind}>"
+    return f"<Piece{counts}><Points>{points}</Points>{arrays}</Piece>"
+
+
+def written_vtp(path, *pieces):
+    path.write_text(f'<VTKFile type="PolyData"><PolyData>{"".join(pieces)}</PolyData></VTKFile>')
+    return path
+
+
+ANGLE = 2.0 * np.pi * np.arange(12) / 12
+DRUM = np.concatenate([np.stack([10.0 * np.cos(ANGLE), 10.0 * np.sin(ANGLE), 0.0 * ANGLE + z], axis=1) for z in (0, 8)])
+LOW, HIGH = np.arange(12), 12 + np.arange(12)
+ENDS = [HIGH, LOW[::-1]]
+WALL_STRIP = [vertex for k in range(13) for vertex in (HIGH[k % 12], LOW[k % 12])]
+ENDS_TO_AND_FRO = [HIGH[[0, 1, 11, 2, 10, 3, 9, 4, 8, 5, 7, 6]], LOW[[0, 11, 1, 10, 2, 9, 3, 8, 4, 7, 5, 6]]]
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        [vtp_piece(DRUM, Polys=ENDS, Strips=[WALL_STRIP])],
+        [vtp_piece(DRUM, Polys=[], Strips=[*ENDS_TO_AND_FRO, WALL_STRIP])],
+        [vtp_piece(DRUM, Strips=[*ENDS_TO_AND_FRO, WALL_STRIP])],
+        [vtp_piece(DRUM, Polys=ENDS), vtp_piece(DRUM, Strips=[WALL_STRIP])],
+        [vtp_piece(DRUM, Polys=ENDS, Strips=[WALL_STRIP[:8], WALL_STRIP[6:]])],
+    ],
+)
+def test_vtp_strips_are_triangles_whose_outside_is_out(tmp_path, pieces):
+    mesh = load_mesh(written_vtp(tmp_path / "drum.vtp", *pieces), "mm")
+    assert (len(mesh.faces), len(mesh.boundary_edges)) == (44, 0)
+    normals = mesh.corners_mm.mean(axis=1) - [0.0, 0.0, 4.0]
+    assert (np.einsum("nk,nk->n", mesh.normals, normals) > 3.9).all()  # the ends lie 4 mm, the wall 9.7 mm from there
+
+
+EMPTY = [
+    vtp_piece([], Polys=[]),
+    vtp_piece([], Polys=[], Strips=[]),
+    "<Piece NumberOfPoints='0'><Points/><Polys/></Piece>",
+    vtp_piece([], Polys=[]).replace('NumberOfPoints="0"', ""),
+]
+
+
+@pytest.mark.parametrize("empty", EMPTY)
+def test_vtp_pieces_without_points_add_nothing(tmp_path, empty):
+    ball = vtp_piece(BALL[0], Polys=BALL[1].tolist(), Strips=[])
+    for pieces in ((ball, empty), (empty, ball)):
+        whole_ball(written_vtp(tmp_path / "ball.vtp", *pieces))
+    with pytest.raises(ValueError, match=r"empty\.vtp .*(is empty|has no Piece with points)"):
+        load_mesh(written_vtp(tmp_path / "empty.vtp", empty), "mm")
