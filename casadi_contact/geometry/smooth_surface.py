@@ -24,6 +24,7 @@ EDGE_RADIUS_MM = 3.0
 _LEAST_AGREEMENT = 0.8  # cos between fitted and averaged normal: below, the vertex lies on a sharp edge
 _FAR = 2.0  # times the way from a triangle to its patch
 _FAN_SLOPE = 0.4  # tan of the angle to the normal up to which a point counts as straight above its closest point
+_MOST_NEIGHBOURS = 256  # of a vertex by which two others count as near: far more than in scans, poles and most fans
 _CHUNK = 200_000  # points per batch
 
 
@@ -139,11 +140,16 @@ def fitted_normals(mesh: TriangleMesh) -> Array:
 
 
 def _neighbours(faces: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (i, j), sorted by i, of different vertices at most two edges apart."""
+    """Pairs (i, j), sorted by i, of different vertices at most two edges apart, by no vertex of too many edges.
+
+    The hub of a fan of n triangles would make pairs of all its n neighbours, 2.5 GB of them in fits at n = 2,000.
+    """
     i, j = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     near = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size)).tocsr()
     near = near + near.T
-    pairs = (near + near @ near).tocoo()
+    ordinary = np.diff(near.indptr) <= _MOST_NEIGHBOURS
+    by = near if ordinary.all() else near[:, ordinary]
+    pairs = (near + by @ by.T).tocoo()
     order = np.lexsort((pairs.col, pairs.row))
     i, j = pairs.row[order].astype(np.int64), pairs.col[order].astype(np.int64)
     return i[i != j], j[i != j]
