@@ -34,6 +34,8 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
             _check_ply_lines(whole)
         # Not by its path: trimesh would read files that the mesh names.
         content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
+        if kind == "stl" and _is_ascii_stl(whole):
+            _check_facets(whole, len(content.faces))
         return np.asarray(content.vertices), np.asarray(content.faces)
     except Exception as error:  # trimesh's readers raise whatever the damage led to
         raise ValueError(
@@ -44,8 +46,19 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
 def _check_stl_size(content: bytes) -> None:
     """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
     claimed = int.from_bytes(content[80:84], "little")
-    if b"facet" not in content[:1000].lower() and len(content) != 84 + 50 * claimed:
+    if not _is_ascii_stl(content) and len(content) != 84 + 50 * claimed:
         raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
+
+
+def _is_ascii_stl(content: bytes) -> bool:
+    return b"facet" in content[:1000].lower()
+
+
+def _check_facets(content: bytes, read: int) -> None:
+    """Raise ValueError for ASCII STL of which facets were not read: those of a solid that is cut short."""
+    begun = len(re.findall(rb"\bfacet\s+normal\b", content, re.IGNORECASE))
+    if begun != read:
+        raise ValueError(f"{begun} facets begin and {read} end in a whole solid")
 
 
 def _check_ply_lines(content: bytes) -> None:

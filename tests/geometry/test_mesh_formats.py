@@ -157,3 +157,24 @@ def test_vtp_pieces_without_points_add_nothing(tmp_path, empty):
         whole_ball(written_vtp(tmp_path / "ball.vtp", *pieces))
     with pytest.raises(ValueError, match=r"empty\.vtp .*(is empty|has no Piece with points)"):
         load_mesh(written_vtp(tmp_path / "empty.vtp", empty), "mm")
+
+
+def stl_solid(name, corners):
+    facets = ("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n".format("".join(map(vertex, c))) for c in corners)
+    return f"solid {name}\n{''.join(facets)}endsolid {name}\n"
+
+
+def vertex(point):
+    return "vertex {:.6f} {:.6f} {:.6f}\n".format(*point)
+
+
+def test_an_stl_file_of_several_solids_is_read_whole_or_refused(tmp_path):
+    """A solid that is cut short would be left out."""
+    corners, path = BALL[0][BALL[1]], tmp_path / "ball.stl"
+    half = len(corners) // 2
+    text = stl_solid("a", corners[:half]) + stl_solid("b", corners[half:])
+    path.write_text(text)
+    whole_ball(path)
+    path.write_text(text[: int(0.8 * len(text))])
+    with pytest.raises(ValueError, match="expected a whole STL file"):
+        load_mesh(path, "mm")
