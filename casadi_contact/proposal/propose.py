@@ -23,7 +23,7 @@ from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
-from casadi_contact.sampling.reference import ReferenceReport, reference_poses
+from casadi_contact.sampling.reference import ReferenceReport, settled_cycles
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
@@ -144,7 +144,9 @@ def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Ar
     """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and what became of each."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
-    poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles])
+    poses, report = settled_cycles(model, reference_motion_cycles(scene, ())[:cycles])
+    if not report.converged.any():
+        raise ValueError(f"no frame of the reference motion has a pose that carries its loads ({report.reason[0, 0]})")
     return poses[report.converged], report
 
 

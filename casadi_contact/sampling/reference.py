@@ -136,6 +136,23 @@ def reference_poses(
     ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
     converges.
     """
+    poses, report = settled_cycles(model, cycles, frames=frames, start=start, tolerance_n=tolerance_n)
+    for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
+        if not converged.any():
+            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
+    return _interpolate(poses, report), report
+
+
+def settled_cycles(
+    model: ContactModel,
+    cycles: Sequence[Cycle],
+    *,
+    frames: int = 101,
+    start: Array | None = None,
+    tolerance_n: float = 1e-3,
+) -> tuple[Array, ReferenceReport]:
+    """`reference_poses` as they settled: frames that did not converge are where that ended, and in a cycle there may be
+    none that did."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
     measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
@@ -168,7 +185,7 @@ def reference_poses(
         starts[:, given] = poses[:, given]
         poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n)
         report = _report(cycles, settled)
-    return _interpolate(poses.reshape(shape), report), report
+    return poses.reshape(shape), report
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
@@ -190,7 +207,8 @@ def _nearest(poses: Array, report: ReferenceReport) -> Array:
     """The poses of frames that did not converge replaced by those of the nearest frame of the cycle that did."""
     for cycle, converged in zip(poses, report.converged, strict=True):
         solved, left = np.flatnonzero(converged), np.flatnonzero(~converged)
-        cycle[left] = cycle[solved[np.abs(left[:, None] - solved).argmin(axis=1)]]
+        if len(solved):
+            cycle[left] = cycle[solved[np.abs(left[:, None] - solved).argmin(axis=1)]]
     return poses
 
 
@@ -203,9 +221,7 @@ def _turned(model: ContactModel, start: Array, poses: Array, report: ReferenceRe
 def _interpolate(poses: Array, report: ReferenceReport) -> Array:
     """The poses of frames that did not converge replaced by what lies between those of their cycle that did."""
     frames = np.arange(poses.shape[1])
-    for name, cycle, converged, reason in zip(report.names, poses, report.converged, report.reason, strict=True):
-        if not converged.any():
-            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
-        for column in range(6):
+    for cycle, converged in zip(poses, report.converged, strict=True):
+        for column in range(6 if converged.any() else 0):
             cycle[~converged, column] = np.interp(frames[~converged], frames[converged], cycle[converged, column])
     return poses
