@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from casadi_contact.conventions import Array
 
@@ -122,6 +120,9 @@ def undirected_edges(faces: np.ndarray) -> np.ndarray:
 
 def joined_by_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Groups of triangles joined by edges: of each triangle (f,); the edges (e, 2), their groups and triangles (e,)."""
+    from scipy import sparse  # here: reading a scene needs no SciPy
+    from scipy.sparse.csgraph import connected_components
+
     count, size = len(faces), int(faces.max(initial=0)) + 1
     codes, edge, times = np.unique(undirected_edges(faces) @ [size, 1], return_inverse=True, return_counts=True)
     triangle, edge = np.tile(np.arange(count), 3), edge.reshape(-1)
