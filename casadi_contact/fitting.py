@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
-from casadi_contact.network import Network, Regression
+from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import model_name_of, teacher_of
@@ -29,6 +29,14 @@ from casadi_contact.workers import worker_pool
 
 _log = logging.getLogger(__name__)
 _COURSE_POINTS = 60  # of a fit that the record keeps
+
+
+_AnyRegression = TypeVar("_AnyRegression", Regression, PartsRegression)
+
+
+def _asked(regression: _AnyRegression, effort: Effort, weights: Mapping[int, float]) -> _AnyRegression:
+    """A regression as an effort asks for it: its domains weighed, and the share of its tolerance wanted."""
+    return replace(regression.weighed(weights), tolerance=effort.tolerance_share * regression.tolerance)
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
@@ -167,8 +175,7 @@ def fit_surrogate(
         if regression.name in twins or (loads is not None and regression.name not in fitted):
             continue
         effort = effort_for(efforts, regression.name)
-        wanted = replace(regression.weighed(weights), tolerance=effort.tolerance_share * regression.tolerance)
-        regressions.append(_at_most(wanted, effort.max_rows, seed=0))
+        regressions.append(_at_most(_asked(regression, effort, weights), effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
             sizes=effort.sizes,
             activation=effort.activation,
@@ -198,10 +205,7 @@ def fit_surrogate(
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
-        whole = [
-            replace(r.weighed(weights), tolerance=effort.tolerance_share * r.tolerance)
-            for r in kind.parts_regressions(samples)
-        ]
+        whole = [_asked(regression, effort, weights) for regression in kind.parts_regressions(samples)]
         of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches

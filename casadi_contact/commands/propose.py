@@ -10,7 +10,7 @@ import typer
 
 from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.files import file_stem, writable_folder, write_text
+from casadi_contact.files import writable_folder, write_text
 from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.proposal.joint import JOINTS
 from casadi_contact.proposal.propose import propose
@@ -26,7 +26,7 @@ SIDES = ("right", "left")
 def _name_of(mesh: Path) -> str:
     """A scene's name made of a mesh file's; a ValueError says --out where it cannot be one."""
     try:
-        return scene_name("_".join(file_stem(mesh.stem).split()))
+        return scene_name("_".join(mesh.stem.split()))
     except ValueError as error:
         raise ValueError(f"the scene cannot be named after {mesh.name} ({error}): name it with --out") from None
 
@@ -47,8 +47,8 @@ def scene(
     force: Annotated[bool, typer.Option("--force", help="replace a scene file that is there")] = False,
 ) -> None:
     """Propose a scene for two mesh files, try it, and write it with a picture of what was understood."""
-    options = (("side", side, SIDES), ("joint", joint, JOINTS), ("material", material, MATERIALS))
-    for option, value, allowed in (*options, ("units", units, MM_PER_UNIT)):
+    given = {"side": (side, SIDES), "joint": (joint, JOINTS), "material": (material, MATERIALS)}
+    for option, (value, allowed) in {**given, "units": (units, MM_PER_UNIT)}.items():
         if value is not None and value not in tuple(allowed):
             raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
     path = Path(f"{_name_of(fixed)}.toml") if out is None else out

@@ -37,7 +37,7 @@ class RayCastFoundation(CallableModel):
         self._patches = []
         for patch in scene.patch_names:
             mesh = patch_mesh(scene.geometry, patch)
-            areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+            areas = mesh.areas_mm2
             self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
         material = scene.material
         self._law = (law_number(material.law), layer_modulus(material), material.thickness)

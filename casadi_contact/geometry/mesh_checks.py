@@ -47,7 +47,7 @@ def check_orientation(mesh: TriangleMesh) -> None:
 def check_outside(mesh: TriangleMesh) -> None:
     """Every closed piece has its outside out, or is a cavity: turned inwards, in the solid of others."""
     piece, count = mesh.pieces, int(mesh.pieces.max()) + 1
-    areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    areas = mesh.areas_mm2
     volume = np.bincount(piece, _volumes(mesh), count)
     inward = volume < -_LEAST_THICKNESS_MM * np.bincount(piece, areas, count)
     inward[piece[_at_boundary(mesh)]] = False

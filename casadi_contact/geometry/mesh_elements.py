@@ -83,7 +83,7 @@ def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField) -> tuple[Array, 
         value, slope = field(centres)
         centres -= (value / (slope**2).sum(axis=1))[:, None] * slope
     normals = slope / np.linalg.norm(slope, axis=1, keepdims=True)
-    return centres, normals, np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    return centres, normals, mesh.areas_mm2
 
 
 def open_triangles(mesh: TriangleMesh) -> np.ndarray:

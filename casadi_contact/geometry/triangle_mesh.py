@@ -33,6 +33,11 @@ class TriangleMesh:
         return 0.5 * np.cross(b - a, c - a)
 
     @property
+    def areas_mm2(self) -> Array:
+        """Area of every triangle (f,)."""
+        return np.asarray(np.linalg.norm(self.area_vectors_mm2, axis=1))
+
+    @property
     def normals(self) -> Array:
         """Outward unit normal of every triangle (f, 3)."""
         vectors = self.area_vectors_mm2

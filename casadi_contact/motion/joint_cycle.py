@@ -75,8 +75,7 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
 
     Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or as a knee's load cycle has
-    them (flexion_rz_rad). Raises FileNotFoundError, and
-    ValueError naming file, line and column.
+    them (flexion_rz_rad). Raises FileNotFoundError, and ValueError naming file, line and column.
     """
     path = Path(path)
     columns = {**column_names(scene.load_names), **{name: quantity(name).column for name in _CENTRES}}

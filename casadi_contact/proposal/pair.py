@@ -99,7 +99,7 @@ def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
     import trimesh
 
     edges = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2).max(axis=1)
-    areas = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    areas = mesh.areas_mm2
     if areas[edges > longest_mm].sum() < 0.5 * areas.sum():
         return mesh
     vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices_mm, mesh.faces, longest_mm, max_iter=20)

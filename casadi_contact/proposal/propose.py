@@ -23,7 +23,7 @@ from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
-from casadi_contact.sampling.reference import ReferenceReport, settled_cycles
+from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
@@ -64,7 +64,7 @@ def propose(
     Raises FileNotFoundError, and ValueError for meshes that cannot work, saying what to do.
     """
     files = {"moving": Path(moving), "fixed": Path(fixed)}
-    asked, (units, meshes) = units, _meshes(files, units)
+    unit, meshes = _meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
     pair = Pair.of(meshes["moving"], meshes["fixed"])
@@ -73,15 +73,12 @@ def propose(
     joint = joint_of(pair, meeting, regions, kind)
     frame = frame_of(pair, meeting, regions, joint, side, axes)
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
-    tables = first_tables(pair, meeting, regions, joint, frame, files, units, MATERIALS[made_of], name)
-    told = [f"both files are in {units}", *frame.told]
-    small = [] if asked or pair.scale == 1.0 else [_small(meshes["fixed"], units)]
+    tables = first_tables(pair, meeting, regions, joint, frame, files, unit, MATERIALS[made_of], name)
+    told = [f"both files are in {unit}", *frame.told]
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
-    untold = [
-        *small,
-        *frame.untold,
-        f"the material's stiffness and thickness: taken as {made_of}{because} (--material)",
-    ]
+    untold = [*frame.untold, f"the material's stiffness and thickness: taken as {made_of}{because} (--material)"]
+    if units is None and pair.scale < 1.0:
+        untold.insert(0, _small(meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
     shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
     if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
@@ -116,10 +113,10 @@ def propose(
     return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
 
 
-def _small(fixed: TriangleMesh, units: str) -> str:
+def _small(fixed: TriangleMesh, unit: str) -> str:
     """The doubt about a size at which a large joint's file in another unit would look the same."""
     across = float(np.ptp(fixed.vertices_mm, axis=0).max())
-    return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {units} (--units)"
+    return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {unit} (--units)"
 
 
 def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
@@ -144,7 +141,7 @@ def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Ar
     """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and what became of each."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
-    poses, report = settled_cycles(model, reference_motion_cycles(scene, ())[:cycles])
+    poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles], every_cycle=False)
     if not report.converged.any():
         raise ValueError(f"no frame of the reference motion has a pose that carries its loads ({report.reason[0, 0]})")
     return poses[report.converged], report

@@ -124,6 +124,7 @@ def reference_poses(
     frames: int = 101,
     start: Array | None = None,
     tolerance_n: float = 1e-3,
+    every_cycle: bool = True,
 ) -> tuple[Array, ReferenceReport]:
     """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads [EF15 §3.3].
 
@@ -134,25 +135,8 @@ def reference_poses(
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
-    converges.
+    converges (every_cycle: False leaves its frames where they ended).
     """
-    poses, report = settled_cycles(model, cycles, frames=frames, start=start, tolerance_n=tolerance_n)
-    for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
-        if not converged.any():
-            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
-    return _interpolate(poses, report), report
-
-
-def settled_cycles(
-    model: ContactModel,
-    cycles: Sequence[Cycle],
-    *,
-    frames: int = 101,
-    start: Array | None = None,
-    tolerance_n: float = 1e-3,
-) -> tuple[Array, ReferenceReport]:
-    """`reference_poses` as they settled: frames that did not converge are where that ended, and in a cycle there may be
-    none that did."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
     measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
@@ -185,7 +169,10 @@ def settled_cycles(
         starts[:, given] = poses[:, given]
         poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n)
         report = _report(cycles, settled)
-    return poses.reshape(shape), report
+    for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
+        if every_cycle and not converged.any():
+            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
+    return _interpolate(poses.reshape(shape), report), report
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:

@@ -48,7 +48,7 @@ def patch_projection(geometry: Geometry, patch: str) -> Projection:
 def check_patches(geometry: Geometry) -> None:
     """Raise ValueError for a patch of hardly any surface, and for two that share some: it would count twice."""
     mesh = body_mesh(geometry, "fixed")
-    centres, area = mesh.corners_mm.mean(axis=1), np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    centres, area = mesh.corners_mm.mean(axis=1), mesh.areas_mm2
     inside = {}
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)

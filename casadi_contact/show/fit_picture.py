@@ -51,7 +51,7 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
 def _vertices(axis: Any, mesh: TriangleMesh, off_um: Array, view: View, largest: float) -> Any:
     """The vertices in their colours, far ones first: what lies behind is hidden by what lies before it."""
     order = np.argsort(mesh.vertices_mm @ view.toward.pointing)
-    reach = 1.5 * np.sqrt(np.median(np.linalg.norm(mesh.area_vectors_mm2, axis=1)))
+    reach = 1.5 * np.sqrt(np.median(mesh.areas_mm2))
     drawn = discs(
         axis, mesh.vertices_mm[order], reach, view, array=off_um[order], cmap="RdBu_r", clim=(-largest, largest)
     )

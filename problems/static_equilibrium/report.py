@@ -128,14 +128,13 @@ def draw(result: EquilibriumResult, ef_poses: Array | None, ef: Array | None, ki
                 axis.plot(flexion, scale * (ef_poses[:, column] - shift), "x", color=colour, label=f"{label}, EF")
         axis.set_ylabel(title)
         axis.legend(fontsize=7)
-    off = None if ef is None else ef - result.wrenches
-    titles = ("force [N]", "torque [N·mm]")
-    for axis, names, title in zip(axes[2:], (WRENCH_NAMES[:3], WRENCH_NAMES[3:]), titles, strict=False):
-        assert off is not None
-        for name, colour in zip(names, colours, strict=True):
-            axis.plot(flexion, off[:, WRENCH_NAMES.index(name)], "o-", ms=3, color=colour, label=name)
-        axis.set_ylabel(f"EF - {kind}, {title}")
-        axis.legend(fontsize=7)
+    if ef is not None:
+        off = ef - result.wrenches
+        for axis, first, title in ((axes[2], 0, "force [N]"), (axes[3], 3, "torque [N·mm]")):
+            for column, colour in enumerate(colours, start=first):
+                axis.plot(flexion, off[:, column], "o-", ms=3, color=colour, label=WRENCH_NAMES[column])
+            axis.set_ylabel(f"EF - {kind}, {title}")
+            axis.legend(fontsize=7)
     frame(axes, "flexion = -rz [degrees]")
     page.suptitle(f"Settling: {int(result.converged.sum())} of {len(flexion)} poses in equilibrium")
     save_page(page, path, dots_per_inch=80)

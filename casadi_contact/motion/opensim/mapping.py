@@ -46,7 +46,7 @@ class ColumnMap:
         """From ``COLUMN=[-]NAME[:UNIT]``; raises ValueError for another form, an unknown name or unit."""
         column, equals, target = text.rpartition("=")
         name, _, unit = target.strip().partition(":")
-        bare = name.removeprefix("-").removeprefix("+") if name[:2] not in ("-+", "+-") else ""
+        bare = name[1:] if name.startswith(("-", "+")) else name
         if not equals or not column.strip() or not bare or bare[0] in "+-" or (":" in target and not unit):
             raise ValueError(f"map {text!r} is not understood, {_FORM}")
         return cls(column.strip(), bare, -1.0 if name.startswith("-") else 1.0, unit or None)
