@@ -205,10 +205,10 @@ def _bounded(trust: Trust, surrogate: Surrogate, training: Samples, held_out: Sa
         weights = np.where(moved, (rows & ~moved).sum() / max((rows & moved).sum(), 1), 1.0)
         ratios = errors[:, k] / level[:, k]
         shares[k] = _quantile_shares(features[rows], ratios[rows], weights[rows])
-        # One formula for both groups may give to one what the other lacks: neither has less than its share.
+        # One formula for all groups may give to one what another lacks: none has less than its share.
         bound = features @ shares[k]
-        groups = [group for group in (rows & ~moved, rows & moved) if group.sum() >= _LEAST_ROWS]
-        shares[k] *= max([1.0, *(float(np.quantile((ratios / bound)[group], FITTED)) for group in groups)])
+        groups = [rows & moved, *(rows & ~moved & (both.domain == domain) for domain in np.unique(held_out.domain))]
+        shares[k] *= max(1.0, *(quantile_of_unseen((ratios / bound)[group]) for group in groups))
     trust = replace(trust, shares=shares)
     inside = level * (features @ shares.T)
     growing = trust.outside(excess)
@@ -219,6 +219,13 @@ def _bounded(trust: Trust, surrogate: Surrogate, training: Samples, held_out: Sa
             missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
             growth[k] = max(float(np.quantile(missing, COVERAGE)), _LEAST_GROWTH)
     return replace(trust, shares=shares, growth=growth)
+
+
+def quantile_of_unseen(ratios: Array) -> float:
+    """What a share `FITTED` of further ratios of the same kind lies below: of n ratios the one at (n + 1)/n of that
+    share, for the largest of a few is not the largest there is (conformal prediction, Vovk et al. 2005); 0 of none."""
+    count = len(ratios)
+    return float(np.quantile(ratios, min(1.0, FITTED * (count + 1) / count))) if count else 0.0
 
 
 def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:

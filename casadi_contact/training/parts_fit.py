@@ -109,7 +109,7 @@ class _Course:
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
         if score < self._best_score:
             self._best, self._best_score = self._lm.parameters, score
-        if stopping.error_reached(self._lm.rms, validation_rms, self._regression.tolerance):
+        if self._error_reached(validation_rms):
             self.stop_reason = stopping.ERROR_REACHED
         elif stopping.budget_used(self.gflop, settings.max_gflop):
             self.stop_reason = stopping.BUDGET_USED
@@ -121,6 +121,13 @@ class _Course:
             self.stop_reason = stopping.STALLED
         self._cpu_s += time.thread_time() - began
         self.kept = self._content()
+
+    def _error_reached(self, validation_rms: float) -> bool:
+        of = self._regression
+        if not stopping.error_reached(self._lm.rms, validation_rms, of.tolerance):
+            return False
+        residuals = of.residuals(self._roots_at(self._lm.parameters, np.arange(len(of.validation))))
+        return stopping.reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _content(self) -> dict[str, Any]:
         return {
@@ -137,10 +144,13 @@ class _Course:
         """√(Σr²/n) of these rows; NaN without rows."""
         if not len(rows):
             return np.nan
-        networks = unflatten_parts(parameters, self._start)
-        pairs = zip(networks, self._regression.inputs, strict=True)
-        roots = np.stack([network.value(inputs[rows]) for network, inputs in pairs], axis=1)
-        return float(np.sqrt(np.sum(self._regression.residuals(roots, rows) ** 2) / len(rows)))
+        residuals = self._regression.residuals(self._roots_at(parameters, rows), rows)
+        return float(np.sqrt(np.sum(residuals**2) / len(rows)))
+
+    def _roots_at(self, parameters: Array, rows: np.ndarray) -> Array:
+        """Root loads (n, K) of these rows."""
+        pairs = zip(unflatten_parts(parameters, self._start), self._regression.inputs, strict=True)
+        return np.stack([network.value(inputs[rows]) for network, inputs in pairs], axis=1)
 
     def result(self) -> PartsFit:
         """The best networks so far, and their course."""

@@ -111,7 +111,7 @@ class Search:
         self._count()
         self.history.add(self._lm.rms, validation_rms, self.gflop, self.level)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
-        reached = stopping.error_reached(self._lm.rms, validation_rms, self.regression.tolerance)
+        reached = self._error_reached(validation_rms)
         if reached or score < self._best_score:
             self._best, self._best_level, self._best_score = self._lm.parameters, self.level, score
         if reached:
@@ -131,6 +131,13 @@ class Search:
                 self.stop_reason = stopping.STALLED
         elif self._can_begin_another() and self._larger() and self._trend_misses():
             self._grow()
+
+    def _error_reached(self, validation_rms: float) -> bool:
+        of = self.regression
+        if not stopping.error_reached(self._lm.rms, validation_rms, of.tolerance):
+            return False
+        residuals = of.residuals(unflatten(self._lm.parameters, self._fresh()))
+        return stopping.reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _limit_reached(self) -> str:
         if self.settings.max_iterations is not None and len(self.history) >= self.settings.max_iterations:

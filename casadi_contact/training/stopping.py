@@ -9,6 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 
+import numpy as np
+
+from casadi_contact.conventions import Array
+
 ERROR_REACHED = "error reached"
 BUDGET_USED = "budget used"
 ITERATION_LIMIT = "iteration limit"
@@ -22,6 +26,18 @@ def error_reached(training_rms: float, validation_rms: float, tolerance: float) 
     """Criterion 1: the training error is at most the wanted one - and so is the validation error, where there are
     validation rows (NaN without), lest a network too large for its data counts as good."""
     return training_rms <= tolerance and not validation_rms > tolerance
+
+
+def reached_in_every_domain(
+    residuals: Array, validation: np.ndarray, domain: np.ndarray | None, tolerance: float
+) -> bool:
+    """Criterion 1 in each domain by itself: root mean square of its validation rows at most the wanted one, lest many
+    easy rows hide a few that are far off. residuals (n,) or (n, m); True without domains."""
+    if domain is None:
+        return True
+    squares = np.reshape(residuals**2, (len(residuals), -1)).sum(axis=1)
+    rows = [validation & (domain == number) for number in np.unique(domain[validation])]
+    return all(bool(squares[chosen].mean() <= tolerance**2) for chosen in rows)
 
 
 def budget_used(gflop: float, max_gflop: float) -> bool:

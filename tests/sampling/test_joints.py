@@ -10,7 +10,7 @@ from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.sampling import SamplingSettings, draw_samples, reference_motion
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.liftoff import lift_all, lift_one
-from casadi_contact.scenes import load_scene
+from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.statics import settle
 
 
@@ -50,6 +50,15 @@ def test_domains_without_sense_for_one_patch_are_left_out_and_said_so(hip):
     assert set(samples.provenance["left_out"]) == {"D4", "D6"}
     assert left_out(load_scene("hip").normal_loads, SamplingSettings(counts={"D1": 10})) == {}
     assert left_out(load_scene("knee").normal_loads, SamplingSettings()) == {}
+
+
+def test_of_one_patch_the_scenes_default_plan_tells_what_is_out_of_contact_too():
+    """Where no patch is lifted off beside another, D5 and D7 are all there is: as many as a tenth of the others."""
+    tables = {**load_scene("hip").tables, "sampling": {}}
+    counts = SamplingSettings.from_scene(Scene.from_tables(tables)).counts
+    assert counts["D5"] + counts["D7"] >= 0.1 * (counts["D1"] + counts["D2"] + counts["D3"])
+    asked = {**tables, "sampling": {"counts": {"D5": 40}}}
+    assert SamplingSettings.from_scene(Scene.from_tables(asked)).counts["D5"] == 40
 
 
 def test_a_hip_at_the_boundary_carries_it_in_any_direction_and_lifts_off_away_from_it(hip):

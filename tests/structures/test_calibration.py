@@ -8,6 +8,7 @@ import pytest
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate, with_trust
+from casadi_contact.structures.calibration import FITTED, quantile_of_unseen
 from casadi_contact.structures.distrust import Confirmation
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
@@ -61,6 +62,25 @@ def test_96_in_100_unseen_errors_lie_below_and_test_rows_take_no_part(surrogate)
     np.testing.assert_array_equal(other.trust.levels, trusted.trust.levels)
     np.testing.assert_array_equal(other.trust.shares, trusted.trust.shares)
     assert other.info().coverage["D1"]["Fy"] < 0.5
+
+
+def test_the_quantile_of_a_few_leaves_room_for_errors_not_seen_yet():
+    """Of exponential errors a share 1 - exp(-b) lies below b; the plain quantile of 24 promises too much."""
+    few = np.random.default_rng(0).exponential(size=(4000, 24))
+    kept = np.mean([1.0 - np.exp(-quantile_of_unseen(errors)) for errors in few])
+    assert FITTED - 0.005 < kept < FITTED + 0.01
+    assert np.mean(1.0 - np.exp(-np.quantile(few, FITTED, axis=1))) < FITTED - 0.02
+
+
+def test_each_domain_has_its_share_and_not_their_mean_alone(surrogate):
+    """A tenth of the samples, anywhere among the others, errs three times as much."""
+    samples = made_up_samples(surrogate, count=20_000)
+    rare = np.arange(len(samples)) % 10 == 0
+    noisier = made_up_samples(surrogate, count=20_000, noise=3.0 * NOISE)
+    wrenches = np.where(rare[:, None, None], noisier.wrenches, samples.wrenches)
+    mixed = replace(samples, wrenches=wrenches, domain=np.where(rare, 3, 1).astype(np.uint8))
+    coverage = with_trust(surrogate, mixed).info().coverage
+    assert min(coverage["D3"][load] for load in surrogate.load_names) > 0.93
 
 
 def test_a_root_load_that_a_network_gets_wrong_lets_no_other_like_it_pass(surrogate):

@@ -33,6 +33,26 @@ def test_the_error_reached_ends_a_fit():
     assert result.parameter_count == result.network.parameter_count == (4 * 6) + (7 * 5) + 6
 
 
+def test_a_domain_of_few_rows_that_is_off_does_not_hide_behind_the_many_that_are_not():
+    """One row in twenty errs four times as much as the tolerance: too few to be seen in the error of all rows."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1.0, 1.0, (2000, 2))
+    rare = np.arange(2000) % 20 == 7
+    targets = np.where(rare, 0.4 * np.sin(4.0 * x[:, 1]) + 0.1, 0.0)
+    validation = rng.random(2000) < 0.25
+    inputs = np.column_stack([x, rare])
+    pooled = Regression("rare", inputs, targets, np.ones(2000), validation, tolerance=0.1)
+    by_domain = replace(pooled, domain=np.where(rare, 2, 1))
+
+    def rare_rms(network):
+        return np.sqrt(np.mean(pooled.residuals(network)[rare & validation] ** 2))
+
+    assert rare_rms(fit(pooled, FIXED).network) > 0.2
+    result = fit(by_domain, FIXED)
+    assert result.stop_reason == "error reached"
+    assert rare_rms(result.network) <= 0.1
+
+
 def test_iterations_end_a_fit():
     result = fit(smooth(), FIXED)
     assert result.stop_reason == "iteration limit"
