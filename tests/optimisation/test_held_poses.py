@@ -69,7 +69,5 @@ def test_locks_of_a_problem_that_agree_with_the_scene_are_not_needed(ball):
 @needs_compiler
 def test_what_needs_all_six_says_which_are_held():
     knee = cc.contact.PolarFoundation(scene_held("knee", {"locked": {"tz": 0.0}}), cc.contact.Rays(8, 2))
-    with pytest.raises(
-        ValueError, match=r"moves all six .* tz is locked at 0 by the scene: take it out of the scene's"
-    ):
+    with pytest.raises(ValueError, match=r"moves all six .* tz is locked at 0 by the scene: take it out"):
         shear_free_poses(knee, np.zeros(1), np.zeros(1))

@@ -106,7 +106,7 @@ def test_loads_are_in_balance_along_what_the_joint_allows(knee):
         (lambda knee: static_equilibrium.build(knee, np.ones(6), rest=np.zeros(6), free=("ty",)), "rest: tz is locked"),
         (
             lambda knee: knee_simulator.build(knee),
-            "knee simulator moves all six .* but tz is locked at 0.3, ry is tied",
+            "simulator moves all six .* but tz is locked at 0.3, ry is tied",
         ),
         (lambda knee: squat.build(knee), "squat moves all six"),
         (lambda knee: optimal_control.build(knee, None), "optimal control moves all six"),

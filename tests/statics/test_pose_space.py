@@ -8,7 +8,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.conventions import pose_index
+from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.sampling.liftoff import lift_all
+from casadi_contact.sampling.reference import reference_poses
 from casadi_contact.statics import first_touch
 from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
 
@@ -42,7 +44,7 @@ def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
 
 def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
     poses, _ = cc.settle(ball, OFF, ("tx", "ty"), WANTED)
-    rested, report = cc.relax(ball, poses + [0.1, 0.02, 0.3, 0.1, 0.0, 0.0], ("tx", "ty"), WANTED)
+    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), WANTED)
     assert report.converged.all(), report.reason
     is_held(rested)
     np.testing.assert_allclose(rested, poses, atol=1e-5)
@@ -55,6 +57,16 @@ def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
 def test_what_is_held_is_refused_as_free(ball, find, free, said):
     with pytest.raises(ValueError, match=f"{said}, expected some of tx, ty, rz"):
         find(ball, OFF, ("ty", free), WANTED)
+
+
+def test_a_reference_motion_is_one_that_the_joint_can_make(ball):
+    """Where tx is found from loads, and against what was measured of rx."""
+    pose = {"rz": np.zeros(3), "rx": np.full(3, 0.2)}
+    cycle = JointCycle("run", np.arange(3.0), pose, {"Fy": np.full(3, -300.0), "Fx": np.array([-20.0, 0.0, 20.0])})
+    poses, report = reference_poses(ball, [cycle], frames=5)
+    assert report.converged.all(), report
+    is_held(poses[0])
+    np.testing.assert_allclose(ball(poses[0])[:, 0], np.linspace(-20.0, 20.0, 5), atol=1e-3)
 
 
 def test_a_body_touches_first_where_the_joint_lets_it_be(ball):
