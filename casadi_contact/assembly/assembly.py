@@ -21,7 +21,8 @@ class Assembly:
     """Bodies (each with six degrees of freedom in the ground), and what acts between them and the ground.
 
     start: poses (6,) [mm, rad] of the free bodies by name, in the order in which functions take them. Raises
-    ValueError for a body that is not there and for names that are not distinct.
+    ValueError for a body that is not there, for names that are not distinct, and for a contact whose scene locks or
+    ties pose parameters: nothing holds the bodies so.
     """
 
     name: str
@@ -41,6 +42,8 @@ class Assembly:
                 f"assembly {self.name} has the bodies {', '.join(known)} and the parts {', '.join(names)}, "
                 "expected at least one free body, and names that differ"
             )
+        for contact in self.contacts:
+            contact.model.scene.pose_space.check_whole(f"assembly {self.name}: the contact {contact.name}")
         for part in parts:
             bodies = (part.body,) if isinstance(part, Spring) else part.bodies
             missing = [body for body in bodies if body not in known]

@@ -76,7 +76,7 @@ def presets(model: CompiledFoundation, poses: Array) -> dict[str, Array]:
 def _lifted(model: ContactModel, pose: Array, patch: int) -> Array | None:
     """The pose changed in the sensitive parameters until a patch has a gap and the others keep their root loads, by
     Newton's method on root loads; None where that leads nowhere."""
-    scene, pose = model.scene, pose.copy()
+    scene, space, pose = model.scene, model.scene.pose_space, pose.copy()
     free = [pose_index(name) for name in scene.sensitive_pose]
     wanted = model.root_loads(pose)[0].copy()
     wanted[patch] = -scene.gap_slope * _GAP_MM
@@ -84,8 +84,9 @@ def _lifted(model: ContactModel, pose: Array, patch: int) -> Array | None:
         s, slope = model.root_loads(pose)
         if np.abs(s - wanted).max() < 1e-9:
             return pose
-        step = np.linalg.lstsq(slope[:, free], wanted - s, rcond=None)[0]
+        step = np.linalg.lstsq(space.along(slope)[:, free], wanted - s, rcond=None)[0]
         pose[free] += step * min(1.0, 1.0 / np.abs(step).max(initial=1e-300))
+        pose = space.onto(pose)
     return None
 
 

@@ -151,6 +151,9 @@ def _content(
             for normal in scene.normal_loads
         ],
         "pose": pose_words(scene.shape, ranges),
+        "space": None
+        if (space := scene.pose_space).whole
+        else {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()},
         "range": why,
         "presets": {name: pose.tolist() for name, pose in begun.items()},
         "settle": {

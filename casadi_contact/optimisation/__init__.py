@@ -1,7 +1,7 @@
 """Contact in optimisation problems: variables, starts and constraints that IPOPT gets along with, and its settings."""
 
 from casadi_contact.optimisation.contact_callback import ContactCallback, wrench_function
-from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.contact_frames import ContactFrames, pose_in_space
 from casadi_contact.optimisation.contact_in_opti import ContactInOpti
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, generalised_forces
@@ -27,6 +27,7 @@ __all__ = [
     "ipopt_options",
     "middle_pose",
     "pose_bounds",
+    "pose_in_space",
     "pose_steps",
     "press_together",
     "settle_in_range",

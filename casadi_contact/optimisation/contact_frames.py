@@ -17,6 +17,7 @@ from casadi_contact.optimisation.starts import settle_in_range, touching
 from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.scenes.pose_space import PoseSpace
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
 _LEAST_START_N = 20.0  # of each patch, so that a start is in contact
@@ -29,8 +30,9 @@ class ContactFrames:
     lower and upper (f·n,) bound ``vec(q)`` to the range of poses that a surrogate has learned; a foundation has none.
 
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
-    free. loads: the named loads that are needed, all if left out. compiled: as for the model's `function`, whose own
-    choice holds if left out. variable: makes q from its shape, ``MX.sym`` if left out.
+    free, but for those that the scene locks or ties. loads: the named loads that are needed, all if left out. compiled:
+    as for the model's `function`, whose own choice holds if left out. variable: makes q from its shape, ``MX.sym`` if
+    left out.
     """
 
     def __init__(
@@ -45,10 +47,10 @@ class ContactFrames:
     ) -> None:
         if frames < 1:
             raise ValueError(f"frames is {frames}, expected a number of 1 or more")
-        locked = {} if locked is None else dict(locked)
-        self.columns = [i for i in range(6) if i not in {pose_index(name) for name in locked}]
+        locked, space = _checked({} if locked is None else locked, model.scene.pose_space), model.scene.pose_space
+        self.columns = [i for i in space.free if POSE_NAMES[i] not in locked]
         if not self.columns:
-            raise ValueError("all six pose parameters are locked, expected at least one that is free")
+            raise ValueError("all free pose parameters are locked, expected at least one that is not")
         self.model, self.frames = model, frames
         self.load_names = model.check_loads(loads)
         self.free = tuple(POSE_NAMES[i] for i in self.columns)
@@ -56,7 +58,8 @@ class ContactFrames:
         self._scales = pose_steps(self._scene.sensitive_pose)[self.columns]
         self.q = variable(len(self.free), frames) if variable else ca.MX.sym("q", len(self.free), frames)
         moving = dict(zip(self.free, ca.vertsplit(ca.mtimes(ca.diag(ca.DM(self._scales)), self.q)), strict=True))
-        self.pose = ca.vertcat(*(moving[n] if n in moving else self._row(n, locked[n]) for n in POSE_NAMES))
+        given = ca.vertcat(*(moving[n] if n in moving else self._row(n, locked.get(n, 0.0)) for n in POSE_NAMES))
+        self.pose = pose_in_space(space, given)
         chosen: dict[str, Any] = {} if compiled is None else {"compiled": compiled}
         function = model.load_and_root_function(self.load_names, batch=frames, **chosen)
         self.loads, self.roots = function(self.pose)
@@ -102,17 +105,18 @@ class ContactFrames:
 
         Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions.
         """
-        rest = np.tile(middle_pose(self.model), (self.frames, 1))
+        space, rest = self._scene.pose_space, np.tile(middle_pose(self.model), (self.frames, 1))
         for name, value in self._locked.items():
             if isinstance(value, ca.MX):
                 raise ValueError(f"{name} is locked to an expression, expected numbers to find a start with")
             rest[:, pose_index(name)] = value
+        rest = space.onto(rest)
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
         begin = as_poses(rest if poses is None else np.broadcast_to(poses, (self.frames, 6)))
         wanted = wanted or {}
         pressing: dict[str, Array] = {}
-        for normal in self._scene.normal_loads:
+        for normal in self._scene.pressed:
             if set(normal.loads) <= set(wanted):
                 forces = np.stack([np.broadcast_to(wanted[name], self.frames) for name in normal.loads], axis=1)
                 pressing |= dict(zip(normal.loads, normal.at_least(forces, _LEAST_START_N).T, strict=True))
@@ -121,6 +125,13 @@ class ContactFrames:
     def variables(self, poses: Array) -> Array:
         """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
         return np.clip((poses[:, self.columns] / self._scales).ravel(), self.lower, self.upper)
+
+    def moved(self, poses: Array, values: ArrayLike) -> Array:
+        """Poses (m, 6) whose free parameters are those of values (f·m,) of ``vec(q)``, what is tied to them following:
+        the inverse of `variables`, for as many frames as there are poses."""
+        moved = poses.copy()
+        moved[:, self.columns] = np.asarray(values).reshape(len(poses), -1) * self._scales
+        return self._scene.pose_space.onto(moved)
 
     def _row(self, name: str, value: Any) -> Any:
         """A value for each frame, (1, n)."""
@@ -163,3 +174,18 @@ class ContactFrames:
         turn = ca.if_else(x >= 0.0, 1.0, -1.0)
         share = (x * force[0] + y * force[1] + z * force[2] + turn * force[0]) / (1.0 + turn * x)
         return {normal.loads[1]: force[1] - y * share, normal.loads[2]: force[2] - z * share}
+
+
+def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:
+    """`PoseSpace.onto` as an expression of poses (6 x n)."""
+    if space.whole:
+        return poses
+    return ca.mtimes(ca.sparsify(ca.DM(space.matrix)), poses) + ca.repmat(ca.DM(space.offset), 1, poses.shape[1])
+
+
+def _checked(locked: Mapping[str, Any], space: PoseSpace) -> dict[str, Any]:
+    """The given locked parameters that the scene leaves free; ValueError for others that contradict it."""
+    symbols = [name for name, value in locked.items() if isinstance(value, ca.MX | ca.SX)]
+    space.check_free(symbols, "locked to an expression")
+    numbers = space.free_curves({name: locked[name] for name in locked if name not in symbols}, "locked")
+    return {name: locked[name] for name in locked if name in (*symbols, *numbers)}

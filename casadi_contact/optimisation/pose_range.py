@@ -22,10 +22,11 @@ def middle_pose(model: SymbolicContact) -> Array:
 
     A scene whose patches are pressed in no single direction begins in its start pose, a model without gaps likewise.
     """
-    low, high = pose_bounds(model)
+    (low, high), space = pose_bounds(model), model.scene.pose_space
     known = np.isfinite(low) & np.isfinite(high)
     if known.any():
-        return np.array([0.5 * (a + b) if both else 0.0 for a, b, both in zip(low, high, known, strict=True)])
-    start = model.scene.start_pose
+        pairs = zip(low, high, known, strict=True)
+        return space.onto(np.array([0.5 * (a + b) if both else 0.0 for a, b, both in pairs]))
+    start = space.onto(model.scene.start_pose)
     directed = model.scene.normal_loads[0].direction is not None
     return first_touch(model, start[None], {})[0] if directed and hasattr(model, "gaps") else start

@@ -29,8 +29,8 @@ def start_or_default(start: ArrayLike | None, default: Array) -> Array:
 def settle_in_range(
     model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
 ) -> Array:
-    """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6), the sensitive ones settled
-    under wanted normal loads (n,) by name, as far as they are free.
+    """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6) and as the scene says, the
+    sensitive ones settled under wanted normal loads (n,) by name, as far as they are free.
 
     Settling compares root loads, which keep their slope out of contact; where it leads out of the learned range, it
     begins again at rest, then at the first touch of a model that knows its gaps, and where that fails too, the pose is
@@ -42,6 +42,7 @@ def settle_in_range(
     poses = poses.copy()
     poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
     poses[:, locked] = rest[:, locked]
+    poses = model.scene.pose_space.onto(poses)
     moved = model.scene.sensitive_pose
     if not pressing or not set(moved) <= set(free):
         return poses
@@ -96,8 +97,10 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
     shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does.
 
-    Raises ValueError where rotations lie outside what the surrogate learned, or there is no such pose.
+    Raises ValueError where rotations lie outside what the surrogate learned, there is no such pose, or the scene locks
+    or ties pose parameters.
     """
+    model.scene.pose_space.check_whole("a pose without shear")
     low, high = pose_bounds(model)
     poses = np.tile(middle_pose(model), (len(rz), 1))
     for name, wanted in (("ry", ry), ("rz", rz)):

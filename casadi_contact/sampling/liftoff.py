@@ -33,7 +33,7 @@ def lift_one(
 
     Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
     """
-    scene = model.scene
+    scene, space = model.scene, model.scene.pose_space
     if len(scene.sensitive_pose) != 2 or any(normal.component is None for normal in scene.normal_loads):
         raise ValueError(
             f"scene {scene.name}: D4 lifts one patch of several by the second of two sensitive pose parameters, each "
@@ -43,6 +43,7 @@ def lift_one(
     tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
     others = [pose_index(name) for name in rest]
     s, ds = model.root_loads(poses)
+    ds = space.along(ds)
     # Along the held loads: dload/dothers·dothers/dtilt + dload/dtilt = 0.
     by_pose = np.stack([_slope(model, name, poses, ds) for name in held], axis=1)
     along = np.asarray(-np.linalg.solve(by_pose[:, :, others], by_pose[:, :, tilt, None])[..., 0])
@@ -79,7 +80,7 @@ def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> 
     for p, normal in enumerate(model.scene.normal_loads):
         if normal.loads == (name,):
             return root_slopes[:, p]
-    return model.jacobian(poses)[1][:, model.load_names.index(name)]
+    return model.scene.pose_space.along(model.jacobian(poses)[1][:, model.load_names.index(name)])
 
 
 def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int) -> Array:
@@ -91,9 +92,9 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     columns = [column for column in map(pose_index, model.scene.sensitive_pose) if column < 3]
     if not columns:
         raise ValueError(f"scene {model.scene.name} has no sensitive translation, expected one to lift along")
-    _, ds = model.root_loads(poses)
-    apart = -ds[..., columns].sum(axis=1)
+    space, ds = model.scene.pose_space, model.root_loads(poses)[1]
+    apart = -space.along(ds)[..., columns].sum(axis=1)
     apart /= np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300)
     raised = np.repeat(poses[:, None, :], steps, axis=1)
     raised[..., columns] += apart[:, None, :] * (liftoff_mm * np.arange(1, steps + 1) / steps)[:, None]
-    return raised
+    return space.onto(raised)

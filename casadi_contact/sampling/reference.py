@@ -133,6 +133,8 @@ def reference_poses(
     for a model without gaps). Frames left over begin once more in that start pose, turned about the patches' anchors to
     what is measured, then between the frames that converged, and then in the pose of the nearest one.
 
+    What the scene locks or ties is as the scene says, whatever a cycle measures of it: the motion is one of this joint.
+
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
     converges (every_cycle: False leaves its frames where they ended).

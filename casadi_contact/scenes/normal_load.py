@@ -68,6 +68,14 @@ class NormalLoad:
         return self.with_size(forces, np.maximum(size, least))
 
 
+def shared_load(normals: Sequence[NormalLoad]) -> NormalLoad | None:
+    """The sum of several normal loads along one direction, of all patches together; None where there is none."""
+    (component, sign), *others = {(normal.component, normal.sign) for normal in normals}
+    if len(normals) == 1 or others or component is None:
+        return None
+    return NormalLoad("", component, sign, (component,))
+
+
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
     """The normal load of each patch from its text, in patch order.
 

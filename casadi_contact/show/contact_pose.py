@@ -21,7 +21,7 @@ def contact_pose(model: ElasticFoundation) -> Array:
     back = view_of(model).toward.pointing
 
     def pose_at(travel_mm: Array) -> Array:
-        return scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3)))
+        return scene.pose_space.onto(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
 
     travel = np.linspace(_FARTHEST_MM, -_FARTHEST_MM, 151)
     touching = np.flatnonzero(model.gaps(pose_at(travel)).min(axis=1) < -_OVERLAP_MM)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
+from casadi_contact.scenes.pose_space import PoseSpace
 
 _LITTLE = 0.01
 
@@ -34,9 +35,11 @@ class Equilibrium:
 
     @classmethod
     def of(cls, model: ContactModel, count: int, free: Sequence[str], targets: Mapping[str, ArrayLike]) -> Equilibrium:
-        """Check names and shapes; raises ValueError for unknown or repeated names and for targets not finite."""
+        """Check names and shapes; raises ValueError for unknown or repeated names, for free ones that the scene locks
+        or ties, and for targets not finite."""
         if not free or len(set(free)) != len(free):
             raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
+        model.scene.pose_space.check_free(free)
         if not targets:
             raise ValueError("targets is empty, expected wanted loads by name, for example {'Fy_med': -700.0}")
         wanted = np.empty((count, len(targets)))
@@ -111,6 +114,7 @@ class Equilibrium:
         along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
         moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
         moved[:, :, :3] += ways_mm[:, None] * along[:, None]
+        moved = self._space.onto(moved)
         rows = np.repeat(np.arange(len(poses)), len(ways_mm))
         left = np.linalg.norm(self.residuals(moved.reshape(-1, 6), rows)[0], axis=1).reshape(moved.shape[:2])
         beside = np.pad(left, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -161,7 +165,17 @@ class Equilibrium:
                 loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
             )
             r[:, columns] = vector - wanted / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
-        return r, slope[..., list(self.free)] * self.free_scales, misfit
+        return r, self._space.along(slope)[..., list(self.free)] * self.free_scales, misfit
+
+    def moved(self, poses: Array, steps: Array) -> Array:
+        """Poses (n, 6) after comparable steps (n, free) of the free parameters, what is tied to them following."""
+        moved = poses.copy()
+        moved[:, list(self.free)] += steps * self.free_scales
+        return self._space.onto(moved)
+
+    @property
+    def _space(self) -> PoseSpace:
+        return self.model.scene.pose_space
 
     @property
     def free_scales(self) -> Array:
@@ -195,6 +209,6 @@ def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> 
     return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
 
 
-def start_copy(poses: ArrayLike) -> Array:
-    """A writable copy of checked poses."""
-    return as_poses(poses).copy()
+def start_copy(model: ContactModel, poses: ArrayLike) -> Array:
+    """A writable copy of checked poses, with what the model's scene locks or ties put in place."""
+    return model.scene.pose_space.onto(as_poses(poses).copy())

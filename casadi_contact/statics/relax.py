@@ -56,7 +56,7 @@ def relax(
 
     Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`.
     """
-    poses = start_copy(poses)
+    poses, space = start_copy(model, poses), model.scene.pose_space
     equations = Equilibrium.of(model, len(poses), free, targets)
     columns, scales = list(equations.free), equations.free_scales
     if len(columns) != len(equations.names):
@@ -70,10 +70,10 @@ def relax(
         def pose_at(state: Array, k: int = k) -> Array:
             pose = poses[k].copy()
             pose[columns] = state[:size] * scales
-            return pose
+            return space.onto(pose)
 
         def motion_of(pose: Array) -> Array:
-            return _conjugate_motion(model, equations.names, pose)[:, columns] * scales
+            return space.along(_conjugate_motion(model, equations.names, pose))[:, columns] * scales
 
         def rate(_: float, state: Array, k: int = k) -> Array:
             pose = pose_at(state)
@@ -82,7 +82,7 @@ def relax(
 
         def rate_slope(_: float, state: Array) -> Array:
             pose, slope = pose_at(state), np.zeros((2 * size, 2 * size))
-            by_q = model.jacobian(pose[None])[1][0, loads_of][:, columns] * scales
+            by_q = space.along(model.jacobian(pose[None])[1][0, loads_of])[:, columns] * scales
             slope[:size, size:] = np.eye(size)
             slope[size:, :size] = -motion_of(pose).T @ by_q / _MASS
             slope[size:, size:] = -damping / _MASS * np.eye(size)

@@ -36,7 +36,8 @@ def sensitive_directions(model: ContactModel, pose: ArrayLike, *, lever_mm: floa
     """Rank the pose parameters by the loads they change at a pose (6,) in contact.
 
     With S = D_loads⁻¹·(d loads/d pose)·D_pose, D = 1 for forces and translations, the lever for torques and 1/lever
-    for rotations. Raises ValueError for a bad pose or lever, and out of contact, where no load changes.
+    for rotations. Parameters that the scene ties follow; those that it locks or ties are ranked last, with a stiffness
+    of zero. Raises ValueError for a bad pose or lever, and out of contact, where no load changes.
     """
     if not np.isfinite(lever_mm) or lever_mm <= 0.0:
         raise ValueError(f"lever_mm is {lever_mm}, expected a length above 0")
@@ -45,7 +46,7 @@ def sensitive_directions(model: ContactModel, pose: ArrayLike, *, lever_mm: floa
         raise ValueError(f"got {len(poses)} poses, expected one: tx ty tz [mm] rx ry rz [rad]")
     of_load = newton_scales(model.load_names, lever_mm)
     of_pose = np.array([1.0] * 3 + [lever_mm] * 3)
-    scaled = model.jacobian(poses)[1][0] / of_load[:, None] / of_pose
+    scaled = model.scene.pose_space.along(model.jacobian(poses)[1][0]) / of_load[:, None] / of_pose
     if not scaled.any():
         raise ValueError("no load changes at this pose, expected a pose in contact")
     columns = np.linalg.norm(scaled, axis=0)

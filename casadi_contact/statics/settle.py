@@ -64,10 +64,13 @@ def settle(
     rise and fall within tenths of a millimetre, goes on by a trust region (SciPy's ``least_squares``), from there and
     from a few places up to 0.3 mm around it.
 
-    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets; a pose that
-    does not converge is reported, not raised.
+    What the scene locks or ties is put in place at the start, and tied parameters follow the free ones in every step:
+    all poses lie in the scene's pose space.
+
+    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets, and for a free
+    parameter that the scene locks or ties; a pose that does not converge is reported, not raised.
     """
-    poses = start_copy(poses)
+    poses = start_copy(model, poses)
     count = len(poses)
     equations = Equilibrium.of(model, count, free, targets)
     if count == 0:
@@ -115,7 +118,6 @@ def _newton(
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,), from a start that is kept."""
     poses, count = poses.copy(), len(poses)
-    columns, scales = list(equations.free), equations.free_scales
     r, slope, misfit = equations.residuals(poses, np.arange(count))
     fraction = np.ones(count)
     iterations = np.zeros(count, dtype=int)
@@ -128,8 +130,7 @@ def _newton(
         newton = -np.einsum("nit,nt->ni", inverse, r[rows])
         length = np.abs(newton).max(axis=1)
         reach = np.minimum(fraction[rows], _STEP_LIMIT_MM / np.maximum(length, 1e-300))
-        trial = poses[rows]
-        trial[:, columns] += reach[:, None] * newton * scales
+        trial = equations.moved(poses[rows], reach[:, None] * newton)
         r_new, slope_new, misfit_new = equations.residuals(trial, rows)
         # Natural monotonicity: the step that is left, measured with the old Jacobian, must shrink. Unlike a sum of
         # squares this does not depend on how the residuals are scaled against one another.
@@ -147,13 +148,8 @@ def _newton(
 def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolerance: float, max_iterations: int) -> int:
     """Go on with one row in a trust region, from its pose and about it, until it carries the loads. Its pose and misfit
     are replaced where they come nearer. Returns the steps taken."""
-    columns, rows, start = list(equations.free), np.array([row]), poses[row].copy()
-    shakes = np.random.default_rng(0).uniform(-_SHAKEN_MM, _SHAKEN_MM, (_SHAKES, len(columns)))
-
-    def moved(steps: Array) -> Array:
-        pose = start.copy()
-        pose[columns] += steps * equations.free_scales
-        return pose[None]
+    size, rows, start = len(equations.free), np.array([row]), poses[[row]]
+    shakes = np.random.default_rng(0).uniform(-_SHAKEN_MM, _SHAKEN_MM, (_SHAKES, size))
 
     known: dict[bytes, tuple[Array, Array, Array]] = {}
 
@@ -162,14 +158,14 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
         none, which SciPy may take where Jacobians are all but singular: it then keeps where it was."""
         if not np.isfinite(steps).all():
             nothing = np.full((1, len(equations.names)), np.nan)
-            return nothing, np.full((1, len(equations.names), len(columns)), np.nan), nothing
+            return nothing, np.full((1, len(equations.names), size), np.nan), nothing
         if steps.tobytes() not in known:
             known.clear()
-            known[steps.tobytes()] = equations.residuals(moved(steps), rows)
+            known[steps.tobytes()] = equations.residuals(equations.moved(start, steps), rows)
         return known[steps.tobytes()]
 
     taken = 0
-    for begun in (np.zeros(len(columns)), *shakes):
+    for begun in (np.zeros(size), *shakes):
         with np.errstate(divide="ignore", invalid="ignore"):  # SciPy divides by a step of length zero
             found = least_squares(
                 lambda steps: residuals(steps)[0][0],
@@ -183,7 +179,7 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
         taken += int(found.nfev)
         left = residuals(found.x)[2]
         if equations.in_newtons(left)[0] < equations.in_newtons(misfit[rows])[0]:
-            poses[row], misfit[row] = moved(found.x)[0], left[0]
+            poses[row], misfit[row] = equations.moved(start, found.x)[0], left[0]
         if equations.in_newtons(misfit[rows])[0] <= tolerance:
             break
     return taken

@@ -16,7 +16,8 @@ _STEPS = 200
 
 def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) -> Array:
     """Poses (n, 6) moved towards the patches until the first touch: from far away along the direction in which these
-    are pressed, or, where a normal load has none, from where they are along the wanted force (n,) by load names.
+    are pressed, or, where a normal load has none, from where they are along the wanted force (n,) by load names; within
+    the scene's pose space.
 
     Steps of the smallest gap do not pass the surface (sphere tracing); where a gap that is only estimated from far away
     led too deep, half of the way since the last free pose is taken back. A pose that overlaps at first stays. Raises
@@ -25,7 +26,7 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
     gaps = getattr(model, "gaps", None)
     if gaps is None:
         raise ValueError("this contact model has no gaps(poses), expected a start pose in contact")
-    poses = poses.copy()
+    poses, space = poses.copy(), model.scene.pose_space
     normal = model.scene.normal_loads[0]
     if normal.direction is not None:
         along: Array = np.tile(normal.direction, (len(poses), 1))
@@ -39,14 +40,14 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     since_free = np.zeros(len(poses))  # way that led from a free pose to this one [mm]
     for _ in range(_STEPS):
-        gap = gaps(poses).min(axis=1)
+        gap = gaps(space.onto(poses)).min(axis=1)
         since_free = np.where(gap >= 0.0, 0.0, since_free)
         step = np.where(gap < -_TOUCH_MM, -0.5 * since_free, np.maximum(gap, 0.0))
         if np.abs(step).max() < _TOUCH_MM:
             break
         poses[:, :3] += step[:, None] * along
         since_free += step
-    return poses
+    return space.onto(poses)
 
 
 def turned_about_anchors(model: ContactModel, start: Array, poses: Array) -> Array:

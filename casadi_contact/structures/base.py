@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,6 +18,7 @@ from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
+from casadi_contact.structures.distrust import OffSpace
 from casadi_contact.structures.file import Content, write_file
 from casadi_contact.structures.functions import SurrogateFunctions
 from casadi_contact.structures.info import SurrogateInfo, describe
@@ -59,7 +61,7 @@ class Surrogate(SurrogateFunctions):
         self._hessians: dict[tuple[str, ...], ca.Function] = {}
         self.networks = dict(networks)
         self.record = dict(record or {})
-        self.trust = trust
+        self.trust = None if trust is None else replace(trust, off_space=OffSpace.of(scene.pose_space))
         self.patch_names = scene.patch_names
         known, outputs = self.network_inputs(scene), self.network_outputs(scene)
         for name, network in self.networks.items():

@@ -18,7 +18,7 @@ from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
-from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
 from casadi_contact.structures.gaussian_kernels import soft_distance
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
@@ -88,10 +88,10 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
     centres, dense = _centres(_thinned(points), CENTRES), _centres(points, DENSE_CENTRES)
     distance = soft_distance(held_out.poses / scales, centres, BANDWIDTH)
     patches, count = len(surrogate.patch_names), len(surrogate.load_names)
-    insensitive = [pose_index(name) for name in scene.insensitive_pose]
-    box = training.poses[:, insensitive]
-    # A locked parameter is far from both of its bounds, or many of them would cost validity together.
-    locked = np.where(np.ptp(box, axis=0) == 0.0, _LEAST_RANGE, 0.0)
+    free = [pose_index(name) for name in scene.insensitive_pose if not scene.pose_space.bound(name)]
+    box = training.poses[:, free]
+    # A parameter that never varies is far from both of its bounds, or many of them would cost validity together.
+    constant = np.where(np.ptp(box, axis=0) == 0.0, _LEAST_RANGE, 0.0)
     return Trust(
         scales=scales,
         centres=centres,
@@ -110,13 +110,16 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
         shares=np.zeros((count, 3 + patches)),
         usual_loads=np.maximum(np.sqrt(np.mean(loads**2, axis=0)), _LEAST_LEVEL * scene.boundary_load),
         box=Box(
-            columns=np.array(insensitive, dtype=float),
-            low=box.min(axis=0) - locked,
-            high=box.max(axis=0) + locked,
+            columns=np.array(free, dtype=float),
+            low=box.min(axis=0) - constant,
+            high=box.max(axis=0) + constant,
             margin=np.where(
-                locked > 0.0, 0.25 * _LEAST_RANGE, np.maximum(BOX_MARGIN * np.ptp(box, axis=0), _LEAST_RANGE)
+                constant > 0.0, 0.25 * _LEAST_RANGE, np.maximum(BOX_MARGIN * np.ptp(box, axis=0), _LEAST_RANGE)
             ),
-        ),
+        )
+        if free
+        else None,
+        off_space=OffSpace.of(scene.pose_space),
         growth=np.ones(count),
         growth_start=-_EXCESS,
     )

@@ -2,10 +2,12 @@
 
     Box             (x_i - high_i)/margin_i - 2, (low_i - x_i)/margin_i - 2   beyond the sampled range
     Border          -κ·φ(x, s)                                                where samples were dropped
+    OffSpace        8·(Σ ((x_i - (M·x + c)_i)/δ)² - 1)                        beside the scene's pose space, δ = 0.001
     Confirmation    min(4·(N_p/τ_p - 1), (m_p - s_p)/w_p), rounded off        contact that no root load confirms
 
-x are the insensitive pose parameters, s the root loads, N the normal loads of a structure whose loads come from other
-networks than its root loads: it claims more than τ_p where no sample without contact had so large a root load.
+x are the insensitive pose parameters (those that the scene locks or ties, in OffSpace), s the root loads, N the normal
+loads of a structure whose loads come from other networks than its root loads: it claims more than τ_p where no sample
+without contact had so large a root load.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.scenes.pose_space import OFF_SPACE, PoseSpace
 from casadi_contact.structures.cubic_logistic import cubic_expression, cubic_terms
 
+STEEPNESS = 8.0  # of `OffSpace`: on the space its cause is next to nothing, exp(-8)
 _FAR = 1e8  # pose parameters are cut off here, so that every finite pose has finite numbers
 
 
@@ -40,6 +44,39 @@ class Box:
         x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]], -_FAR), _FAR)
         above, below = (x - ca.DM(self.high)) / ca.DM(self.margin), (ca.DM(self.low) - x) / ca.DM(self.margin)
         return ca.vertcat(above, below) - 2.0
+
+
+@dataclass(frozen=True)
+class OffSpace:
+    """Locked and tied columns (k,) of the pose, their rows (k, 6) of the space's M and their offset (k,) [mm, rad].
+
+    Validity is a half `OFF_SPACE` beside the space, and below 0.001 from twice as far on: loads are those of another
+    pose there.
+    """
+
+    columns: Array
+    rows: Array
+    offset: Array
+
+    @classmethod
+    def of(cls, space: PoseSpace) -> OffSpace | None:
+        """That of a scene's poses; None where all parameters are free."""
+        columns = [k for k in range(6) if k not in space.free]
+        return (
+            None if space.whole else cls(np.array(columns, dtype=float), space.matrix[columns], space.offset[columns])
+        )
+
+    def excess(self, poses: Array) -> Array:
+        """One column (n, 1)."""
+        x = np.clip(poses, -_FAR, _FAR)
+        off = (x[:, self.columns.astype(int)] - x @ self.rows.T - self.offset) / OFF_SPACE
+        return STEEPNESS * ((off**2).sum(axis=1, keepdims=True) - 1.0)
+
+    def expression(self, pose: ca.MX) -> ca.MX:
+        """The same (1) of a pose (6)."""
+        x = ca.fmin(ca.fmax(pose, -_FAR), _FAR)
+        held = ca.mtimes(ca.sparsify(ca.DM(self.rows)), x) + ca.DM(self.offset)
+        return STEEPNESS * (ca.sumsqr((x[[int(c) for c in self.columns]] - held) / OFF_SPACE) - 1.0)
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ INLINE double cubic(int n, const double *weights, const double *x) {
 
 /* log of the sum of exp(u_i) over the causes of distrust */
 INLINE double excess_of(const double *pose, const double *roots, const double *claims, double tube) {
-  double causes[1 + 2 * PATCHES + 2 * BOX + 1 + PATCHES], largest, sum = 0.0;
+  double causes[1 + 2 * PATCHES + 2 * BOX + 2 + PATCHES], largest, sum = 0.0;
   int n = 0;
   causes[n++] = tube;
   for (int p = 0; p < PATCHES; p++) {
@@ -78,6 +78,17 @@ INLINE double excess_of(const double *pose, const double *roots, const double *c
     const double x = cut_off(pose[box_columns[i]]);
     causes[n++] = (x - box_high[i]) / box_margin[i] - 2.0;
     causes[n++] = (box_low[i] - x) / box_margin[i] - 2.0;
+  }
+#endif
+#if BOUND
+  {
+    double squares = 0.0;
+    for (int i = 0; i < BOUND; i++) {
+      double off = cut_off(pose[bound_columns[i]]) - bound_offset[i];
+      for (int k = 0; k < 6; k++) off -= bound_rows[i][k] * cut_off(pose[k]);
+      squares += off / OFF_SPACE * (off / OFF_SPACE);
+    }
+    causes[n++] = STEEPNESS * (squares - 1.0);
   }
 #endif
 #if BORDER

@@ -5,7 +5,8 @@ Every cause of distrust is an excess u_i, below zero inside what was sampled and
     sharpness·(E - edge),   E = -log Σ_j exp(-|z - c_j|²/2h²)    smooth squared distance from the sampled poses
     (s_p - high_p)/margin_p - 2,  (low_p - s_p)/margin_p - 2     root load of patch p beyond the sampled range
     those of `distrust`                                          insensitive pose parameter beyond the sampled range,
-                                                                 dropped samples, contact that is not confirmed
+                                                                 beside the pose space, dropped samples, contact that is
+                                                                 not confirmed
 
 with z the pose over its scales and c_j centres spread over the sampled poses. A scale belongs to a parameter's whole
 sampled range: too coarse to tell depth, which the root loads tell, but no pose far away counts as known because a
@@ -37,7 +38,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
-from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 from casadi_contact.structures.states import States
 
@@ -57,7 +58,8 @@ class Trust:
     margins (P,); levels [N, N·mm], a row for each centre of states (without: of the tube); dense_centres (M, 6),
     dense_bandwidth and dense_start D0; boundary_root s_b; shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows
     is None in files of before: states; box, border and confirmation (only for a structure whose loads do not come from
-    its root loads); growth (L,) and growth_start u_0.
+    its root loads); growth (L,) and growth_start u_0. off_space follows from the scene: a surrogate puts it in, and no
+    file holds it.
     """
 
     scales: Array
@@ -82,6 +84,7 @@ class Trust:
     growth: Array | None = None
     growth_start: float | None = None
     states: States | None = None
+    off_space: OffSpace | None = None
 
     def __post_init__(self) -> None:
         for name, numbers in self.numbers().items():
@@ -95,9 +98,9 @@ class Trust:
                 raise ValueError(f"trust: {name} are {numbers}, expected columns of a pose, 0 to 5")
 
     def numbers(self) -> dict[str, Array]:
-        """All that is given, by name; the numbers of parts as "box/low"."""
+        """All that is given and not the scene's, by name; the numbers of parts as "box/low"."""
         given: dict[str, Array] = {}
-        for field in fields(self):
+        for field in (field for field in fields(self) if field.name != "off_space"):
             value = getattr(self, field.name)
             if is_dataclass(value):
                 inner = {f"{field.name}/{part.name}": getattr(value, part.name) for part in fields(value)}
@@ -121,6 +124,8 @@ class Trust:
         ]
         if self.box is not None:
             causes.append(self.box.excess(poses))
+        if self.off_space is not None:
+            causes.append(self.off_space.excess(poses))
         if self.border is not None:
             causes.append(self.border.excess(poses, roots))
         if self.confirmation is not None and claims is not None:
@@ -171,6 +176,8 @@ class Trust:
         ]
         if self.box is not None:
             causes.append(self.box.expression(pose))
+        if self.off_space is not None:
+            causes.append(self.off_space.expression(pose))
         if self.border is not None:
             causes.append(self.border.expression(pose, roots))
         if self.confirmation is not None and claims is not None:

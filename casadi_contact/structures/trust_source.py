@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.scenes.pose_space import OFF_SPACE
 from casadi_contact.structures.cubic_logistic import cubic_terms
+from casadi_contact.structures.distrust import STEEPNESS
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import padded
 from casadi_contact.transcription.kernel.source import c_text
@@ -41,6 +43,7 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
+        "BOUND": 0 if trust.off_space is None else len(trust.off_space.columns),
         "BORDER": 0 if border is None else len(border.scale),
         "CONFIRMATION": int(confirmation is not None),
         "STATES": 0 if states is None else len(states.centres),
@@ -53,6 +56,8 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "DENSE_BANDWIDTH": trust.dense_bandwidth,
         "DENSE_START": trust.dense_start,
         "BOUNDARY_ROOT": trust.boundary_root,
+        "OFF_SPACE": OFF_SPACE,
+        "STEEPNESS": STEEPNESS,
         "GROWTH_START": trust.growth_start or 0.0,
     }
     tables: dict[str, np.ndarray] = {
@@ -64,7 +69,7 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "growth_loads": picked(trust.growth_loads),
         **{name: getattr(trust, name) for name in ("root_low", "root_high", "margin_low", "margin_high")},
     }
-    for name, part in (("box", box), ("border", border), ("confirmation", confirmation)):
+    for name, part in (("box", box), ("bound", trust.off_space), ("border", border), ("confirmation", confirmation)):
         if part is not None:
             kinds = {"columns": int}
             tables |= {f"{name}_{key}": np.asarray(value, kinds.get(key, float)) for key, value in vars(part).items()}

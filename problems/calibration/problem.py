@@ -68,8 +68,9 @@ class Calibration:
 
 
 def build(model: CompiledFoundation, measured: Measurement, parameters: Iterable[str] = DEFAULT) -> Calibration:
-    """Pose the problem. Raises ValueError for parameters that are none of the foundation's (see its `function`), and
-    for fewer measured loads than parameters."""
+    """Pose the problem. Raises ValueError for parameters that are none of the foundation's (see its `function`), for
+    fewer measured loads than parameters, and for a scene that locks or ties pose parameters: all six are measured."""
+    model.scene.pose_space.check_whole("calibration")
     names = check_parameters(parameters, model.scene.material)
     if measured.loads.size < len(names) or not names:
         raise ValueError(f"{measured.loads.size} measured loads, {len(names)} parameters: expected as many at least")

@@ -81,8 +81,10 @@ def pressed_along(scene: Scene) -> set[str]:
 def build(model: ContactModel, waveforms: Waveforms | None = None, rig: Rig | None = None) -> KneeSimulator:
     """Equations of motion on a surrogate or any contact model; waveforms: WALKING at `LOAD_SCALE` if left out.
 
-    Raises ValueError for a scene whose patches are not all pressed from above, as those of a knee are.
+    Raises ValueError for a scene whose patches are not all pressed from above, as those of a knee are, or which locks
+    or ties pose parameters.
     """
+    model.scene.pose_space.check_whole("a knee simulator")
     pressed = pressed_along(model.scene)
     if pressed != DOWN:
         raise ValueError(

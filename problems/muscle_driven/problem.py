@@ -98,8 +98,9 @@ def build(
     """Equations of motion on a surrogate, a foundation or any contact model.
 
     Raises ValueError for an inverse solution with frames that muscles do not balance, compliant tendons, or other
-    balanced coordinates than `BALANCED`.
+    balanced coordinates than `BALANCED`, and for a scene that locks or ties pose parameters.
     """
+    model.scene.pose_space.check_whole("a knee driven by muscles")
     leg, walk = Leg() if leg is None else leg, inverse.walk
     if inverse.balanced != BALANCED or not solved.converged.all() or solved.overloaded.any():
         raise ValueError(f"walk {walk.name}: expected {', '.join(BALANCED)} balanced in every frame by muscles alone")

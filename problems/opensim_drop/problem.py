@@ -29,6 +29,7 @@ class Drop:
     start_pose: Array = field(init=False)
 
     def __post_init__(self) -> None:
+        self.surrogate.scene.pose_space.check_whole("a body that falls")
         positive = (self.mass_kg, self.inertia_kgm2, self.duration_s)
         if not (np.isfinite(positive).all() and min(positive) > 0.0):
             raise ValueError(f"mass, inertia and duration are {positive}, expected positive numbers")

@@ -109,8 +109,9 @@ def build(
     periodic: bool = True,
     steadiness: float = 1e-4,
 ) -> OptimalControl:
-    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals, a negative steadiness, and
-    loads that lack a component of the wrench."""
+    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals, a negative steadiness, loads
+    that lack a component of the wrench, and a scene that locks or ties pose parameters."""
+    model.scene.pose_space.check_whole("optimal control")
     rig, steps = wanted.rig, pose_steps(model.scene.sensitive_pose)
     if not steadiness >= 0.0:
         raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")

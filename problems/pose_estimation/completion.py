@@ -151,5 +151,5 @@ def _again(problem: PoseEstimation, poses: Array, rows: np.ndarray) -> tuple[np.
         answer, spent = solve_alone(solver, poses[k, columns] / steps, wanted[k], lower, upper)
         iterations += spent
         if answer is not None:
-            poses[k, columns], again[k] = answer * steps, True
+            poses[[k]], again[k] = problem.contact.moved(poses[[k]], answer), True
     return again, iterations

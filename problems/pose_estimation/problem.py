@@ -1,7 +1,7 @@
 """Pose estimation: the poses of a cycle that carry measured loads and centres of pressure ([EF15 §3.3], any scene).
 
-Measured pose parameters are locked, all others of every frame are free: for a knee ry and rz, and tx, ty, tz, rx. All
-frames stand in one IPOPT problem with exact Hessian:
+Measured pose parameters are locked, all others of every frame are free that the scene neither locks nor ties: for a
+knee ry and rz are measured, and tx, ty, tz, rx are free. All frames stand in one IPOPT problem with exact Hessian:
 
     min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    with q_k in the learned range
 
@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
+from casadi_contact.conventions import POSE_IN_MM, Array
 from casadi_contact.optimisation import ContactFrames, pose_steps
 from casadi_contact.sampling import reference
 from casadi_contact.scenes import Scene
@@ -82,11 +82,16 @@ class PoseEstimation:
     @property
     def parameters(self) -> Array:
         """What `one_frame` is told of each frame (n, wanted + locked)."""
-        return np.column_stack([*self.wanted.values.values(), *self.cycle.measured_pose().values()])
+        return np.column_stack([*self.wanted.values.values(), *self.measured.values()])
+
+    @property
+    def measured(self) -> dict[str, Array]:
+        """The measured pose parameters by name, each (n,)."""
+        return measured_pose(self.model.scene, self.cycle)
 
     def one_frame(self) -> dict[str, Any]:
         """The nlp of one frame alone, with a row of `parameters` as its parameters."""
-        names, locked = tuple(self.wanted.values), tuple(self.cycle.measured_pose())
+        names, locked = tuple(self.wanted.values), tuple(self.measured)
         given = ca.MX.sym("given", len(names) + len(locked))
         parts = ca.vertsplit(given)
         wanted, measured = dict(zip(names, parts, strict=False)), dict(zip(locked, parts[len(names) :], strict=True))
@@ -99,14 +104,20 @@ class PoseEstimation:
         return self.contact.start_poses()
 
 
+def measured_pose(scene: Scene, cycle: Cycle) -> dict[str, Array]:
+    """The pose parameters that a cycle measures and the scene leaves free, by name, each (n,); ValueError for measured
+    ones that contradict what the scene locks or ties."""
+    return scene.pose_space.free_curves(cycle.measured_pose(), f"cycle {cycle.name}")
+
+
 def wanted_loads(scene: Scene, cycle: Cycle) -> WantedLoads:
     """What a cycle wants of a scene's contact.
 
-    Raises ValueError for loads that the scene lacks, and for a cycle that measures too little to tell the pose, or so
-    much that nothing is free to press.
+    Raises ValueError for loads that the scene lacks, for a cycle that measures too little to tell the pose, or so much
+    that nothing is free to press, and as `measured_pose` does.
     """
-    wanted, measured = WantedLoads.of(scene, cycle.wanted()), cycle.measured_pose()
-    free = [name for name in POSE_NAMES if name not in measured]
+    wanted, measured = WantedLoads.of(scene, cycle.wanted()), measured_pose(scene, cycle)
+    free = [name for name in scene.pose_space.free_names if name not in measured]
     if len(wanted.values) < len(free):
         raise ValueError(
             f"cycle {cycle.name}: {len(wanted.values)} loads ({', '.join(wanted.values)}) cannot tell "
@@ -132,7 +143,8 @@ def build(
     """
     if not 0.0 <= smoothness < np.inf:
         raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
-    count, wanted, measured = len(cycle.time_s), wanted_loads(model.scene, cycle), cycle.measured_pose()
+    count, wanted = len(cycle.time_s), wanted_loads(model.scene, cycle)
+    measured = measured_pose(model.scene, cycle)
     contact = ContactFrames(model, count, locked=measured, loads=wanted.load_names, compiled=compiled)
     residuals = contact.misfit(wanted.values)
     q, objective = contact.q, 0.5 * ca.sumsqr(residuals)

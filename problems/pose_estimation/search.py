@@ -71,7 +71,7 @@ class _Attempts:
         self.reason = np.full(len(poses), "", dtype=object)
         self._model, self._free, self._targets = model, problem.free, problem.wanted.targets()
         self._wanted = wanted if self._targets else np.zeros(len(poses), dtype=bool)
-        self._measured = {pose_index(name): curve for name, curve in problem.cycle.measured_pose().items()}
+        self._measured = {pose_index(name): curve for name, curve in problem.measured.items()}
         self._tried: set[tuple[int, int]] = set()
 
     def settle(self, rows: np.ndarray, begin: Array) -> None:

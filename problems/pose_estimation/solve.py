@@ -69,7 +69,7 @@ def solve(
     answer = solver(x0=begin, lbx=np.where(held, begin, contact.lower), ubx=np.where(held, begin, contact.upper))
     outcome = IpoptOutcome.of(solver)
     x = np.asarray(answer["x"]).reshape(-1, len(steps))
-    poses[:, contact.columns] = x * steps
+    poses = contact.moved(poses, x)
     result = _result(problem, poses, outcome, outcome.iterations, time.perf_counter() - began)
     close = result.converged[loaded]
     if not alone or problem.smoothness > 0.0 or close.all() or not close.any():
@@ -78,7 +78,7 @@ def solve(
     frames = x[loaded]
     more = march(one, frames, problem.parameters[loaded], close, *bounds)
     x[loaded] = frames
-    poses[:, contact.columns] = x * steps
+    poses = contact.moved(poses, x)
     return _result(problem, poses, outcome, outcome.iterations + more, time.perf_counter() - began)
 
 
@@ -93,8 +93,9 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
     model, columns = problem.model, problem.contact.columns
     low, high = pose_bounds(model)
     poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
-    for name, curve in problem.cycle.measured_pose().items():
+    for name, curve in problem.measured.items():
         poses[:, pose_index(name)] = curve
+    poses = model.scene.pose_space.onto(poses)
     pressing = problem.wanted.pressing
     if not pressing or not set(model.scene.sensitive_pose) <= set(problem.free):
         return poses

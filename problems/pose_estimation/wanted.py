@@ -67,8 +67,9 @@ class WantedLoads:
 
     @property
     def pressing(self) -> dict[str, Array]:
-        """The wanted loads that the patches' normal loads are made of, of patches that have them all."""
-        normals = [n for n in self.scene.normal_loads if set(n.loads) <= set(self.values)]
+        """The wanted loads that normal loads are made of, those that can be set one by one (`Scene.pressed`) and are
+        wanted with all their parts."""
+        normals = [n for n in self.scene.pressed if set(n.loads) <= set(self.values)]
         return {name: self.values[name] for normal in normals for name in normal.loads}
 
     def got(self, loads: Array) -> Array:

@@ -64,7 +64,9 @@ def build(
     intervals: int = 24,
     degree: int = 3,
 ) -> Squat:
-    """Transcribe the squat. Raises ValueError for a depth that is no squat, and as `Collocation` does."""
+    """Transcribe the squat. Raises ValueError for a depth that is no squat, for a scene that locks or ties pose
+    parameters, and as `Collocation` does."""
+    model.scene.pose_space.check_whole("a squat")
     if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not duration_s > 0.0:
         raise ValueError(
             f"depth {depth_deg} deg, {duration_s} s: expected a knee flexion above {STANDING_FLEXION_DEG:g} and up to "

@@ -50,12 +50,14 @@ def run(
     writable_folder(out)
     source = ContactSource.of(surrogate, scene)
     model = source.load()
-    angles = np.radians(numbers(flexions, "flexions"))
+    space, angles = model.scene.pose_space, np.radians(numbers(flexions, "flexions"))
+    space.free_curves({"rz": -angles}, "flexions")
     rest = np.tile(middle_pose(model), (len(angles), 1))
     rest[:, [pose_index(name) for name in ("tx", "tz", "ry")]] = 0.0
     rest[:, pose_index("rz")] = -angles
+    rest = space.onto(rest)
     loads = np.tile([fx, fy, fz, tx, ty, tz], (len(angles), 1))
-    free = POSE_NAMES if soft else FREE
+    free = [name for name in (POSE_NAMES if soft else FREE) if not space.bound(name)]
     springs = np.array([SOFT_TISSUE[name] for name in POSE_NAMES]) if soft else None
 
     def on(chosen: SymbolicContact) -> StaticEquilibrium:

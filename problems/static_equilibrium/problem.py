@@ -5,7 +5,8 @@ about its origin or the moving one. For the free pose parameters i the generalis
 
     r_i(q) = Q_i(q; loads) - Q_i(q; W(q)) - k_i·(q_i - rest_i) = 0    [N, N·mm]
 
-(Q as in `generalised_forces`, W the contact's wrench, k the stated soft-tissue stiffness), solved as
+(Q as in `generalised_forces`, W the contact's wrench, k the stated soft-tissue stiffness; what the scene ties to a free
+parameter follows it, and its force counts by the slope of the tie), solved as
 
     min ½ Σ |r_i / L_i|²    with q in the learned range, L = 1 for forces and 25 mm for torques
 
@@ -29,7 +30,15 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, middle_pose, pose_bounds, wrench_function
+from casadi_contact.optimisation import (
+    KNEE_STEPS,
+    generalised_forces,
+    middle_pose,
+    pose_bounds,
+    pose_in_space,
+    wrench_function,
+)
+from casadi_contact.scenes.pose_space import PoseSpace
 
 FREE = ("tx", "ty", "tz", "rx", "ry")
 SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.0e5}  # [N/mm, N·mm/rad]
@@ -61,15 +70,20 @@ class StaticEquilibrium:
         return [pose_index(name) for name in self.free]
 
 
-def residual_function(contact: ca.Function, free: Sequence[str], about: str, stiffness: Array) -> ca.Function:
-    """(scaled free q (f), loads (6), rest (6)) -> r/L of the free parameters (f) [N]."""
+def residual_function(
+    contact: ca.Function, free: Sequence[str], about: str, stiffness: Array, space: PoseSpace
+) -> ca.Function:
+    """(scaled free q (f), loads (6), rest (6)) -> r/L of the free parameters (f) [N], in a scene's pose space."""
     columns = [pose_index(name) for name in free]
     q, loads, rest = ca.MX.sym("q", len(columns)), ca.MX.sym("loads", 6), ca.MX.sym("rest", 6)
     entries = [q[columns.index(i)] * KNEE_STEPS[i] if i in columns else rest[i] for i in range(6)]
-    pose = ca.vertcat(*entries)
+    pose = pose_in_space(space, ca.vertcat(*entries))
     given = generalised_forces(pose, loads, about=about)
     carried = generalised_forces(pose, contact(pose))
-    r = (given - carried - ca.DM(stiffness) * (pose - rest)) / ca.DM(POSE_IN_MM)
+    forces = given - carried - ca.DM(stiffness) * (pose - rest)
+    if not space.whole:
+        forces = ca.mtimes(ca.sparsify(ca.DM(space.matrix.T)), forces)
+    r = forces / ca.DM(POSE_IN_MM)
     return ca.Function("residuals", [q, loads, rest], [r[columns]])
 
 
@@ -84,17 +98,18 @@ def build(
 ) -> StaticEquilibrium:
     """Pose the problem for loads (n, 6) about the ``fixed`` or ``moving`` origin.
 
-    rest: poses (n, 6) or (6,) that hold the locked parameters and where springs are slack (the middle of the learned
-    range if left out); stiffness (6,) [N/mm, N·mm/rad], none if left out.
-    Raises ValueError for wrong shapes, unknown names, negative stiffness, or six free parameters without a spring
-    on rz.
+    rest: poses (n, 6) or (6,) of the scene's pose space that hold what is not free and where springs are slack (the
+    middle of the learned range if left out); stiffness (6,) [N/mm, N·mm/rad], none if left out.
+    Raises ValueError for wrong shapes, unknown names, negative stiffness, six free parameters without a spring on rz,
+    and for free names and rest poses that contradict what the scene locks or ties.
     """
     wanted = np.atleast_2d(np.asarray(loads, dtype=float))
     if wanted.ndim != 2 or wanted.shape[1] != 6 or not np.isfinite(wanted).all():
         raise ValueError(f"loads has shape {wanted.shape}, expected finite (n, 6): {' '.join(WRENCH_NAMES)}")
     if not free or len(set(free)) != len(free):
         raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
-    columns = [pose_index(name) for name in free]
+    columns, space = [pose_index(name) for name in free], model.scene.pose_space
+    space.check_free(free)
     springs = np.zeros(6) if stiffness is None else np.asarray(stiffness, dtype=float)
     if springs.shape != (6,) or not (np.isfinite(springs) & (springs >= 0.0)).all():
         raise ValueError(f"stiffness is {springs.tolist()}, expected 6 numbers >= 0: {' '.join(POSE_NAMES)}")
@@ -105,7 +120,8 @@ def build(
     poses = as_poses(np.broadcast_to(at, (count, 6)) if at.shape == (6,) else at)
     if len(poses) != count:
         raise ValueError(f"rest has {len(poses)} poses, expected one, or one for each of {count} loads")
-    residual = residual_function(wrench_function(model), free, about, springs)
+    space.free_curves(dict(zip(POSE_NAMES, poses.T, strict=True)), "rest")
+    residual = residual_function(wrench_function(model), free, about, springs, space)
     q = ca.MX.sym("q", len(columns), count)
     residuals = residual.map(count)(q, ca.DM(wanted.T), ca.DM(poses.T))
     nlp = {"x": ca.vec(q), "f": 0.5 * ca.sumsqr(residuals)}

@@ -59,6 +59,7 @@ def solve(
     outcome = IpoptOutcome.of(solver)
     q = np.asarray(answer["x"]).reshape(len(columns), -1, order="F")
     poses[:, columns] = q.T * KNEE_STEPS[columns]
+    poses = problem.model.scene.pose_space.onto(poses)
     misfit = np.asarray(problem.residuals(q)).T
     converged = np.abs(misfit).max(axis=1) <= TOLERANCE_N
     return EquilibriumResult(
@@ -79,9 +80,9 @@ def on_model(
     """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by SciPy's
     Powell hybrid method with the model's Jacobian; NaN where none is found, and but for rows (n,), those solved if
     left out."""
-    columns = problem.columns
+    columns, space = problem.columns, problem.model.scene.pose_space
     contact = wrench_function(model)
-    residual = residual_function(contact, problem.free, problem.about, problem.stiffness)
+    residual = residual_function(contact, problem.free, problem.about, problem.stiffness, space)
     q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
     slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
     found = np.full_like(result.poses, np.nan)
@@ -95,7 +96,7 @@ def on_model(
         if np.abs(answer.fun).max() <= TOLERANCE_N:
             found[row] = problem.rest[row]
             found[row, columns] = answer.x * KNEE_STEPS[columns]
-    return found
+    return space.onto(found)
 
 
 def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome) -> np.ndarray:

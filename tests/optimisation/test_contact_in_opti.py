@@ -167,7 +167,7 @@ def test_wrong_wishes_are_refused(knee, wanted, said):
         ({"frames": 0}, "frames is 0"),
         ({"locked": {"rz": -5.0}}, "rz is locked at -5 to -5, the surrogate learned"),
         ({"locked": {"flexion": 0.0}}, "unknown pose parameter 'flexion'"),
-        ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "all six pose parameters"),
+        ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "all free pose parameters"),
         ({"loads": ("Fy_med", "My")}, "My"),
     ],
 )

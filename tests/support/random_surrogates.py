@@ -52,10 +52,11 @@ def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic"
     kind, networks = STRUCTURES["trunk" if structure == IN_SPOTS else structure], {}
     outputs = kind.network_outputs(scene)
     for name, inputs in kind.network_inputs(scene).items():
-        shift, scale = np.zeros(inputs), np.full(inputs, 500.0)
+        shift, scale = np.zeros(max(inputs, 6)), np.full(max(inputs, 6), 500.0)
         shift[:6], scale[:6] = POSE_CENTRE, POSE_SPREAD
         if structure != "two_stage":
             shift[:3] += scene.anchors_mm[[p in name.split("_") for p in scene.patch_names].index(True)]
+            shift, scale = shift[list(scene.pose_space.free)], scale[list(scene.pose_space.free)]
             output = 1.5 if name.startswith("root") else (20.0 if "_T" in name else 0.3)
             if outputs[name] > 1:
                 output = np.linspace(0.3, 20.0, outputs[name])

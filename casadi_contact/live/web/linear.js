@@ -15,6 +15,17 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const size = (a) => Math.hypot(...a);
 export const scaled = (a, factor) => a.map((part) => part * factor);
 
+/** Poses that a joint can take, M q + c, with held: {matrix, offset}, null where all are free: onto(pose), and
+ * along(slopes), derivatives by the free parameters from those by the pose. */
+export function poseSpace(held) {
+  if (!held) return { onto: (pose) => pose, along: (slopes) => slopes };
+  const { matrix, offset } = held;
+  return {
+    onto: (pose) => matrix.map((row, k) => row.reduce((sum, m, j) => sum + m * pose[j], offset[k])),
+    along: (slopes) => slopes.map((_, j) => slopes.reduce((sum, slope, k) => sum + slope * matrix[k][j], 0)),
+  };
+}
+
 /** x of A x = b by elimination with pivots; A: rows. */
 export function solved(A, b) {
   const n = b.length;

@@ -23,6 +23,14 @@ export function stoOf(content, loads) {
   return `${[...head, "endheader", labels, ...rows].join("\n")}\n`;
 }
 
+/** What holds column k of a pose that does not settle, in Python: the start, or what the scene locks or ties it to. */
+function heldAt(content, k) {
+  const row = content.space?.matrix[k];
+  if (!row || row[k] === 1) return `start[${k}]`;
+  const to = row.findIndex((slope) => slope !== 0);
+  return to < 0 ? `${content.space.offset[k]}` : `${content.space.offset[k]} + ${row[to]} * pose[${to}]`;
+}
+
 /** Python of an optimisation that begins at the pose and asks for its loads. */
 export function optiOf(content, pose, wanted) {
   const { free, loads } = content.settle;
@@ -39,7 +47,7 @@ export function optiOf(content, pose, wanted) {
     "opti.set_initial(pose, start)",
     "loads = model.function()(pose)",
     ...loads.map((name, i) => `opti.subject_to(loads[${all.indexOf(name)}] == ${wanted[i]})  # ${name}`),
-    ...fixed.map(([name, k]) => `opti.subject_to(pose[${k}] == start[${k}])  # ${name}`),
+    ...fixed.map(([name, k]) => `opti.subject_to(pose[${k}] == ${heldAt(content, k)})  # ${name}`),
     'opti.solver("ipopt")',
     "solution = opti.solve()",
     "print(solution.value(pose), solution.value(loads))",

@@ -1,6 +1,6 @@
 /** Settling: the free pose parameters that carry wanted loads, by damped Newton steps on root loads, as cc.settle. */
 
-import { dot, leastSquares, scaled, size } from "./linear.js";
+import { dot, leastSquares, poseSpace, scaled, size } from "./linear.js";
 
 const LEVER_MM = 25;
 const LIMIT_MM = 2;
@@ -50,11 +50,12 @@ function rootVector(force, by, s, ds, referenceLoad) {
   return { vector: scaled(closing, s), slope: closing.map((part) => ds.map((of) => part * of)) };
 }
 
-/** {pose, converged, steps, misfit [N]}; free: columns of the pose. */
+/** {pose, converged, steps, misfit [N]}; free: columns of the pose. What the scene ties follows, what it locks stays. */
 export function settle(model, content, start, free, target) {
   const scales = free.map((k) => (k < 3 ? 1 : 1 / LEVER_MM));
-  const reduced = (J) => J.map((row) => free.map((k, i) => row[k] * scales[i]));
-  let pose = Array.from(start);
+  const space = poseSpace(content.space);
+  const reduced = (J) => J.map(space.along).map((row) => free.map((k, i) => row[k] * scales[i]));
+  let pose = space.onto(Array.from(start));
   let now = residuals(model, content, pose, target);
   let fraction = 1;
   let steps = 0;
@@ -63,8 +64,9 @@ export function settle(model, content, start, free, target) {
     const step = leastSquares(J, now.r.map((part) => -part));
     const length = Math.max(...step.map(Math.abs));
     const reach = Math.min(fraction, LIMIT_MM / length);
-    const trial = Array.from(pose);
-    free.forEach((k, i) => (trial[k] += reach * step[i] * scales[i]));
+    const moved = Array.from(pose);
+    free.forEach((k, i) => (moved[k] += reach * step[i] * scales[i]));
+    const trial = space.onto(moved);
     const next = residuals(model, content, trial, target);
     // Natural monotonicity: the step that is left, by the old Jacobian, must shrink.
     const left = Math.max(...leastSquares(J, next.r).map(Math.abs));

@@ -31,7 +31,7 @@ _NEAR_MM, _CURVED_MM = 1e-5, 1e-3  # where one-sided values and slopes, and seco
 def path(model: Any, pose: Array, frames: int) -> tuple[Array, Array, np.ndarray]:
     """Poses (frames, 6) under the torque, Jacobians used per frame, and whether each frame is in equilibrium."""
     contact = wrench_function(model)
-    residual = residual_function(contact, FREE, "fixed", STIFFNESS)
+    residual = residual_function(contact, FREE, "fixed", STIFFNESS, model.scene.pose_space)
     symbols = [ca.MX.sym(name, size) for name, size in (("q", len(FREE)), ("loads", 6), ("rest", 6))]
     slope = ca.Function("slope", symbols, [ca.jacobian(residual(*symbols), symbols[0])])
     scale = KNEE_STEPS[_COLUMNS]

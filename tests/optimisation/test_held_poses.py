@@ -1,0 +1,73 @@
+"""What a scene locks or ties holds in optimisation problems: variables are the free parameters alone."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.optimisation import middle_pose, shear_free_poses
+from tests.support.compiler import needs_compiler
+from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
+
+WANTED = {"Fy": -300.0, "Fx": -20.0}
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return cc.contact.symbolic(cc.ElasticFoundation(held_ball(), (60, 60)))
+
+
+def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
+    frames = cc.ContactFrames(ball, 2)
+    assert frames.free == ("tx", "ty", "rz")
+    pose = ca.Function("pose", [frames.q], [frames.pose])
+    values = np.random.default_rng(0).normal(size=(3, 2))
+    poses = pose(values).full().T
+    np.testing.assert_allclose(poses[:, 2], AT_ZERO + SLOPE * poses[:, 0])
+    np.testing.assert_array_equal(poses[:, 3:5], np.tile([LOCKED, 0.0], (2, 1)))
+    np.testing.assert_allclose(frames.moved(np.zeros((2, 6)), values.T), poses)
+    np.testing.assert_allclose(frames.variables(poses), values.T.ravel())
+
+
+def test_a_tied_contact_in_opti_carries_its_loads_on_the_tie(ball):
+    opti = ca.Opti()
+    contact = cc.ContactInOpti(opti, ball, locked={"rz": 0.1})
+    contact.carry(WANTED)
+    opti.minimize(0)
+    opti.solver("ipopt", contact.options())
+    (pose,) = contact.poses(opti.solve())
+    assert pose[2] == pytest.approx(AT_ZERO + SLOPE * pose[0])
+    np.testing.assert_allclose(ball(pose[None], tuple(WANTED))[0], list(WANTED.values()), atol=1e-3)
+    settled, _ = cc.settle(ball, pose[None], ("tx", "ty"), WANTED)
+    np.testing.assert_allclose(settled[0], pose, atol=1e-6)
+
+
+def test_starts_lie_on_the_space(ball):
+    space = ball.scene.pose_space
+    for poses in (middle_pose(ball), cc.ContactFrames(ball, 2).start_poses({"Fy": [-300.0, -5.0]})):
+        np.testing.assert_allclose(poses, space.onto(poses), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("locked", "said"),
+    [
+        ({"rx": 0.1}, "locked: rx is locked at 0.05 by the scene, given up to 0.05 off that, .* leave rx out"),
+        ({"tx": 0.4, "tz": 0.0}, "locked: tz is tied to tx by the scene, given up to 0.4 off that"),
+        ({"tz": 0.4}, "locked: tz is tied to tx by the scene, which is not given"),
+        ({"ry": ca.MX.sym("ry")}, "locked to an expression: ry is locked at 0 by the scene"),
+    ],
+)
+def test_locks_of_a_problem_that_contradict_the_scene_are_refused(ball, locked, said):
+    with pytest.raises(ValueError, match=said):
+        cc.ContactFrames(ball, locked=locked)
+
+
+def test_locks_of_a_problem_that_agree_with_the_scene_are_not_needed(ball):
+    assert cc.ContactFrames(ball, locked={"rx": LOCKED, "rz": 0.1, "tx": 0.4, "tz": 0.4}).free == ("ty",)
+
+
+@needs_compiler
+def test_what_needs_all_six_says_which_are_held():
+    knee = cc.contact.PolarFoundation(scene_held("knee", {"locked": {"tz": 0.0}}), cc.contact.Rays(8, 2))
+    with pytest.raises(ValueError, match=r"moves all six .* tz is locked at 0 by the scene: take it out"):
+        shear_free_poses(knee, np.zeros(1), np.zeros(1))
