@@ -151,3 +151,25 @@ def ball_mesh(radius, edge):
 def groove(x, z):
     """A valley along x with straight sides that rise by 0.5, rounded over 4 mm, for `sheet_mesh`."""
     return 0.5 * (np.sqrt(z**2 + 4.0**2) - 4.0) + 0.0 * x
+
+
+def wheel_mesh(radius, half_width, edge):
+    """A closed cylinder about the z axis, with sharp edges: vertices, faces."""
+    around, across = round(2.0 * np.pi * radius / edge), max(2, round(2.0 * half_width / edge)) + 1
+    azimuth, z = 2.0 * np.pi * np.arange(around) / around, np.linspace(-half_width, half_width, across)
+    tread = np.stack(
+        [
+            np.repeat(radius * np.cos(azimuth), across),
+            np.repeat(radius * np.sin(azimuth), across),
+            np.tile(z, around),
+        ],
+        axis=1,
+    )
+    points = np.concatenate([tread, [[0.0, 0.0, -half_width], [0.0, 0.0, half_width]]])
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(around), np.arange(across - 1), indexing="ij"))
+    a, b = i * across + j, (i + 1) % around * across + j
+    first = np.arange(around) * across
+    last, middles = first + across - 1, np.full((2, around), [[len(tread)], [len(tread) + 1]])
+    sides = [[middles[0], first, np.roll(first, -1)], [middles[1], last, np.roll(last, -1)]]
+    faces = np.concatenate([np.stack(three, axis=1) for three in ([a, b, a + 1], [b, b + 1, a + 1], *sides)])
+    return points, outward(points, faces, lambda middle: middle)

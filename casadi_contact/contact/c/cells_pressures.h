@@ -8,29 +8,79 @@ INLINE Lanes high_power(Lanes x) {
   return y;
 }
 
-/* Area, sums of area s^POWER and of area s^(POWER + 1), s in thicknesses, and what each changes by in the corners' values */
+/* Of nodes, by slot: derivatives by twist, axes of the moving body, of the share at [SHARE] */
+#define SHARE 6
+static __thread double facing[MOST_NODES + BLOCK][8] __attribute__((aligned(64)));
+
+/* Share of a node's depth that may be the largest, and its slope: see quadrature.py */
+INLINE Lanes facing_share(Lanes sigma, Lanes *slope) {
+  const Lanes x = smaller_of(larger_of((sigma - STEEP_RAY) * (1.0 / STEEP_RAY_WIDTH), all(0.0)), all(1.0));
+  *slope = (1.0 - FLATTEST) * 30.0 / STEEP_RAY_WIDTH * x * x * (1.0 - x) * (1.0 - x);
+  return FLATTEST + (1.0 - FLATTEST) * x * x * x * (10.0 + x * (6.0 * x - 15.0));
+}
+
+/* The shares of all corners that `fill_nodes` looked at */
+FUNCTION void fill_facing(const Patch *p, const double *pose, const Frame *frame, const Scratch *s) {
+  KEEP_LOOP for (int k = 0; k < s->agains; k += BLOCK) {
+    int ids[BLOCK];
+    Lanes first, share, slope, rate[6];
+    Depth at;
+    for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[s->again[k + l]], first[l] = s->value[s->again[k + l]][3];
+    depth_at(p->nodes, ids, &first, pose, frame, 1, &at);
+    share = facing_share(at.sigma, &slope);
+    for (int a = 0; a < 6; a++) rate[a] = all(0.0);
+    if (any(slope != 0.0)) {
+      DepthSlopes by;
+      Lanes curved;
+      depth_at(p->nodes, ids, &first, pose, frame, 2, &at);
+      slopes_of_depth(&at, frame, &by);
+      curved = at.moves * dot_of(by.n, by.bent_n);
+      for (int a = 0; a < 6; a++) rate[a] = slope * (curved * by.by_d[a] - by.by_n[a]);
+    }
+    for (int l = 0; l < BLOCK; l++) {
+      double *of = facing[s->again[k + l]];
+      for (int a = 0; a < 6; a++) of[a] = rate[a][l];
+      of[SHARE] = share[l];
+    }
+  }
+}
+
+/* Area, sums of area s^POWER and of area s^(POWER + 1), s in thicknesses, and what each changes by in the corners'
+ * values; the latter two also by the corners' shares */
 typedef struct {
-  Lanes sum[3], rate[3][12];
+  Lanes sum[3], rate[3][12], by_share[3][4];
 } Depths;
 
 INLINE void add_depths(const Patch *p, const Scratch *s, const int *chosen, int count, Depths *of) {
   const Presence present = presence_of(p, s, chosen, count);
-  Lanes v[12], unused[4], corner[4];
+  Lanes v[12], faced[12], unused[4], corner[4], share_of[4];
   corner_values(s, chosen, v, unused);
   for (int c = 0; c < 4; c++) {
-    for (int l = 0; l < BLOCK; l++) corner[c][l] = p->nodes[s->ids[s->corners[chosen[l]][c]]].loads[6];
+    for (int l = 0; l < BLOCK; l++) {
+      const int slot = s->corners[chosen[l]][c];
+      corner[c][l] = p->nodes[s->ids[slot]].loads[6], share_of[c][l] = facing[slot][SHARE];
+    }
+    for (int i = 3 * c; i < 3 * c + 3; i++) faced[i] = share_of[c] * v[i];
   }
   memset(of, 0, sizeof *of);
   KEEP_LOOP for (int r = 0; r < SUB_POINTS; r++) {
     Lanes slope, bend, third, area = all(0.0), by[3], high, x;
-    x = positive_ramp(depth_of(v, r), WIDTH, &slope, &bend, &third) * (1.0 / THICKNESS);
     for (int c = 0; c < 4; c++) area += share[r][c] * corner[c];
     area *= present_at(&present, r);
+    positive_ramp(depth_of(v, r), WIDTH, &slope, &bend, &third);
+    of->sum[0] += area * slope, by[0] = area * bend;
+    x = positive_ramp(depth_of(faced, r), WIDTH, &slope, &bend, &third) * (1.0 / THICKNESS);
     high = area * high_power(x);
-    by[0] = area * bend, by[1] = POWER / THICKNESS * high * slope, by[2] = (POWER + 1.0) / THICKNESS * x * high * slope;
-    of->sum[0] += area * slope, of->sum[1] += x * high, of->sum[2] += x * x * high;
+    by[1] = POWER / THICKNESS * high * slope, by[2] = (POWER + 1.0) / THICKNESS * x * high * slope;
+    of->sum[1] += x * high, of->sum[2] += x * x * high;
     for (int k = 0; k < 3; k++) {
       for (int j = 0; j < 12; j++) of->rate[k][j] += by[k] * hermite[r][j];
+    }
+  }
+  for (int k = 1; k < 3; k++) {
+    for (int j = 0; j < 12; j++) {
+      of->by_share[k][j / 3] += of->rate[k][j] * v[j];
+      of->rate[k][j] *= share_of[j / 3];
     }
   }
 }
@@ -52,6 +102,12 @@ INLINE void sum_depths(const Patch *p, const Scratch *s, double value[3], Lanes 
           for (int h = 0; h < PARTS; h++) by_twist[k][h] += of.rate[k][j][l] * lanes_at(slopes + h * BLOCK);
         }
       }
+      for (int c = 0; c < 4; c++) {
+        const double *slopes = facing[s->corners[chosen[l]][c]];
+        for (int k = 1; k < 3; k++) {
+          for (int h = 0; h < PARTS; h++) by_twist[k][h] += of.by_share[k][c][l] * lanes_at(slopes + h * BLOCK);
+        }
+      }
     }
   }
 }
@@ -59,11 +115,12 @@ INLINE void sum_depths(const Patch *p, const Scratch *s, double value[3], Lanes 
 FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, double value[6], double slope[6][6]) {
   const Patch *p = patches + patch;
   Scratch *s = own_scratch(patch);
-  double depths[3] = {0.0}, by[6][8] = {{0.0}}, rates[3][8], by_force[6], fade, fade_slope, bend, force, mean;
+  double depths[3] = {0.0}, by[6][8] = {{0.0}}, rates[3][8], by_force[6], fade, fade_slope, bend, force, mean, peak;
   Lanes by_twist[3][PARTS];
   contact_sums(p, pose, frame, 2, s);
   force = -s->sums.loads[6];
   if (!(force > 0.0)) return;
+  fill_facing(p, pose, frame, s);
   sum_depths(p, s, depths, by_twist);
   memcpy(rates, by_twist, sizeof rates);
   for (int k = 0; k < s->nodes; k++) {
@@ -74,10 +131,11 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
       for (int a = 0; a < 6; a++) by[1 + i][a] += weight * s->share[k][a];
     }
   }
-  mean = depths[2] / depths[1];
+  peak = depths[1] > 0.0 ? FULL_SHARE * THICKNESS / depths[1] : 0.0;
+  mean = depths[1] > 0.0 ? depths[2] / depths[1] : 0.0;
   value[0] = depths[0], value[5] = FULL_SHARE * THICKNESS * mean;
   for (int a = 0; a < 6; a++) {
-    by[0][a] = rates[0][a], by[5][a] = FULL_SHARE * THICKNESS / depths[1] * (rates[2][a] - mean * rates[1][a]);
+    by[0][a] = rates[0][a], by[5][a] = peak * (rates[2][a] - mean * rates[1][a]);
   }
   fade = fade_of(force, &fade_slope, &bend);
   to_fixed(frame, by[1], by_force);

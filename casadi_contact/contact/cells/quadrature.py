@@ -29,6 +29,7 @@ from casadi_contact.geometry.field_derivatives import distance_derivatives, dist
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
+STEEP_RAY, STEEP_RAY_WIDTH = 0.5, 0.25  # likewise: rays that are steeper to the surface count less for the largest depth
 SMALL_MM, SMALL_WIDTH_MM = 0.1, 0.05  # depths up to the first, within the second, need no second evaluation
 DEEPEST_START_MM = 1.0  # second evaluations start within these depths
 HIGHEST_START_MM = 0.3
@@ -98,12 +99,35 @@ class Quadrature:
     def slopes(self, touch: Touch) -> tuple[Array, Array]:
         """Derivatives by the twist of the moving body: of the nodes' weights (m, 6), of depths (k, sub-points, 6)."""
         corners, nodes = touch.corners, touch.nodes
-        slopes = self._slopes(nodes)[corners].reshape(-1, 12, 6)
-        by_depth = np.einsum("jr,kja->kra", hermite_functions(self.cells), slopes, optimize=True)
+        by_depth = self._by_depth(self._slopes(nodes)[0], touch)
         shared = np.einsum("cr,kra->kca", corner_shares(self.cells), touch.stiffness[..., None] * by_depth)
         by_node = np.zeros((len(nodes.used), 6))
         np.add.at(by_node, corners.ravel(), shared.reshape(-1, 6))
         return by_node, by_depth
+
+    def facing(self, touch: Touch) -> tuple[Array, Array]:
+        """Depths (k, sub-points) that the largest is taken of, and their derivatives by the twist of the moving body
+        (k, sub-points, 6).
+
+        Where depth is largest, inside the rims, the body's surface faces the fixed one, σ = 1. At nodes where σ is
+        small, beside an edge of the body, the nearest surface is its side, of which -g/m makes depths and slopes that
+        are no part of the contact: their values count by a share that falls from 1 to `FLATTEST`, so that the depth
+        becomes the distance to that side.
+        """
+        nodes = touch.nodes
+        slopes, by_sigma = self._slopes(nodes)
+        sigma = -np.einsum("ij,ij->i", nodes.G, self.patch.n[nodes.used])
+        step, rise = smooth_step((sigma - STEEP_RAY) / STEEP_RAY_WIDTH)
+        share = FLATTEST + (1.0 - FLATTEST) * step
+        by_share = ((1.0 - FLATTEST) / STEEP_RAY_WIDTH * rise)[:, None] * by_sigma
+        values = (share[:, None] * nodes.values)[touch.corners].reshape(-1, 12)
+        slopes = share[:, None, None] * slopes + nodes.values[..., None] * by_share[:, None]
+        return values @ hermite_functions(self.cells), self._by_depth(slopes, touch)
+
+    def _by_depth(self, slopes: Array, touch: Touch) -> Array:
+        """Derivatives by twist (k, sub-points, 6) of depths interpolated between nodes' values, from theirs."""
+        by_corner = slopes[touch.corners].reshape(-1, 12, 6)
+        return np.asarray(np.einsum("jr,kja->kra", hermite_functions(self.cells), by_corner, optimize=True))
 
     def _touch(self, R: Array, t: Array, distance: Array) -> Touch:
         """With the distances (m,) of the nodes from the body."""
@@ -138,8 +162,8 @@ class Quadrature:
         values = np.column_stack([near - FAR_MM, near_slope[:, None] * (d[:, None] * bend - along) / m[:, None]])
         return _Nodes(used, R, t, x, start, moves, G, d, values)
 
-    def _slopes(self, nodes: _Nodes) -> Array:
-        """Derivatives by twist (m, 3, 6) of the nodes' values."""
+    def _slopes(self, nodes: _Nodes) -> tuple[Array, Array]:
+        """Derivatives by twist of the nodes' values (m, 3, 6), and of σ (m, 6)."""
         p, used, d, G = self.patch, nodes.used, nodes.d, nodes.G
         n, rho = p.n[used], nodes.x - nodes.t
         H = nodes.R @ distance_derivatives(self.body, rho @ nodes.R)[2] @ nodes.R.T
@@ -159,7 +183,8 @@ class Quadrature:
         late = (d - nodes.start) * m_slope
         total = m + late * nodes.moves * np.einsum("ij,ij->i", n, bent_n)
         by_d = (_twist(G, rho) + late[:, None] * along(n)[1]) / total[:, None]
-        by_m = -m_slope[:, None] * moving(n)[1]
+        by_sigma = -moving(n)[1]
+        by_m = m_slope[:, None] * by_sigma
         near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
         near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM
         slopes = [near_slope[:, None] * by_d]
@@ -168,7 +193,7 @@ class Quadrature:
             slope = (d * b - a) / m
             by_slope = (b[:, None] * by_d + d[:, None] * by_b - by_a - slope[:, None] * by_m) / m[:, None]
             slopes.append(near_slope[:, None] * by_slope + (near_bend * slope)[:, None] * by_d)
-        return np.stack(slopes, 1)
+        return np.stack(slopes, 1), by_sigma
 
 
 @dataclass(frozen=True)

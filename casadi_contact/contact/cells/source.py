@@ -85,6 +85,8 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "WIDTH": quadrature.WIDTH_MM,
         "FLATTEST": quadrature.FLATTEST,
         "FLATTEST_WIDTH": quadrature.FLATTEST_WIDTH,
+        "STEEP_RAY": quadrature.STEEP_RAY,
+        "STEEP_RAY_WIDTH": quadrature.STEEP_RAY_WIDTH,
         "DEEPEST_START": quadrature.DEEPEST_START_MM,
         "HIGHEST_START": quadrature.HIGHEST_START_MM,
         "SMALL_DEPTH": quadrature.SMALL_MM,
