@@ -9,7 +9,10 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 
 class RayCaster:
-    """First hits of rays on a mesh, by Embree (through trimesh and embreex), which works in single precision."""
+    """First hits of rays on a mesh, by Embree (through trimesh and embreex), which works in single precision.
+
+    It is given the mesh about the mesh's own middle: a scan's coordinates leave single precision no room for the mesh.
+    """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         try:
@@ -17,7 +20,8 @@ class RayCaster:
             from trimesh.ray.ray_pyembree import RayMeshIntersector
         except ImportError:
             raise ImportError("casting rays needs trimesh and embreex: pip install casadi_contact[mesh]") from None
-        self._caster = RayMeshIntersector(trimesh.Trimesh(mesh.vertices_mm, mesh.faces, process=False))
+        self._middle = 0.5 * (mesh.vertices_mm.min(axis=0) + mesh.vertices_mm.max(axis=0))
+        self._caster = RayMeshIntersector(trimesh.Trimesh(mesh.vertices_mm - self._middle, mesh.faces, process=False))
         self._corner = mesh.corners_mm[:, 0]
         self._area_vectors = mesh.area_vectors_mm2
 
@@ -26,7 +30,7 @@ class RayCaster:
 
         Where nothing is hit the distance is infinite and the triangle -1.
         """
-        face = self._caster.intersects_first(origins_mm, directions)
+        face = self._caster.intersects_first(origins_mm - self._middle, directions)
         hit = np.flatnonzero(face >= 0)
         area = self._area_vectors[face[hit]]
         distance = np.full(len(origins_mm), np.inf)

@@ -1,15 +1,39 @@
-"""What is doubtful about a proposed scene: frames without a pose, edges that contact reaches, shells passed through."""
+"""What is doubtful about a proposed scene: coarse coordinates, frames without a pose, edges that contact reaches,
+shells passed through."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.mesh import MM_PER_UNIT
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
 from casadi_contact.verification import share_beyond_open_edges, words_beyond_open_edges
+
+_COARSE_STEP_MM = 2e-3  # of coordinates: overlaps are some tenths of a millimetre
+_ROUNDING_MM = 1e-6  # what reading leaves of single precision
+
+
+def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[str]:
+    """Whether the files' coordinates, as in binary STL, are so large that single precision rounds them coarsely."""
+    steps = [0.0]
+    for mesh in meshes.values():
+        in_file = mesh.vertices_mm / MM_PER_UNIT[unit]
+        single = in_file.astype(np.float32)
+        if MM_PER_UNIT[unit] * np.abs(in_file - single).max() < _ROUNDING_MM:
+            steps.append(MM_PER_UNIT[unit] * float(np.spacing(np.abs(single).max())))
+    if max(steps) < _COARSE_STEP_MM:
+        return []
+    return [
+        f"where the surfaces are to less than {max(steps):.2g} mm: to such steps the files' coordinates are rounded, far "
+        "from their origin as they are; export them about an origin near the joint"
+    ]
 
 
 def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:

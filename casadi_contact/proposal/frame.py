@@ -158,21 +158,23 @@ def _offsets(
 ) -> dict[str, tuple[float, ...]]:
     """What brings the bodies' origins to where they mean something; zero where the files' own do.
 
-    Files whose origin lies far from the bodies: to the middle of contact, of a ball to its centre; the same for both
-    bodies where the files place them together. A knee of one scan: the fixed origin, which centres of pressure refer
-    to, in x to the middle of contact and in z to between the patches, as a tray's.
+    Files whose origin lies far from the bodies: to what the moving body turns about, the middle of its curvature where
+    it touches, of a ball in a cup to the cup's centre; the same for both bodies where the files place them together. A
+    knee of one scan: the fixed origin, which centres of pressure refer to, in x to the middle of contact and in z to
+    between the patches, as a tray's.
     """
+    centre = regions.anchors_mm.mean(axis=0) + meeting.translation_mm if joint.pressing else regions.centre_mm
     origins = {}
     for body, points in (("moving", pair.moving.vertices_mm), ("fixed", pair.points_mm)):
         low, high = points.min(axis=0), points.max(axis=0)
         far = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) > _FAR_MM
-        origins[body] = regions.centre_mm if far else np.zeros(3)
+        origins[body] = centre if far else np.zeros(3)
         if far and body == "moving" and not meeting.together:
-            origins[body] = regions.centre_mm - meeting.translation_mm
+            origins[body] = centre - meeting.translation_mm
     if any(origin.any() for origin in origins.values()):
         told.append("the files' origin lies far from the bodies: moved to the centre of what touches, see placement")
         if meeting.together:
-            origins = dict.fromkeys(origins, regions.centre_mm)
+            origins = dict.fromkeys(origins, centre)
     if joint.kind == "knee" and meeting.together:
         up = int(np.abs(meeting.pressing).argmax())
         origins["fixed"] = _middle(pair, meeting, regions) * (np.arange(3) != up) + origins["fixed"] * (

@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.proposal.doubts import edges_reached, shells_passed, unsettled
+from casadi_contact.proposal.doubts import coarse_coordinates, edges_reached, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint, joint_of
@@ -76,7 +76,8 @@ def propose(
     tables = first_tables(pair, meeting, regions, joint, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
-    untold = [*frame.untold, f"the material's stiffness and thickness: taken as {made_of}{because} (--material)"]
+    untold = [*coarse_coordinates(meshes, unit), *frame.untold]
+    untold.append(f"the material's stiffness and thickness: taken as {made_of}{because} (--material)")
     if units is None and pair.scale < 1.0:
         untold.insert(0, _small(meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")

@@ -81,12 +81,13 @@ def check_shells(geometry: Geometry) -> None:
 
 
 def shell_thickness(mesh: TriangleMesh) -> float:
-    """The way [mm] from its triangles straight through a closed mesh, the median; infinite for an open one."""
+    """The way [mm] from its triangles straight through a closed mesh, the median; infinite for an open one, and where
+    most rays do not come out of the body."""
     if len(mesh.boundary_edges):
         return float("inf")
-    normals = mesh.normals
-    distance, _ = RayCaster(mesh).first_hits(mesh.corners_mm.mean(axis=1) - _BELOW_MM * normals, -normals)
-    return float(np.median(distance))
+    caster, inwards = RayCaster(mesh), -mesh.normals
+    distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + _BELOW_MM * inwards, inwards)
+    return float(np.median(np.where(caster.leaves(inwards, face), distance, np.inf)))
 
 
 def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:

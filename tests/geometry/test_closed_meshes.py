@@ -77,6 +77,13 @@ def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
     assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
 
 
+@pytest.mark.parametrize("far_mm", [0.0, 1e5, 1e7])
+def test_a_shell_is_as_thick_wherever_the_file_s_origin_lies(far_mm):
+    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
+    far = checked_mesh("shell", vertices + far_mm * np.array([1.0, -0.8, 1.2]), faces)
+    assert shell_thickness(far) == pytest.approx(1.5, abs=0.05)
+
+
 def together(*meshes):
     sizes = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
     return np.vstack([vertices for vertices, _ in meshes]), np.vstack(

@@ -7,6 +7,7 @@ import trimesh
 import casadi_contact as cc
 from casadi_contact.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.proposal.doubts import coarse_coordinates
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.joint import Joint, joint_of
 from casadi_contact.proposal.meeting import meeting_of
@@ -96,6 +97,44 @@ def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
     _, regions, joint, _ = seen(moving, checked_mesh("dishes", *sheet_mesh(14.0, 0.5, dishes)))
     np.testing.assert_allclose(regions.cuts_mm, [0.0], atol=0.5)
     assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
+
+
+def condyles_in_dishes(radius=20.0, dish=32.0, side=22.0):
+    """Two balls as a femur's condyles, the middle of both at the origin, just above dishes that are wider."""
+    (ball, faces), out = cap_mesh(radius, 1.5, 0.8), np.array([0.0, 0.0, side])
+
+    def dishes(x, z):
+        across = np.minimum(x**2 + (np.abs(z) - side) ** 2, 20.0**2)
+        return dish - np.sqrt(dish**2 - across) - radius - 0.05
+
+    condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
+    return condyles, sheet_mesh(76.0, 2.0, dishes)
+
+
+@pytest.mark.parametrize("to_file", [np.eye(3), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])])
+def test_a_femur_flexes_about_its_condyles_wherever_the_scan_s_origin_lies(to_file):
+    """Its origin is put where they have their middle, though the dishes that they touch have theirs higher up."""
+    far = np.array([300.0, -200.0, 800.0])
+    bodies = zip(("femur", "insert"), condyles_in_dishes(), strict=True)
+    meshes = [checked_mesh(name, points @ to_file.T + far, faces) for name, (points, faces) in bodies]
+    meeting, regions, joint, frame = seen(*meshes)
+    assert (joint.kind, meeting.together) == ("knee", True)
+    np.testing.assert_allclose(frame.points(far[None], "moving")[0], 0.0, atol=1.0)
+    anchors = frame.points(regions.anchors_mm, "moving")
+    np.testing.assert_allclose(anchors[anchors[:, 2].argsort()], [[0.0, 0.0, -22.0], [0.0, 0.0, 22.0]], atol=1.0)
+
+
+def test_coordinates_that_single_precision_rounds_coarsely_are_doubted(tmp_path):
+    """Binary STL holds single precision: 1e5 mm to steps of 1/128 mm; an OBJ file holds all its digits."""
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=20.0)
+    said = {}
+    for far in (0.0, 1e5):
+        moved = ball.copy().apply_translation([far, 0.0, 0.0])
+        for kind in ("stl", "obj"):
+            moved.export(tmp_path / f"ball.{kind}")
+            said[far, kind] = coarse_coordinates({"moving": load_mesh(tmp_path / f"ball.{kind}", "mm")}, "mm")
+    assert [line.split(":")[0] for line in said.pop((1e5, "stl"))] == ["where the surfaces are to less than 0.0078 mm"]
+    assert not any(said.values())
 
 
 def ball_on_box(triangles_mm=None):
