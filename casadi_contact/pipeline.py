@@ -182,7 +182,9 @@ def sample(
         progress=progress,
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
-    write_npz(project.motion_path, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
+    files = np.array([str(path) for path in cycle_files], dtype=str)
+    content = {"inputs": inputs, "cycles": names, "files": files, "curves": motion.curves, "poses": motion.poses}
+    write_npz(project.motion_path, **content)
     refuse_many_dropped(samples, settings.most_dropped)
     return samples, report
 

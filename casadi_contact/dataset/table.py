@@ -67,7 +67,7 @@ def read_sample_table(
         gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count))),
         role=_split(count, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
-        provenance={"table": path.name, "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
+        provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
     )
 
 
