@@ -207,10 +207,8 @@ def fit_surrogate(
     fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, progress, starts)}
     for name, fit in fits.items():
         if update is not None:
-            allotted = settings[name].max_gflop
-            update(
-                f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
-            )
+            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+            update(f"{title} {name}", fit.gflop, fit.gflop, remark)
     networks = {name: fit.network for name, fit in fits.items()}
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]

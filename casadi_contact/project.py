@@ -156,7 +156,9 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         cycles = [str(name) for name in content["cycles"]]
         return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:
-        raise FileNotFoundError(f"{project.motion_path} does not exist: run {project.command('sample')} first") from None
+        raise FileNotFoundError(
+            f"{project.motion_path} does not exist: run {project.command('sample')} first"
+        ) from None
     except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
 

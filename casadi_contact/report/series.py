@@ -19,7 +19,9 @@ def draw_error_by_domain(front: Front) -> Any:
     """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family."""
     note = "Dashed: cheapest of its family, solid: most accurate. An error of zero (D5) is not on a log axis."
     errors = errors_of(front)
-    figure, axes = panels(front, len(errors), "error per domain", "test samples, errors against the samples' own EF", note)
+    figure, axes = panels(
+        front, len(errors), "error per domain", "test samples, errors against the samples' own EF", note
+    )
     styles = family_styles(families(front.points))
     for axis, (kind, error) in zip(axes, errors, strict=True):
         for family, style in styles.items():

@@ -129,7 +129,17 @@ def test_a_command_that_is_named_as_the_cure_finds_the_same_scene_and_folder(tmp
     (tmp_path / "my scenes" / "ball.toml").write_text(cc.load_scene("sphere_on_plane").to_toml())
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    words = ["casadi-contact", "choose", "../my scenes/ball.toml", "--force-tol", "1", "--torque-tol", "9", "--out", "out"]
+    words = [
+        "casadi-contact",
+        "choose",
+        "../my scenes/ball.toml",
+        "--force-tol",
+        "1",
+        "--torque-tol",
+        "9",
+        "--out",
+        "out",
+    ]
     for cure in ("chart", "sample"):
         said = said_by(words[1:], monkeypatch)
         words = shlex.split(said.partition(": run ")[2].removesuffix(" first"))
