@@ -47,10 +47,12 @@ def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | 
     Raises ValueError for a tolerance that is not above 0, and for one of a kind of load that the scene has not.
     """
     Tolerance(force_n, torque_nmm)
-    wanted = {}
+    wanted: dict[str, float] = {}
     for kind, value in ((FORCE, force_n), (TORQUE, torque_nmm)):
-        names = of_kind(scene.load_names, kind) if value is not None else []
-        if value is not None and not names:
+        if value is None:
+            continue
+        names = of_kind(scene.load_names, kind)
+        if not names:
             raise ValueError(
                 f"got a {kind.name} tolerance, but the loads of scene {scene.name} are {', '.join(scene.load_names)}: "
                 "leave it out"

@@ -174,7 +174,8 @@ def test_gaps_of_the_wrong_sign_are_refused_at_the_first_pose_that_carries_no_lo
 def test_a_gap_that_is_a_little_late_is_no_wrong_sign():
     """Elements find contact a little after the surfaces meet: overlap of 0.05 mm without load is taken as it is."""
     late = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: own_contact.gaps(at) - 0.05)
-    touching = [[*(own_contact.CENTRE_MM + [0.0, own_contact.CLEARANCE_MM - 0.001, 0.0]), 0.0, 0.0, 0.0]]
+    touching = np.zeros((1, 6))
+    touching[0, :3] = own_contact.CENTRE_MM + np.array([0.0, own_contact.CLEARANCE_MM - 0.001, 0.0])
     assert late.gaps(touching)[0, 0] < 0.0
     assert np.isfinite(late.root_loads(touching)[0]).all()
 
@@ -186,10 +187,10 @@ def test_gaps_and_loads_that_are_no_numbers_are_named():
         return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), np.nan, function(at))
 
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, spoilt(own_contact.gaps))
-    with pytest.raises(ValueError, match=r"returned the gap nan mm of contact at tx 5, .*, rz 0\.3, expected numbers"):
+    with pytest.raises(ValueError, match=r"returned the gap nan mm of contact at tx 5, .*, rz 0\.3, expected a finite"):
         model.gaps(poses)
     _, report = cc.settle(
-        cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), *lifted()
+        cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), poses, free, wanted
     )
     spoilt_rows = poses[:, 5] > 0.2
     assert set(report.reason[spoilt_rows]) == {"the contact model's loads are not finite"}
@@ -205,7 +206,7 @@ def test_a_model_may_write_into_the_poses_it_is_given():
 
         return called
 
-    poses, free, wanted = lifted()
+    poses, *_ = lifted()
     model = cc.CallableModel(own_contact.SCENE, careless(own_contact.wrenches), careless(own_contact.gaps))
     careful = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
     before = poses.copy()

@@ -105,8 +105,8 @@ def _front(project: Project) -> tuple[Path, Front]:
         front = read_front(path)
         if front.header["scene_digest"] != project.scene.digest:
             raise ValueError(
-                f"{path} was measured on another scene than {project.scene.name} as it is now, or by an earlier version: "
-                f"run {project.command('chart')}"
+                f"{path} was measured on another scene than {project.scene.name} as it is now, or by an earlier "
+                f"version: run {project.command('chart')}"
             )
         return path, front
     shipped = None if project.begun else shipped_front(project.scene)

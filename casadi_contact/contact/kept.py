@@ -1,8 +1,8 @@
 """Choices of contact models kept on disc, so that a scene's convergence test runs once.
 
-A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content, its
-tolerances and the code that chooses: a scene or a library that differs finds none. What cannot be read, or is not as
-written, is as good as absent, and where the folder cannot be written nothing is kept.
+A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content,
+its tolerances and the code that chooses: a scene or a library that differs finds none. What cannot be read, or is not
+as written, is as good as absent, and where the folder cannot be written nothing is kept.
 """
 
 from __future__ import annotations

@@ -78,9 +78,10 @@ class CallableModel:
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
     Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
-    patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a patch that carries no load is the way of the moving body along the
-    patch's direction of pressing until the patch loads: in steps of approach_mm as far as reach_mm, then by
-    bisection. A normal load without a direction (the magnitude of a force) needs gaps.
+    patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
+    patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
+    loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
+    magnitude of a force) needs gaps.
     """
 
     def __init__(
@@ -142,9 +143,8 @@ class CallableModel:
                 expected = (len(poses), len(self.patch_names))
                 raise ValueError(f"the contact model returned gaps of shape {gaps.shape}, expected {expected}")
             if len(lost := np.argwhere(~np.isfinite(gaps))):
-                raise ValueError(
-                    f"the contact model returned the {self._said(poses, gaps, *lost[0])}, expected numbers"
-                )
+                said = self._said(poses, gaps, *lost[0])
+                raise ValueError(f"the contact model returned the {said}, expected a finite number")
             return gaps
         directions = np.stack(self._directions())
 

@@ -24,7 +24,8 @@ def refuse_wrong_gaps(samples: Samples, what: str, cure: str) -> None:
     if not wrong.any():
         return
     row, part = np.argwhere(wrong)[0]
+    count = int(wrong.any(axis=1).sum())
     raise ValueError(
         f"{what}, row {row + 1}: {samples.scene.parts[part].name} carries no load and has the gap "
-        f"{samples.gaps[row, part]:g} mm, expected one above 0 out of contact ({int(wrong.any(axis=1).sum())} rows): {cure}"
+        f"{samples.gaps[row, part]:g} mm, expected one above 0 out of contact ({count} such rows): {cure}"
     )
