@@ -18,7 +18,7 @@ from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.presets import TOGETHER, Effort, effort_for
-from casadi_contact.project import Project, Update, alone, has_motion, read_motion, surrogates_made
+from casadi_contact.project import Project, Update, alone, cycle_files, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
@@ -77,7 +77,8 @@ def train(
     if project.preset.active:
         models_to_ask(project, samples)  # refused here, not after hours of training
     around = moved_samples(samples)
-    command = _command(project, samples)
+    command = build_command(project, samples)
+    samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
         efforts = project.preset.efforts[name]
@@ -93,11 +94,20 @@ def train(
     return paths
 
 
-def _command(project: Project, samples: Samples) -> str:
-    """What builds a project's surrogates from nothing, but for the files of a user's own."""
+def build_command(project: Project, samples: Samples, *tolerances: str) -> str:
+    """What builds a project's surrogates from nothing: a command line, a line of Python for a model of one's own.
+
+    tolerances: the options of a build to them instead of a preset.
+    """
+    if "table" in samples.provenance:
+        return project.command("build", "--table", samples.provenance["table"])
     drawn_from = model_name_of(samples)
-    model = "" if drawn_from is None else f" --model {drawn_from}"
-    return f"casadi-contact build {project.scene.name} --preset {project.preset_name}{model}"
+    if drawn_from is None:
+        named = f"{project.given or project.scene.name!r}, {project.preset_name!r}"
+        made = "casadi_contact.tolerance.train_to_tolerance" if tolerances else f"cc.build({named}, model=...)"
+        return f"{made} in Python, with a contact model of one's own"
+    cycles = [word for path in cycle_files(project) for word in ("--cycles", path)]
+    return project.command("build", "--model", drawn_from, *cycles, *tolerances, preset=not tolerances)
 
 
 def _active_rounds(
@@ -197,10 +207,8 @@ def fit_surrogate(
     fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, progress, starts)}
     for name, fit in fits.items():
         if update is not None:
-            allotted = settings[name].max_gflop
-            update(
-                f"{title} {name}", allotted, allotted, f"{size_text(fit.hidden)} RMS {fit.rms:.3g}, {fit.stop_reason}"
-            )
+            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+            update(f"{title} {name}", fit.gflop, fit.gflop, remark)
     networks = {name: fit.network for name, fit in fits.items()}
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]

@@ -21,6 +21,7 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
+from casadi_contact.dataset.gap_sign import refuse_wrong_gaps
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
@@ -41,6 +42,7 @@ from casadi_contact.sampling import (
     SamplingSettings,
     draw_samples,
     elastic_foundations,
+    model_name_of,
     reference_motion,
 )
 from casadi_contact.sampling.chunk import WrenchModel
@@ -164,8 +166,8 @@ def sample(
     another contact model than the elastic foundation. device: a torch device evaluates the elastic foundation in this
     process; its samples are those of the processor to rounding, not to the last bit.
 
-    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` (the file is kept), and for
-    a device that cannot be had or does not know the models.
+    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` and for gaps of the wrong
+    sign (the file is kept), and for a device that cannot be had or does not know the models.
     """
     if device != "cpu":
         models, executor = _on_device(models, device), ThreadPoolExecutor(1)
@@ -182,8 +184,12 @@ def sample(
         progress=progress,
     )
     inputs, names = np.array(motion.point.inputs), np.array(report.names)
-    write_npz(project.motion_path, inputs=inputs, cycles=names, curves=motion.curves, poses=motion.poses)
+    files = np.array([str(path) for path in cycle_files], dtype=str)
+    content = {"inputs": inputs, "cycles": names, "files": files, "curves": motion.curves, "poses": motion.poses}
+    write_npz(project.motion_path, **content)
     refuse_many_dropped(samples, settings.most_dropped)
+    if model_name_of(samples) is None:
+        refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
     return samples, report
 
 

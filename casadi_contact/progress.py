@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import ceil
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -25,8 +26,8 @@ def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str
 
         def update(what: str, done: float, total: float, remark: str = "") -> None:
             if what not in tasks:
-                tasks[what] = progress.add_task(what, total=round(total), remark=remark)
-            progress.update(tasks[what], completed=round(done), total=round(total), remark=remark)  # type: ignore[arg-type]
+                tasks[what] = progress.add_task(what, total=ceil(total), remark=remark)
+            progress.update(tasks[what], completed=ceil(done), total=ceil(total), remark=remark)  # type: ignore[arg-type]
 
         try:
             yield update

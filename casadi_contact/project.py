@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
@@ -11,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.dataset import Samples, read_samples
+from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
@@ -33,12 +34,14 @@ Update = Callable[[str, float, float, str], None]
 
 @dataclass(frozen=True)
 class Project:
-    """A scene, a preset and the folder that holds everything made from them; own: a preset that has no name."""
+    """A scene, a preset and the folder that holds everything made from them; own: a preset that has no name; given: the
+    scene's name or path as it was asked for."""
 
     scene: Scene
     preset_name: str
     folder: Path
     own: Preset | None = None
+    given: str = ""
 
     @classmethod
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
@@ -51,9 +54,17 @@ class Project:
         loaded = load_scene(scene)
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
-        folder = Path("results") / f"{file_stem(loaded.name)}-{preset}" if folder is None else Path(folder)
+        folder = _folder_of(loaded, preset) if folder is None else Path(folder)
         writable_folder(folder)
-        return cls(loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml"), preset, folder)
+        completed = loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml")
+        return cls(completed, preset, folder, given=str(scene))
+
+    def command(self, name: str, *options: str, preset: bool = True) -> str:
+        """The command line NAME for this scene, preset and folder, as messages and records give it to run."""
+        words = ["casadi-contact", name, self.given or self.scene.name]
+        words += ["--preset", self.preset_name] if preset else []
+        out = [] if self.folder == _folder_of(self.scene, self.preset_name) else ["--out", str(self.folder)]
+        return shlex.join([*words, *options, *out])
 
     @property
     def preset(self) -> Preset:
@@ -80,7 +91,12 @@ class Project:
         return any(path.is_file() for path in (self.samples_path, *map(self.surrogate_path, STRUCTURES)))
 
     def samples(self) -> Samples:
-        """The drawn samples; raises ValueError if they belong to another scene."""
+        """The drawn samples, of a scene that may have had other tolerances.
+
+        Raises FileNotFoundError if there are none, ValueError if they belong to another scene.
+        """
+        if not self.samples_path.is_file() and not partial_folder(self.samples_path).is_dir():
+            raise FileNotFoundError(f"{self.samples_path} does not exist: run {self.command('sample')} first")
         samples = read_samples(self.samples_path)
         if samples.scene.digest != self.scene.digest:
             raise ValueError(
@@ -105,12 +121,18 @@ def alone(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Conc
     return held
 
 
+def _folder_of(scene: Scene, preset: str) -> Path:
+    """The folder of a project that names none."""
+    return Path("results") / f"{file_stem(scene.name)}-{preset}"
+
+
 def _completed(scene: Scene, path: Path) -> Scene:
     """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
     if path.is_file():
         before = load_scene(path)
-        if before.digest == scene.with_sensitive_pose(before.sensitive_pose).digest:
-            return before
+        known = scene.with_sensitive_pose(before.sensitive_pose)
+        if before.digest == known.digest:
+            return known
     model = ElasticFoundation(scene, scene.grids.get("settle"))
     completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
     write_text(path, completed.to_toml())
@@ -134,9 +156,17 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
         cycles = [str(name) for name in content["cycles"]]
         return ReferenceMotion(point, content["curves"], content["poses"]), cycles
     except FileNotFoundError:
-        raise FileNotFoundError(f"{project.motion_path} does not exist: run casadi-contact sample first") from None
+        raise FileNotFoundError(
+            f"{project.motion_path} does not exist: run {project.command('sample')} first"
+        ) from None
     except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
+
+
+def cycle_files(project: Project) -> list[str]:
+    """The files of the cycles that the samples were drawn around; none for the built-in cycles."""
+    content = read_npz(project.motion_path) if project.motion_path.is_file() else {}
+    return [str(path) for path in np.ravel(content.get("files", ()))]
 
 
 def has_motion(project: Project) -> bool:
@@ -148,7 +178,8 @@ def project_surrogates(project: Project) -> dict[str, Surrogate]:
     """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
     made = surrogates_made(project)
     if not made:
-        raise FileNotFoundError(f"no surrogate in {project.folder}: run casadi-contact train first")
+        command = project.command("train" if project.samples_path.is_file() else "build")
+        raise FileNotFoundError(f"no surrogate in {project.folder}: run {command} first")
     return made
 
 

@@ -14,9 +14,10 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
+from casadi_contact.benchmark.choose import Tolerance
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
-from casadi_contact.fitting import fit_surrogate, moved_samples
+from casadi_contact.fitting import build_command, fit_surrogate, moved_samples
 from casadi_contact.pipeline import sample
 from casadi_contact.presets import Effort, Preset, effort_for
 from casadi_contact.project import Project, Update, alone
@@ -43,11 +44,30 @@ _log = logging.getLogger(__name__)
 def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | None) -> Scene:
     """The scene with one tolerance for all forces [N] and one for all torques [N·mm]; its own where None.
 
-    Raises ValueError for a tolerance that is not above 0.
+    Raises ValueError for a tolerance that is not above 0, and for one of a kind of load that the scene has not.
     """
-    names = scene.load_names
-    wanted = dict.fromkeys(of_kind(names, FORCE), force_n) | dict.fromkeys(of_kind(names, TORQUE), torque_nmm)
-    return scene.with_tolerances(**{name: value for name, value in wanted.items() if value is not None})
+    Tolerance(force_n, torque_nmm)
+    wanted: dict[str, float] = {}
+    for kind, value in ((FORCE, force_n), (TORQUE, torque_nmm)):
+        if value is None:
+            continue
+        names = of_kind(scene.load_names, kind)
+        if not names:
+            raise ValueError(
+                f"got a {kind.name} tolerance, but the loads of scene {scene.name} are {', '.join(scene.load_names)}: "
+                "leave it out"
+            )
+        wanted |= dict.fromkeys(names, value)
+    return scene.with_tolerances(**wanted)
+
+
+def _options(scene: Scene) -> list[str]:
+    """What asks for the scene's tolerances on the command line: of each kind of load whose tolerances are all one."""
+    options = []
+    for kind, option in ((FORCE, "--force-tol"), (TORQUE, "--torque-tol")):
+        values = {scene.tolerances[name] for name in of_kind(scene.load_names, kind)}
+        options += [option, f"{values.pop():g}"] if len(values) == 1 else []
+    return options
 
 
 def misses(model: LoadModel, samples: Samples) -> list[str]:
@@ -83,14 +103,15 @@ def train_to_tolerance(
         "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
     }
     missed: list[str] = []
+    rounds_folder = project.folder / "-".join(["within", *(f"{tol:g}" for tol in project.scene.tolerances.values())])
     for k in range(rounds):
         preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
-        this = replace(project, folder=project.folder / f"round-{k + 1}", own=preset)
+        this = replace(project, folder=rounds_folder / f"round-{k + 1}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
         samples, _ = sample(this, cycle_files, _drawing(update, k + 1), executor, models, device)
         with worker_pool(executor) as workers:
             folder, title = this.folder / "training", f"round {k + 1}"
-            command = f"casadi-contact build {project.scene.name} to its tolerances, {title}"
+            command = build_command(project, samples, *_options(project.scene))
             surrogate = fit_surrogate(
                 this, samples, STRUCTURE, efforts, folder, command, title, update, workers, device=device
             )

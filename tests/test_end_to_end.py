@@ -145,7 +145,7 @@ def test_samples_of_another_scene_are_refused(project, tmp_path):
     other = pipeline.Project.open("knee", "quick", tmp_path / "out")
     with pytest.raises(ValueError, match="holds samples of another scene"):
         pipeline.train(other)
-    with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
+    with pytest.raises(FileNotFoundError, match=r"run casadi-contact build knee --preset quick --out .* first"):
         project_surrogates(pipeline.Project.open("knee", "quick", tmp_path / "empty"))
 
 

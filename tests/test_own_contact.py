@@ -1,6 +1,7 @@
 """A user's own contact model, as a Python callable or as a table, becomes a surrogate with no elastic foundation."""
 
 import csv
+import shlex
 
 import casadi as ca
 import h5py
@@ -96,6 +97,8 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     samples = project.samples()
     assert samples.provenance["models"] == "casadi_contact.contact.model.CallableModel"
     assert (samples.select("D5").wrenches == 0.0).all()
+    record = surrogates["patch"].record
+    assert record["command"].startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
     check_surrogate(project)
 
@@ -108,7 +111,21 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name
     samples = project.samples()
     assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
     check_surrogate(project)
-    assert pipeline.take_table(project, table).provenance["table"] == name
+    assert pipeline.take_table(project, table).provenance["table"] == str(table)
+    command = cc.load_surrogate(project.surrogate_path("patch")).record["command"]
+    assert command == shlex.join(
+        [
+            "casadi-contact",
+            "build",
+            str(scene_file),
+            "--preset",
+            "small",
+            "--table",
+            str(table),
+            "--out",
+            str(project.folder),
+        ]
+    )
     with pytest.raises(ValueError, match="was not made from"):
         pipeline.take_table(project, write(tmp_path / f"other-{name}", table_rows(50)))
 
@@ -137,3 +154,62 @@ def test_out_of_contact_root_loads_fall_with_the_model_s_own_gaps():
     scale = own_contact.SCENE.gap_slope
     np.testing.assert_allclose(roots, [[-scale * 0.1]], rtol=1e-9)
     np.testing.assert_allclose(slopes[0, 0], [*(scale * away), 0.0, 0.0, 0.0], atol=1e-4)
+
+
+def lifted(count=6):
+    """Poses 0.3 mm from touching, and the loads and free parameters to settle them to."""
+    poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (count, 1))
+    poses[:, 1] += 0.1
+    poses[:, 5] = np.linspace(-0.3, 0.3, count)
+    return poses, ("tx", "ty", "tz"), {"Fx": 0.0, "Fy": 500.0, "Fz": 0.0}
+
+
+def test_gaps_of_the_wrong_sign_are_refused_at_the_first_pose_that_carries_no_load():
+    poses, free, wanted = lifted()
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: -own_contact.gaps(at))
+    with pytest.raises(ValueError, match=r"gap -0\.3 mm of contact at tx 5, ty -2\.9, .*, where it returned no load"):
+        cc.settle(model, poses, free, wanted)
+
+
+def test_a_gap_that_is_a_little_late_is_no_wrong_sign():
+    """Elements find contact a little after the surfaces meet: overlap of 0.05 mm without load is taken as it is."""
+    late = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: own_contact.gaps(at) - 0.05)
+    touching = np.zeros((1, 6))
+    touching[0, :3] = own_contact.CENTRE_MM + np.array([0.0, own_contact.CLEARANCE_MM - 0.001, 0.0])
+    assert late.gaps(touching)[0, 0] < 0.0
+    assert np.isfinite(late.root_loads(touching)[0]).all()
+
+
+def test_gaps_and_loads_that_are_no_numbers_are_named():
+    poses, free, wanted = lifted()
+
+    def spoilt(function):
+        return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), np.nan, function(at))
+
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, spoilt(own_contact.gaps))
+    with pytest.raises(ValueError, match=r"returned the gap nan mm of contact at tx 5, .*, rz 0\.3, expected a finite"):
+        model.gaps(poses)
+    _, report = cc.settle(
+        cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), poses, free, wanted
+    )
+    spoilt_rows = poses[:, 5] > 0.2
+    assert set(report.reason[spoilt_rows]) == {"the contact model's loads are not finite"}
+    assert report.converged[~spoilt_rows].all()
+
+
+def test_a_model_may_write_into_the_poses_it_is_given():
+    def careless(function):
+        def called(at):
+            result = function(at)
+            at[:] = 0.0
+            return result
+
+        return called
+
+    poses, *_ = lifted()
+    model = cc.CallableModel(own_contact.SCENE, careless(own_contact.wrenches), careless(own_contact.gaps))
+    careful = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    before = poses.copy()
+    for got, want in zip(model.root_loads(poses), careful.root_loads(poses), strict=True):
+        np.testing.assert_array_equal(got, want)
+    np.testing.assert_array_equal(poses, before)

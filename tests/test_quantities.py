@@ -68,7 +68,7 @@ def test_error_tables_keep_kinds_apart():
     errors = load_errors(LOADS, got, reference)
     rms = rms_by_kind(errors)
     assert rms == pytest.approx({"force": math.sqrt(12.5), "torque": 10.0, "pressure": 0.5, "area": 2.0})
-    assert rms_by_kind(load_errors(("Fx",), got[:, :1], reference[:, :1]))["torque"] == 0.0
+    assert set(rms_by_kind(load_errors(("Fx",), got[:, :1], reference[:, :1]))) == {"force"}
     content = {
         "loads": list(LOADS),
         "teacher": "320×160",

@@ -1,5 +1,6 @@
 """Training to a tolerance: it ends where every domain's validation rows meet it, and says what misses."""
 
+import shlex
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -8,8 +9,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import tolerance
-from casadi_contact.dataset import TEST, VALIDATION
-from casadi_contact.project import Project
+from casadi_contact.dataset import TEST, VALIDATION, write_samples
+from casadi_contact.fitting import train
+from casadi_contact.presets import Effort, Preset
+from casadi_contact.project import Project, project_surrogates
 from casadi_contact.tolerance import misses, scene_to_tolerance
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
@@ -29,8 +32,12 @@ def test_one_tolerance_for_all_forces_and_one_for_all_torques():
     scene = scene_to_tolerance(cc.load_scene("knee"), 2.0, None)
     assert {scene.tolerances[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")} == {2.0}
     assert {scene.tolerances[name] for name in ("Tx", "Ty", "Tz")} == {25.0}
-    with pytest.raises(ValueError, match="tolerances"):
+    with pytest.raises(ValueError, match=r"force tolerance is -1\.0, expected N above 0"):
         scene_to_tolerance(scene, -1.0, None)
+    with pytest.raises(
+        ValueError, match=r"got a torque tolerance, but the loads of scene planar_knee are Fy, Fx: leave"
+    ):
+        scene_to_tolerance(cc.load_scene("planar_knee"), None, 5.0)
 
 
 def test_misses_are_judged_on_validation_rows_by_domain_and_load_the_worst_first():
@@ -87,3 +94,38 @@ def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_p
     with pytest.raises(ValueError, match=r"after 1 rounds, 240 samples, the tolerance is missed: .* of 0.001 in D\d"):
         trained(tmp_path / "far", 1e-3, 1e-3, rounds=1)
     assert cc.load_surrogate(tmp_path / "far" / "patch.h5").scene.tolerances["Fy"] == 1e-3
+
+
+def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
+    for force_n in (100.0, 50.0):
+        trained(tmp_path / "out", force_n, 3000.0)
+        assert cc.load_surrogate(tmp_path / "out" / "patch.h5").scene.tolerances["Fy"] == force_n
+
+
+def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):
+    """What the command asks for is what the scene of the surrogate has."""
+    monkeypatch.setattr("casadi_contact.fitting.model_name_of", lambda samples: "foundation")
+    words = shlex.split(trained(tmp_path / "out", 100.0, 3000.0).record["command"])
+    assert words[:3] == ["casadi-contact", "build", SPHERE.name]
+    options = dict(zip(words[3::2], words[4::2], strict=True))
+    named = {"--model": "foundation", "--force-tol": "100", "--torque-tol": "3000", "--out": str(tmp_path / "out")}
+    assert options == named
+
+
+def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
+    """The tolerances of now decide when a fit ends, and stand in the surrogate that comes of it."""
+    efforts = {"patch": {"": Effort(((6, 6),), 2.0)}}
+    fits = {}
+    for factor in (1.0, 1000.0):
+        loose = SPHERE.with_tolerances(**{name: factor * value for name, value in SPHERE.tolerances.items()})
+        project = Project(loose, "quick", tmp_path / f"{factor:g}", own=Preset(1.0, efforts))
+        project.folder.mkdir()
+        drawn = replace(smooth_samples(240), provenance={"table": "smooth.csv", "table_digest": "0"})
+        write_samples(project.samples_path, drawn)
+        assert project.samples().scene.tolerances == SPHERE.tolerances
+        with ThreadPoolExecutor(1) as here:
+            train(project, executor=here)
+        fits[factor] = project_surrogates(project)["patch"]
+        assert fits[factor].scene == loose
+        assert shlex.split(fits[factor].record["command"])[2:5] == [SPHERE.name, "--preset", "quick"]
+    assert sum(fits[1000.0].record["gflop"].values()) < sum(fits[1.0].record["gflop"].values())

@@ -26,6 +26,7 @@ from casadi_contact.structures import STRUCTURES, load_surrogate, ready_surrogat
 TIMED_AGAIN = "timed again for these loads"
 SHARE = "estimated by the share of networks"
 ALL_LOADS = "of all loads"
+_TIMES_THE_CHEAPEST = 3.0  # machines differ, and so does what a network more or less costs
 
 # How a foundation of a resolution is made, by a word in it.
 _RESOLUTIONS = {
@@ -38,27 +39,30 @@ _RESOLUTIONS = {
 def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[str]) -> dict[str, tuple[float, str]]:
     """Microseconds per pose of each model for some loads only, and how they were found.
 
-    What learns nothing and surrogates on disk are timed again on a reference cycle, in one run on one thread,
-    surrogates with just the networks that the loads need. A surrogate not on disk is estimated by the share of its
-    networks; any other model keeps its measured time for all loads.
+    A surrogate is estimated by the share of its networks that the loads need, any other model keeps its measured time
+    for all loads. Those at hand that may be the cheapest by this (`_TIMES_THE_CHEAPEST`) are timed again on a reference
+    cycle, in one run on one thread, surrogates with just these networks; the others would cost a compilation each.
     """
+    times = {point.name: _estimate(project, point, loads) for point in points}
+    most = _TIMES_THE_CHEAPEST * min(point.value.median_us for point in points if point.value is not None)
+    names = {name for name, (time_us, _) in times.items() if time_us <= most}
     poses = motion_at_hand(project).poses[0]
-    names = {point.name for point in points}
     stopwatches = {c.name: c.time_value for c in _candidates(project, names, loads) if c.time_value is not None}
     with one_thread():
         timings = compare({name: partial(stopwatch, poses) for name, stopwatch in stopwatches.items()})
-    times = {}
-    for point in points:
-        assert point.value is not None
-        if point.name in timings:
-            times[point.name] = (timings[point.name].median_us, TIMED_AGAIN)
-        elif point.name in _sized(project):
-            kind = STRUCTURES[_sized(project)[point.name].structure]
-            needed, all_ = (len(kind.networks_for(project.scene, n)) for n in (loads, project.scene.load_names))
-            times[point.name] = (needed / all_ * point.value.median_us, SHARE)
-        else:
-            times[point.name] = (point.value.median_us, ALL_LOADS)
-    return times
+    return times | {name: (timing.median_us, TIMED_AGAIN) for name, timing in timings.items()}
+
+
+def _estimate(project: Project, point: Point, loads: Sequence[str]) -> tuple[float, str]:
+    """Microseconds per pose for these loads, from those for all loads, and how they were found."""
+    assert point.value is not None
+    structure = point.family.removesuffix(MX_SUFFIX)
+    if structure not in STRUCTURES:
+        return point.value.median_us, ALL_LOADS
+    needed, all_ = (
+        len(STRUCTURES[structure].networks_for(project.scene, names)) for names in (loads, project.scene.load_names)
+    )
+    return needed / all_ * point.value.median_us, SHARE
 
 
 def make_surrogate(

@@ -105,12 +105,13 @@ def _front(project: Project) -> tuple[Path, Front]:
         front = read_front(path)
         if front.header["scene_digest"] != project.scene.digest:
             raise ValueError(
-                f"{path} was measured on another scene than {project.scene.name} as it is now: chart it again"
+                f"{path} was measured on another scene than {project.scene.name} as it is now, or by an earlier "
+                f"version: run {project.command('chart')}"
             )
         return path, front
     shipped = None if project.begun else shipped_front(project.scene)
     if shipped is None:
-        command = f"casadi-contact chart {project.scene.name} --preset {project.preset_name}"
+        command = project.command("chart")
         raise FileNotFoundError(f"{path} does not exist, so nothing has been measured: run {command} first")
     return shipped
 

@@ -28,6 +28,7 @@ from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
 from casadi_contact.project import Project, Update, project_surrogates, read_motion
+from casadi_contact.quantities import FORCE, TORQUE
 from casadi_contact.scenes import Scene
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
@@ -176,8 +177,8 @@ def _errors(
         candidate.family,
         sweeps.get(candidate.name, SIZE),
         load_rms={load: error["rms"] for load, error in on_walking.items()},
-        domain_force_rms_n={domain: rms["force"] for domain, rms in per_domain.items()},
-        domain_torque_rms_nmm={domain: rms["torque"] for domain, rms in per_domain.items()},
+        domain_force_rms_n={domain: rms[FORCE.name] for domain, rms in per_domain.items() if FORCE.name in rms},
+        domain_torque_rms_nmm={domain: rms[TORQUE.name] for domain, rms in per_domain.items() if TORQUE.name in rms},
         samples=candidate.samples,
         training_seconds=candidate.training_seconds,
         parameters=candidate.parameters,

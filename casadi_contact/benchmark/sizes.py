@@ -111,10 +111,10 @@ def train_sizes(
     wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
     missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
     if missing:
-        samples = project.samples()
+        samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
         folder = project.folder / "sizes"
         writable_folder(folder)
-        command = f"casadi-contact chart {project.scene.name} --preset {project.preset_name}"
+        command = project.command("chart")
         with worker_pool(executor) as workers:
             for sized in missing:
                 surrogate = fit_surrogate(

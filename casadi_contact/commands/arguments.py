@@ -17,7 +17,10 @@ from casadi_contact.training.arrays import arrays_for
 console = PlainConsole()
 
 SceneName = Annotated[str, typer.Argument(help=f"a ready scene ({', '.join(ready_scenes())}) or the path of a .toml")]
-PresetName = Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")]
+DEFAULT_PRESET = "quick"
+_HOW_MUCH = f"how much to sample and train: {', '.join(PRESETS)}"
+PresetName = Annotated[str, typer.Option(help=_HOW_MUCH)]
+PresetOrNone = Annotated[str | None, typer.Option(help=_HOW_MUCH, show_default=DEFAULT_PRESET)]
 Cycles = Annotated[
     list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
 ]

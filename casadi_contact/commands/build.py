@@ -13,12 +13,14 @@ import typer
 from casadi_contact import pipeline
 from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
+    DEFAULT_PRESET,
     Cycles,
     Device,
     ModelName,
     MoreCycles,
     Out,
     PresetName,
+    PresetOrNone,
     SceneName,
     Scheduler,
     Table,
@@ -39,7 +41,7 @@ from casadi_contact.verification.fitness import fitness
 
 def build(
     scene: SceneName,
-    preset: PresetName = "quick",
+    preset: PresetOrNone = None,
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
@@ -55,7 +57,10 @@ def build(
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     check_device(device, scheduler)
     files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
-    project = _project_within(scene, out, table, force_tol, torque_tol) if within else Project.open(scene, preset, out)
+    if within:
+        project = _project_within(scene, out, preset, table, force_tol, torque_tol)
+    else:
+        project = Project.open(scene, preset or DEFAULT_PRESET, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
         stages: dict[str, Callable[[], None]] = {
             "samples": lambda: _sample(project, files, table, model, executor, device),
@@ -74,16 +79,23 @@ def build(
 
 
 def _project_within(
-    scene: str, out: Path | None, table: Path | None, force_tol: float | None, torque_tol: float | None
+    scene: str,
+    out: Path | None,
+    preset: str | None,
+    table: Path | None,
+    force_tol: float | None,
+    torque_tol: float | None,
 ) -> Project:
     """The project of a build whose scene has these tolerances [N, N·mm]."""
+    if preset is not None:
+        raise ValueError(f"got --preset {preset} and a tolerance, expected one: samples and sizes follow the tolerance")
     if table is not None:
         raise ValueError(
             "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
         )
     wanted = [f"{tol:g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
     folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
-    project = Project.open(scene, "quick", folder)
+    project = Project.open(scene, DEFAULT_PRESET, folder)
     return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
 
 
@@ -205,6 +217,9 @@ def _report(project: Project) -> None:
     path = pipeline.report(project)
     for structure, surrogate in project_surrogates(project).items():
         console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+        if surrogate.scene.tolerances != project.scene.tolerances:
+            text = ", ".join(f"{load} {tolerance:g}" for load, tolerance in surrogate.scene.tolerances.items())
+            console.print(f"judged by the tolerances it was trained for: {text}", highlight=False, soft_wrap=True)
     console.print(f"report in {path}", highlight=False)
 
 

@@ -1,8 +1,8 @@
 """Choices of contact models kept on disc, so that a scene's convergence test runs once.
 
-A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content and
-of the code that chooses: a scene or a library that differs finds none. What cannot be read, or is not as written, is as
-good as absent, and where the folder cannot be written nothing is kept.
+A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content,
+its tolerances and the code that chooses: a scene or a library that differs finds none. What cannot be read, or is not
+as written, is as good as absent, and where the folder cannot be written nothing is kept.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def keep_record(scene: Scene, record: Mapping[str, Any]) -> None:
 
 
 def _path(scene: Scene) -> Path:
-    key = hashlib.sha256(f"{scene.digest} {_code_digest()}".encode()).hexdigest()[:32]
+    wanted = json.dumps(dict(scene.tolerances), sort_keys=True)
+    key = hashlib.sha256(f"{scene.digest} {wanted} {_code_digest()}".encode()).hexdigest()[:32]
     return cache_folder() / f"choice-{key}.json"
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from casadi_contact.conventions import (
+    POSE_NAMES,
     Array,
     angular_velocity_map,
     load_selection,
@@ -18,6 +19,7 @@ from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
 _BISECTIONS = 12
+LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overlaps of 0.08 mm that its triangles see
 
 
 class ContactModel(Protocol):
@@ -66,13 +68,20 @@ def signed_roots(
     return s, slope
 
 
+def overlaps_without_load(wrenches: Array, gaps: Array) -> np.ndarray:
+    """Where gaps (n, patches) [mm] have the wrong sign, (n, patches): overlap beyond `LARGEST_OVERLAP_MM` at a wrench
+    (n, patches, 6) of exactly zero. Its root load would be one of contact that is not there."""
+    return (wrenches == 0.0).all(axis=2) & (gaps < -LARGEST_OVERLAP_MM)
+
+
 class CallableModel:
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
     Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
-    patches)`` [mm]. Without it the gap of a patch that carries no load is the way of the moving body along the
-    patch's direction of pressing until the patch loads: in steps of approach_mm as far as reach_mm, then by
-    bisection. A normal load without a direction (the magnitude of a force) needs gaps.
+    patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
+    patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
+    loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
+    magnitude of a force) needs gaps.
     """
 
     def __init__(
@@ -99,7 +108,7 @@ class CallableModel:
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape."""
-        wrenches = np.asarray(self._wrenches(poses), dtype=float)
+        wrenches = np.asarray(self._wrenches(poses.copy()), dtype=float)
         expected = (len(poses), len(self.patch_names), 6)
         if wrenches.shape != expected:
             raise ValueError(f"the contact model returned wrenches of shape {wrenches.shape}, expected {expected}")
@@ -125,13 +134,17 @@ class CallableModel:
     def gaps(self, poses: Array) -> Array:
         """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
 
-        Raises ValueError for another shape, and for a normal load without direction if there is no such function.
+        Raises ValueError for another shape or gaps that are not finite, and for a normal load without direction if
+        there is no such function.
         """
         if self._gaps is not None:
-            gaps = np.asarray(self._gaps(poses), dtype=float)
+            gaps = np.asarray(self._gaps(poses.copy()), dtype=float)
             if gaps.shape != (len(poses), len(self.patch_names)):
                 expected = (len(poses), len(self.patch_names))
                 raise ValueError(f"the contact model returned gaps of shape {gaps.shape}, expected {expected}")
+            if len(lost := np.argwhere(~np.isfinite(gaps))):
+                said = self._said(poses, gaps, *lost[0])
+                raise ValueError(f"the contact model returned the {said}, expected a finite number")
             return gaps
         directions = np.stack(self._directions())
 
@@ -159,6 +172,11 @@ class CallableModel:
         travel[free] = far
         return travel
 
+    def _said(self, poses: Array, gaps: Array, row: int, patch: int) -> str:
+        """A gap and where it is."""
+        pose = ", ".join(f"{name} {value:g}" for name, value in zip(POSE_NAMES, poses[row], strict=True))
+        return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {pose}"
+
     def _directions(self) -> list[Array]:
         """Unit vectors (3,) along which each patch is pressed."""
         directions = [load.direction for load in self.scene.normal_loads]
@@ -171,13 +189,22 @@ class CallableModel:
 
     @pose_or_poses
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load."""
-        return signed_roots(
-            self.scene,
-            self.wrenches(poses),
-            self._wrench_slopes(poses),
-            lambda rows: (self.gaps(poses[rows]), self._gap_slopes(poses[rows])),
-        )
+        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load.
+
+        Raises ValueError for `overlaps_without_load`, naming the pose.
+        """
+        wrenches = self.wrenches(poses)
+
+        def gaps(rows: np.ndarray) -> tuple[Array, Array]:
+            found = self.gaps(poses[rows])
+            if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
+                raise ValueError(
+                    f"the contact model returned the {self._said(poses[rows], found, *wrong[0])}, where it returned no "
+                    "load, expected a gap above 0: is its sign the wrong way round?"
+                )
+            return found, self._gap_slopes(poses[rows])
+
+        return signed_roots(self.scene, wrenches, self._wrench_slopes(poses), gaps)
 
     def _gap_slopes(self, poses: Array) -> Array:
         """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""

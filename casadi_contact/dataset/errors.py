@@ -49,8 +49,9 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
 
 
 def rms_by_kind(errors: LoadErrors) -> dict[str, float]:
-    """{"force": RMS over all forces [N], "torque": over all torques [N·mm]}, 0 where there is none, and likewise for
-    each other kind of quantity among the errors, in its unit."""
-    kinds = dict.fromkeys((FORCE, TORQUE, *(quantity(name).kind for name in errors)))
+    """{"force": RMS over all forces [N], "torque": over all torques [N·mm]} and likewise for other kinds of quantity,
+    in their units: of those kinds that are among the errors, forces and torques first."""
+    found = {quantity(name).kind for name in errors}
+    kinds = dict.fromkeys((*(kind for kind in (FORCE, TORQUE) if kind in found), *(quantity(n).kind for n in errors)))
     squares = {kind: [errors[name]["rms"] ** 2 for name in of_kind(list(errors), kind)] for kind in kinds}
-    return {kind.name: float(np.sqrt(np.mean(values))) if values else 0.0 for kind, values in squares.items()}
+    return {kind.name: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}

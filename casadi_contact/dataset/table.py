@@ -5,8 +5,9 @@ Columns (HDF5: data sets of one dimension) by name, one row per pose:
     tx ty tz rx ry rz     pose [mm, rad]
     Fx ... Tz             wrench on the fixed body [N, N·mm]; Fx_med ... for scenes of several patches. Needed are
                           those that the scene's loads and normal loads are made of.
-    gap, gap_med ...      distance of each patch [mm], for rows out of contact; may be left out
-    domain, role          numbers of domain (1 for D1) and role (0 train, 1 validation, 2 test); may be left out
+    gap, gap_med ...      distance of each patch [mm], above 0 in rows out of contact; may be left out
+    domain, role          numbers of domain (1 for D1) and role (0 train, 1 validation, 2 test, some rows of each);
+                          may be left out
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import h5py
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
-from casadi_contact.dataset.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.dataset.gap_sign import refuse_wrong_gaps
+from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import open_hdf5, short
 from casadi_contact.motion.columns import read_columns
+from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.scenes import Scene
 
 _LEAST_ROWS = 10
@@ -36,8 +39,9 @@ def read_sample_table(
 ) -> Samples:
     """Samples from a table; rows without a role are split at random into training, validation and test rows.
 
-    Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, columns of
-    different length, too few rows and fractions outside 0..0.5.
+    Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, angles too large
+    for radians, columns of different length, too few rows, a role without rows, gaps of the wrong sign
+    (`gap_sign.refuse_wrong_gaps`) and fractions outside 0..0.5.
     """
     for name, fraction in (("validation_fraction", validation_fraction), ("test_fraction", test_fraction)):
         if not 0.0 < fraction <= 0.5:
@@ -55,20 +59,27 @@ def read_sample_table(
     count = len(table[POSE_NAMES[0]])
     if count < _LEAST_ROWS:
         raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
+    for name in ("rx", "ry", "rz"):
+        check_radians(str(path), name, table[name])
     zero, unknown = np.zeros(count), np.full(count, np.nan)
     wrenches = np.stack(
         [np.stack([table.get(column, zero) for column in columns], axis=1) for columns in wrench_columns], axis=1
     )
     role = table.get("role")
-    return Samples(
+    samples = Samples(
         scene,
         poses=np.stack([table[name] for name in POSE_NAMES], axis=1),
         wrenches=wrenches,
         gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count))),
         role=_split(count, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
-        provenance={"table": path.name, "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
+        provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
     )
+    missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
+    if missing:
+        raise ValueError(f"{path}: no row has role {', '.join(missing)}, expected some of each, or no column role")
+    refuse_wrong_gaps(samples, str(path), "turn their signs, or leave the column out")
+    return samples
 
 
 def _of_patch(name: str, patch: str, scene: Scene) -> str:

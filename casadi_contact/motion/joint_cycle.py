@@ -50,7 +50,7 @@ class JointCycle:
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
-            check_radians(self.name, quantity(name).column, self.pose[name])
+            check_radians(f"cycle {self.name}", quantity(name).column, self.pose[name])
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""

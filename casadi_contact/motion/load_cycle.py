@@ -26,10 +26,10 @@ _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other u
 _LARGEST_COP_MM = 200.0
 
 
-def check_radians(cycle: str, column: str, angles: Array) -> None:
-    """ValueError for angles (n,) of a cycle's column that are too large for radians."""
+def check_radians(where: str, column: str, angles: Array) -> None:
+    """ValueError for angles (n,) of a column that are too large for radians; where: what the column is of."""
     if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
-        raise ValueError(f"cycle {cycle}: {column} reaches {largest:g}, expected radians: is it in degrees?")
+        raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class LoadCycle:
                     "compression as negative numbers (contact cannot pull)"
                 )
         for key in ("rz", "ry"):
-            check_radians(self.name, COLUMNS[key], getattr(self, key))
+            check_radians(f"cycle {self.name}", COLUMNS[key], getattr(self, key))
         if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
             raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
 

@@ -1,7 +1,8 @@
-"""The frame of every chart: two panels, a title that says what was measured, a footnote with what failed."""
+"""The frame of every chart: a panel or two, a title that says what was measured, a footnote with what failed."""
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,15 +10,23 @@ from typing import Any
 
 from casadi_contact.benchmark.front_file import Front, Point
 from casadi_contact.page import new_page, save_page
+from casadi_contact.quantities import FORCE, TORQUE, Kind, of_kind
 from casadi_contact.structures import STRUCTURES
 
-KINDS = (("force", "force_rms_n", "N"), ("torque", "torque_rms_nmm", "N·mm"))
+_ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))
+_LEGEND_INCHES = 2.35
 
 
-def two_panels(front: Front, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
-    """A figure and its two axes; measured says on what (poses of its motion that no model has seen if left out); note
-    goes below, and failures of the file's models are listed there too."""
-    figure = new_page(14.0, 6.8)
+def errors_of(front: Front) -> list[tuple[Kind, str]]:
+    """The kinds of load that the front's scene has, force before torque, and what a `Point` calls their RMS error."""
+    return [(kind, name) for kind, name in _ERRORS if of_kind(front.loads, kind)]
+
+
+def panels(front: Front, count: int, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
+    """A figure and its axes side by side, one or two; measured says on what (poses of its motion that no model has seen
+    if left out); note goes below, and failures of the file's models are listed there too."""
+    width = 14.0 if count == 2 else 10.0
+    figure = new_page(width, 6.8)
     header = front.header
     seen = header.get("walking_poses", "?")
     unseen = f"{seen} unseen poses of its motion, errors against {header.get('reference', '?')}"
@@ -28,21 +37,23 @@ def two_panels(front: Front, title: str, measured: str | None = None, note: str 
             f"{header.get('threads', '?')} thread",
         )
     )
-    figure.suptitle(f"{header['scene']}: {title}\n{measured or unseen}; {machine}", fontsize=10)
+    said = textwrap.fill(f"{measured or unseen}; {machine}", int(13.0 * (width - 2.0 * _LEGEND_INCHES)))
+    figure.suptitle(f"{header['scene']}: {title}\n{said}", fontsize=10)
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
     if footnote:
-        figure.supxlabel("\n".join(textwrap.wrap(footnote, 200)), fontsize=8, x=0.01, ha="left")
-    axes = figure.subplots(1, 2)
+        figure.supxlabel("\n".join(textwrap.wrap(footnote, int(14.3 * width))), fontsize=8, x=0.01, ha="left")
+    axes = figure.subplots(1, count, squeeze=False)[0]
     for axis in axes:
         axis.grid(alpha=0.25, which="both", lw=0.5)
     return figure, axes
 
 
 def log_scale(axes: Any, directions: str = "xy") -> None:
-    """Logarithmic scales labelled 1, 3, 10, 30 in plain numbers."""
+    """Logarithmic scales labelled 1, 3, 10, 30 in plain numbers; linear where nothing above 0 is drawn."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+    directions = "".join(d for d in directions if math.isfinite(getattr(axes, f"{d}axis").get_minpos()))
     axes.set(**{f"{direction}scale": "log" for direction in directions})
     for direction in directions:
         axis = getattr(axes, f"{direction}axis")
@@ -52,7 +63,7 @@ def log_scale(axes: Any, directions: str = "xy") -> None:
 
 
 def legend_beside(figure: Any, axes: Any) -> None:
-    """One legend for both panels, right of them, with everything that either shows."""
+    """One legend for all panels, right of them, with everything that any shows."""
     entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
 

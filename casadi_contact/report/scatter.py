@@ -6,7 +6,7 @@ from typing import Any
 
 from casadi_contact.benchmark.front_file import Front, Point, pareto
 from casadi_contact.benchmark.timing import Timing
-from casadi_contact.report.figure import KINDS, families, family_name, legend_beside, log_scale, two_panels
+from casadi_contact.report.figure import errors_of, families, family_name, legend_beside, log_scale, panels
 from casadi_contact.report.labels import place_labels
 from casadi_contact.report.style import family_styles
 
@@ -14,22 +14,26 @@ Measured = tuple[Point, Timing, float]
 
 
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
-    """Time per pose against RMS error, for force and for torque; measured: on what (unseen walking if left out)."""
-    figure, axes = two_panels(front, title, measured)
+    """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
+    (unseen walking if left out)."""
+    errors = errors_of(front)
+    figure, axes = panels(front, len(errors), title, measured)
     shown = []
-    for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
+    for axis, (kind, error) in zip(axes, errors, strict=True):
         shown.append(_scatter(axis, front, "value", error))
-        axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind} error [{unit}]")
+        axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
     return _labelled(figure, axes, shown, front)
 
 
 def draw_gradient_hessian_time(front: Front) -> Any:
-    """Time of the Jacobian and of the Lagrangian Hessian against RMS force error on the unseen walking sequence."""
-    figure, axes = two_panels(front, "time of derivatives of all loads against error")
+    """Time of the Jacobian and of the Lagrangian Hessian against the RMS error of the forces, of a scene without these
+    of the torques, on the unseen walking sequence."""
+    kind, error = errors_of(front)[0]
+    figure, axes = panels(front, 2, "time of derivatives of all loads against error")
     shown = []
     for axis, (what, label) in zip(axes, (("jacobian", "Jacobian"), ("hessian", "Lagrangian Hessian")), strict=True):
-        shown.append(_scatter(axis, front, what, "force_rms_n"))
-        axis.set(xlabel=f"time per {label} [µs]", ylabel="RMS force error [N]")
+        shown.append(_scatter(axis, front, what, error))
+        axis.set(xlabel=f"time per {label} [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
     return _labelled(figure, axes, shown, front)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, Front, Point
 from casadi_contact.dataset import DOMAINS
-from casadi_contact.report.figure import KINDS, families, legend_beside, log_scale, two_panels
+from casadi_contact.report.figure import errors_of, families, legend_beside, log_scale, panels
 from casadi_contact.report.style import family_styles
 
 UNSEEN = "unseen motion"
@@ -17,17 +17,20 @@ ROUNDING = 1e-6  # N or N·mm
 
 def draw_error_by_domain(front: Front) -> Any:
     """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family."""
-    note = "Dashed: cheapest of its family, solid: most accurate. An error of exactly zero (D5) is not on a log axis."
-    figure, axes = two_panels(front, "error per domain", "test samples, errors against the samples' own EF", note)
+    note = "Dashed: cheapest of its family, solid: most accurate. An error of zero (D5) is not on a log axis."
+    errors = errors_of(front)
+    figure, axes = panels(
+        front, len(errors), "error per domain", "test samples, errors against the samples' own EF", note
+    )
     styles = family_styles(families(front.points))
-    for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
+    for axis, (kind, error) in zip(axes, errors, strict=True):
         for family, style in styles.items():
             for point, dash in _extremes([p for p in front.models if p.family == family], error):
                 by_domain = getattr(point, f"domain_{error}")
-                rms = [by_domain.get(domain) or math.nan for domain in DOMAINS]
+                rms = [off if (off := by_domain.get(domain, 0.0)) > ROUNDING else math.nan for domain in DOMAINS]
                 axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
         log_scale(axis, "y")
-        axis.set(xlabel="domain", ylabel=f"RMS {kind} error [{unit}]")
+        axis.set(xlabel="domain", ylabel=f"RMS {kind.name} error [{kind.unit}]")
         axis.set_xticks(range(len(DOMAINS)), DOMAINS)
     legend_beside(figure, axes)
     return figure
@@ -55,9 +58,9 @@ def _extremes(points: Sequence[Point], error: str) -> list[tuple[Point, str]]:
     return [(best, "-")] if cheapest is best else [(cheapest, "--"), (best, "-")]
 
 
-def _domains(points: Sequence[Point]) -> list[str]:
+def _domains(points: Sequence[Point], error: str) -> list[str]:
     """Of D1, D3 and D4 those that the scene has: a joint of one patch has no D4."""
-    return [domain for domain in ("D1", "D3", "D4") if all(domain in p.domain_force_rms_n for p in points)]
+    return [domain for domain in ("D1", "D3", "D4") if all(domain in getattr(p, f"domain_{error}") for p in points)]
 
 
 def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str) -> Any | None:
@@ -67,13 +70,14 @@ def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str)
         return None
     model = points[0].name.partition(" (")[0]
     points = sorted([*points, *(p for p in front.models if p.name == model)], key=cost)
-    figure, axes = two_panels(front, f"error of {model} against {label.partition(' [')[0]}")
-    for axis, (kind, error, unit) in zip(axes, KINDS, strict=True):
-        for where, style in family_styles([UNSEEN, *_domains(points)]).items():
+    errors = errors_of(front)
+    figure, axes = panels(front, len(errors), f"error of {model} against {label.partition(' [')[0]}")
+    for axis, (kind, error) in zip(axes, errors, strict=True):
+        for where, style in family_styles([UNSEEN, *_domains(points, error)]).items():
             rms = [getattr(p, error) if where == UNSEEN else getattr(p, f"domain_{error}")[where] for p in points]
             legend = where if where == UNSEEN else f"test samples of {where}, against the samples' own EF"
             axis.plot([cost(p) for p in points], rms, ms=5, lw=1.0, label=legend, **style.keywords)
         log_scale(axis)
-        axis.set(xlabel=label, ylabel=f"RMS {kind} error [{unit}]")
+        axis.set(xlabel=label, ylabel=f"RMS {kind.name} error [{kind.unit}]")
     axes[0].legend(fontsize=8)
     return figure

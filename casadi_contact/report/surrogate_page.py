@@ -112,7 +112,7 @@ def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping
         load = loads[j - 1]
         return j > 0 and i < len(of_domains) and of_domains[i].get(load, {}).get("rms", 0.0) > tolerances[load]
 
-    rows.append(["tolerance", *(f"{tolerances[load]:g}" for load in loads)])
+    rows.append(["tolerance it was trained for", *(f"{tolerances[load]:g}" for load in loads)])
     return table(["RMS (largest)", *(quantity(load).label for load in loads)], rows, too_large)
 
 

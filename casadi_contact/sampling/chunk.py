@@ -20,6 +20,7 @@ from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics.settle import NOT_FINITE
 
 _PULL_N = 1e-9
 
@@ -120,6 +121,11 @@ def draw_chunk(
         role = np.repeat(role, steps)
     scene = settle_model.scene
     wrenches, gaps, edge = evaluated(teacher, poses, len(scene.parts))
+    finite = np.isfinite(wrenches).all(axis=(1, 2))
+    if not finite.all():
+        dropped[NOT_FINITE] += int((~finite).sum())
+        lost.append(poses[~finite])
+        poses, role, wrenches, gaps, edge = (kept[finite] for kept in (poses, role, wrenches, gaps, edge))
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
     lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])

@@ -154,7 +154,10 @@ def draw_samples(
     }
     if path.exists():
         samples = read_samples(path)
-        refuse_other({**samples.provenance, "scene": samples.scene.to_toml()}, identity, path)
+        there = {**samples.provenance, "scene": samples.scene.digest}
+        refuse_other(there, {**identity, "scene": scene.digest}, path)
+        if models is foundations:
+            _refuse_coarser(samples.scene, scene, path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     folder = ChunkFolder(path, identity)
@@ -181,6 +184,17 @@ def draw_samples(
     write_samples(path, samples)
     folder.remove()
     return samples
+
+
+def _refuse_coarser(before: Scene, now: Scene, path: Path) -> None:
+    """ValueError where samples of `contact.foundation`, which is as good as a scene's tolerances, were drawn for larger
+    ones than those of now."""
+    for load, tolerance in now.tolerances.items():
+        if before.tolerances[load] > tolerance:
+            raise ValueError(
+                f"{path} was drawn from a foundation chosen for {load} within {before.tolerances[load]:g}, now "
+                f"{tolerance:g}: use another file, or delete it"
+            )
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ def _cure(reason: str) -> str:
             "Contact runs off the fixed surface: enlarge its patches where the part really goes on, or draw closer to "
             "the reference motion (smaller d3_fraction, d2_offset or d3_minimum_widths in the scene's [sampling])."
         )
+    if "finite" in reason:
+        return "Mend the contact model where its loads are not finite, or draw where they are."
     if "settle" in reason:
         return (
             "Few of the wanted loads have an equilibrium: check the directions of the loads and of loads.sensitive "

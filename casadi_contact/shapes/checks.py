@@ -32,7 +32,8 @@ def number(key: str, value: object, *, low: float = -math.inf, high: float = mat
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST_NUMBER:
         raise fail(key, value, f"a finite number below {_LARGEST_NUMBER:g}")
     if not low < value < high:
-        raise fail(key, value, f"a number between {low:g} and {high:g}")
+        within = f"between {low:g} and {high:g}" if math.isfinite(high) else f"above {low:g}"
+        raise fail(key, value, f"a number {within}")
     return float(value)
 
 

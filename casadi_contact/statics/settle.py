@@ -13,6 +13,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
+NOT_FINITE = "the contact model's loads are not finite"
 _STEP_LIMIT_MM = 2.0
 _SMALLEST_STEP_MM = 1e-12
 _SMALLEST_FRACTION = 1e-6
@@ -197,6 +198,9 @@ def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray,
     pulls = equations.pulls()
     reasons = np.full(len(converged), "", dtype=object)
     for row in np.flatnonzero(~converged):
+        if not np.isfinite(misfit[row]).all():
+            reasons[row] = NOT_FINITE
+            continue
         worst = int(np.abs(misfit[row]).argmax())
         left = f"{equations.names[worst]} is off by {misfit[row, worst]:.4g}"
         if pulls[row]:

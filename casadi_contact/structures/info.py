@@ -132,12 +132,12 @@ class SurrogateInfo:
         if not self.test_errors:
             return ["test errors: not recorded"]
         loads = list(next(iter(self.test_errors.values())))
-        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>16}" for load in loads)]
+        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>20}" for load in loads)]
         for domain, errors in self.test_errors.items():
             cells = [
                 f"{errors[load]['rms']:.3g} / {errors[load]['max']:.3g}" if load in errors else "-" for load in loads
             ]
-            lines.append(f"  {domain:<7}" + "".join(f"{cell:>16}" for cell in cells))
+            lines.append(f"  {domain:<7}" + "".join(f"{cell:>20}" for cell in cells))
         return lines
 
     def _coverage_lines(self) -> list[str]:

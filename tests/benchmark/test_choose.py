@@ -1,5 +1,6 @@
 """The choice meets its tolerance, and nothing cheaper on the front does."""
 
+import shlex
 import shutil
 
 import numpy as np
@@ -90,7 +91,7 @@ def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
 
 
 def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick first"):
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick --out"):
         cc.choose("sphere_on_plane", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
     (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
     with pytest.raises(ValueError, match="measured on another scene than knee"):
@@ -100,7 +101,7 @@ def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tm
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["choose", "hip", "--force-tol", "1"], "run casadi-contact chart hip --preset quick first"),
+        (["choose", "hip", "--force-tol", "1"], "run casadi-contact chart hip --preset quick --out"),
         (["chart", "knee"], "samples.h5 does not exist"),
         (["chart", "elbow"], "unknown scene 'elbow'"),
     ],
@@ -113,3 +114,33 @@ def test_a_mistake_on_the_command_line_is_said_without_a_traceback(arguments, sa
     message = f"{ended.value.code} {capsys.readouterr().err}"
     assert said in message
     assert "Traceback" not in message
+
+
+def said_by(arguments, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return str(ended.value.code)
+
+
+def test_a_command_that_is_named_as_the_cure_finds_the_same_scene_and_folder(tmp_path, monkeypatch):
+    """choose names chart, chart names sample: each as it has to be typed, here of a scene file in another folder."""
+    (tmp_path / "my scenes").mkdir()
+    (tmp_path / "my scenes" / "ball.toml").write_text(cc.load_scene("sphere_on_plane").to_toml())
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    words = [
+        "casadi-contact",
+        "choose",
+        "../my scenes/ball.toml",
+        "--force-tol",
+        "1",
+        "--torque-tol",
+        "9",
+        "--out",
+        "out",
+    ]
+    for cure in ("chart", "sample"):
+        said = said_by(words[1:], monkeypatch)
+        words = shlex.split(said.partition(": run ")[2].removesuffix(" first"))
+        assert words == ["casadi-contact", cure, "../my scenes/ball.toml", "--preset", "quick", "--out", "out"]

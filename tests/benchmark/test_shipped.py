@@ -96,7 +96,7 @@ def test_a_folder_with_samples_speaks_for_itself(tmp_path):
     project = Project.open("knee", "quick", tmp_path)
     assert set(surrogates_at_hand(project)) == {"patch", "trunk", "two_stage"}
     project.samples_path.write_bytes(b"begun")
-    with pytest.raises(FileNotFoundError, match="run casadi-contact train first"):
+    with pytest.raises(FileNotFoundError, match=r"run casadi-contact train knee --preset quick --out .* first"):
         surrogates_at_hand(project)
     with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee"):
         cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)

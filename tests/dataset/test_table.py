@@ -48,6 +48,9 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
         (lambda c: c.update(role=np.full(20, 0.5)), "role holds other numbers"),
         (lambda c: c.update(role=np.full(20, 7.0)), "role holds numbers outside"),
         (lambda c: c.update(domain=np.full(20, 9.0)), "domain holds numbers outside"),
+        (lambda c: c.update(gap=-c["gap"]), r"row \d+: contact carries no load and has the gap -0\.0"),
+        (lambda c: c.update(rz=np.degrees(c["rz"])), "rz reaches .*, expected radians: is it in degrees"),
+        (lambda c: c.update(role=np.zeros(20)), r"no row has role 1 \(validation\), 2 \(test\), expected some of each"),
         (lambda c: c.update({k: v[:5] for k, v in c.items()}), "5 rows, expected at least 10"),
     ],
 )
@@ -68,3 +71,14 @@ def test_files_that_are_no_tables(tmp_path):
             read_sample_table(tmp_path / name, SCENE)
     with pytest.raises(ValueError, match=r"test_fraction is 0\.9"):
         read_sample_table(write_csv(tmp_path / "t.csv", table_rows(20)), SCENE, test_fraction=0.9)
+
+
+def test_a_gap_may_change_its_sign_a_little_before_the_load_but_not_far(tmp_path):
+    """Rows without load of which a few overlap, by less than a tenth of a millimetre; then one by more."""
+    columns = table_rows(400)
+    free = np.flatnonzero(columns["gap"] > 0.0)
+    columns["gap"][free[:3]] = -0.09
+    assert read_sample_table(write_csv(tmp_path / "t.csv", columns), SCENE).gaps.min() < -0.08
+    columns["gap"][free[2]] = -0.3
+    with pytest.raises(ValueError, match=rf"row {free[2] + 1}: contact carries no load and has the gap -0\.3 mm"):
+        read_sample_table(write_csv(tmp_path / "t.csv", columns), SCENE)

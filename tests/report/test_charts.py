@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from casadi_contact.benchmark.front_file import SIZE, Front, Point, read_front
+from casadi_contact.benchmark.front_file import SIZE, Front, Point, read_front, write_front
 from casadi_contact.report import draw_charts
 from casadi_contact.report.charts import CHARTS
 from casadi_contact.report.scatter import draw_speed_accuracy
@@ -52,6 +52,26 @@ def test_a_joint_of_one_patch_has_no_d4(front, tmp_path):
 
     one_patch = Front(front.header, tuple(without(point) for point in front.points))
     assert {path.stem for path in draw_charts(one_patch, tmp_path)} == set(CHARTS)
+
+
+@pytest.mark.parametrize(("loads", "drawn", "absent"), [("Fy_med Fx", "force", "torque"), ("Tz", "torque", "force")])
+def test_forces_alone_and_torques_alone_have_one_panel_and_every_chart(front, loads, drawn, absent, tmp_path):
+    """As measured of a scene that asks for these loads: it has no errors of the other kind, in no domain."""
+
+    def reduced(point):
+        kept = {load: rms for load, rms in point.load_rms.items() if load in loads.split()}
+        emptied = {"force": "domain_force_rms_n", "torque": "domain_torque_rms_nmm"}[absent]
+        return replace(point, load_rms=kept, **{emptied: {}})
+
+    few = Front({**front.header, "loads": loads}, tuple(reduced(point) for point in front.points))
+    write_front(tmp_path / "few.csv", few)
+    few = read_front(tmp_path / "few.csv")
+    assert {path.stem for path in draw_charts(few, tmp_path)} == set(CHARTS)
+    for name, draw in CHARTS.items():
+        axes = draw(few).axes
+        assert len(axes) == (2 if name == "gradient_hessian_time" else 1)
+        assert all(f"RMS {drawn} error" in axis.get_ylabel() for axis in axes)
+        assert all(line.get_xydata().size for axis in axes for line in axis.lines)
 
 
 def test_the_families_of_the_file_differ_in_lightness_colour_and_marker(front):

@@ -22,6 +22,13 @@ def test_keywords_replace_single_parameters_and_change_the_digest():
     assert scene.digest != cc.load_scene("sphere_on_plane").digest
 
 
+def test_the_digest_names_the_loads_and_not_how_precisely_they_are_needed():
+    knee = cc.load_scene("knee")
+    finer = knee.with_tolerances(Fy_med=0.01)
+    assert finer.digest == knee.digest
+    assert finer != knee
+
+
 def test_a_scene_file_can_be_copied_edited_and_loaded(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(cc.load_scene("knee").to_toml().replace("youngs_modulus = 463.0", "youngs_modulus = 700.0"))
