@@ -1,5 +1,7 @@
 """Surrogate files: exact round trips; damaged, foreign and newer files get one clear line."""
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -151,3 +153,11 @@ def test_info_tells_structure_sizes_samples_and_errors():
         "casadi-contact build knee",
     ):
         assert part in text
+
+
+def test_columns_of_errors_stay_apart_however_small_the_errors():
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    errors = {"D1": {load: {"rms": 0.00303e-8, "max": 0.00954e-8} for load in ("Fy", "Fx")}}
+    info = replace(surrogate.info(), record={"test_errors": errors})
+    (line,) = (line for line in str(info).splitlines() if line.startswith("  D1"))
+    assert line.split() == ["D1", *(["3.03e-11", "/", "9.54e-11"] * 2)]
