@@ -1,7 +1,7 @@
 """Material and placement of the fixed body as inputs of a contact function, with derivatives by CasADi's chain rule.
 
 Loads are proportional to K(E, ν) and, under the linear law, to 1/h: material inputs are factors on the scene's own
-loads. The fixed body placed at (t_f, R_f) in the scene's frame is met by the moving body at R_fᵀ(t - t_f), R_fᵀR; its
+loads, NaN unless E > 0, -1 < ν < 0.5 and h > 0. The fixed body placed at (t_f, R_f) in the scene's frame is met by the moving body at R_fᵀ(t - t_f), R_fᵀR; its
 wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame, about its origin.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
@@ -63,10 +64,15 @@ def parametric_function(
 
 
 def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
-    """(K/h) over that of the scene's material."""
-    E, nu = value.get("youngs_modulus", material.youngs_modulus), value.get("poissons_ratio", material.poissons_ratio)
+    """(K/h) over that of the scene's material; NaN where there is no such material, so that a solver steps back."""
+    names = ("youngs_modulus", "poissons_ratio", "thickness")
+    E, nu, h = (ca.MX(value.get(name, getattr(material, name))) for name in names)
     modulus = (1.0 - nu) * E / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    return ca.MX(modulus / layer_modulus(material)) * material.thickness / value.get("thickness", material.thickness)
+    bounds = {"youngs_modulus": E > 0.0, "poissons_ratio": ca.logic_and(nu > -1.0, nu < 0.5), "thickness": h > 0.0}
+    ratio = modulus / layer_modulus(material) * material.thickness / h
+    for name in (name for name in names if name in value):
+        ratio = ca.if_else(bounds[name], ratio, np.nan)
+    return ratio
 
 
 def _rotation(angles: ca.MX) -> ca.MX:

@@ -84,4 +84,5 @@ class PressureOutputs(ABC):
         of_centre = (dm[..., 2:5, :] - centre[..., None] * dm[..., 1:2, :]) / force[..., None, None]
         of_peak = rise[..., None] * dm[..., 5, :]
         slopes = np.concatenate([np.stack([dm[..., 0, :], of_mean, of_peak], -2), of_centre, dm[..., 5:, :]], -2)
-        return values.reshape(len(poses), -1), slopes.reshape(len(poses), -1, 6)
+        shape = (len(poses), len(self.pressure_names))  # no -1: there may be no poses
+        return values.reshape(shape), slopes.reshape(*shape, 6)

@@ -26,6 +26,17 @@ def test_a_material_given_as_inputs_gives_the_loads_of_the_scene_with_that_mater
     np.testing.assert_allclose(np.array(f(KNEE, list(MATERIAL.values())))[:, 0], other(np.array(KNEE)), rtol=1e-9)
 
 
+@pytest.mark.parametrize("wrong", [{"youngs_modulus": 0.0}, {"youngs_modulus": -5.0}, {"thickness": 0.0},
+                                   {"thickness": -7.0}, {"poissons_ratio": 0.5}, {"poissons_ratio": 0.7},
+                                   {"poissons_ratio": -1.0}])  # fmt: skip
+def test_a_material_that_cannot_be_has_no_loads_and_the_slopes_of_one_that_can_are_finite(knee, wrong):
+    f = knee.function(parameters=MATERIAL, compiled=False)
+    assert np.isnan(np.array(f(KNEE, list({**MATERIAL, **wrong}.values())))).all()
+    q = ca.MX.sym("q", len(MATERIAL))
+    slopes = ca.Function("slopes", [q], [ca.jacobian(f(ca.DM(KNEE), q), q)])
+    assert np.isfinite(np.array(slopes(list(MATERIAL.values())))).all()
+
+
 def moved(pose, place):
     """The pose after both bodies went with the fixed one to its place."""
     R_f, R = rotation(place[3:]), rotation(pose[3:])

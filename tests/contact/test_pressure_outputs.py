@@ -147,3 +147,13 @@ def test_ipopt_lowers_the_peak_pressure_of_a_knee_that_carries_its_loads():
     assert max(by_name(model, pose)[f"peak_pressure_{side}"] for side in ("med", "lat")) == pytest.approx(
         float(found["f"]), rel=1e-6
     )
+
+
+@pytest.mark.parametrize("make", [lambda: cc.PolarFoundation(cc.load_scene("knee"), Rays(12, 3), compiled=False),
+                                  lambda: cc.CupFoundation(cc.load_scene("hip"), compiled=False)])  # fmt: skip
+def test_no_poses_have_no_pressures(make):
+    model, none = make(), np.zeros((0, 6))
+    values, slopes = model.pressures(none)
+    count = len(model.pressure_names)
+    assert (values.shape, slopes.shape) == ((0, count), (0, count, 6))
+    assert model.summary(none).centre_mm.shape == (0, len(model.patch_names), 3)

@@ -35,7 +35,7 @@ def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
     shape = (len(u), *w.shape)
     starts = np.stack([np.broadcast_to(w * stretch(patch, across)[0], shape), np.broadcast_to(across, shape)])
     g = ray_ends(patch, R, t, *starts, at_start=True).g
-    row, column = np.divmod(np.argmin(g.reshape(len(u), -1), axis=1), len(ACROSS))
+    row, column = np.divmod(np.argmin(g.reshape(len(u), w.size), axis=1), len(ACROSS))
     n = np.arange(len(u))
     given = ray_ends(patch, R, t, u, v, at_start=True).g <= g[n, row, column]
     found = highest(patch, R, t, *np.where(given, [u, v], starts[:, n, row, column]), at_start=True)
