@@ -16,7 +16,6 @@ from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.domains import plan_domains
 from casadi_contact.sampling.liftoff import lift_all, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
-from casadi_contact.sampling.sample_point import pressed
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
@@ -65,7 +64,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses."""
     chunks = []
     point = motion.point
-    for block in plan_domains(motion.envelopes, pressed(scene), scene.boundary_load, settings):
+    for block in plan_domains(motion.envelopes, scene.pressed, scene.boundary_load, settings):
         starts = motion.starts(block.inputs, scene.pose_space)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)

@@ -27,7 +27,6 @@ from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_c
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
-from casadi_contact.sampling.sample_point import pressed
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
 from casadi_contact.workers import worker_pool
@@ -220,7 +219,7 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
     columns = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
     provenance = {key: value for key, value in identity.items() if key != "scene"}
     versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
-    skipped = left_out(pressed(scene), SamplingSettings.from_table(identity["settings"]))
+    skipped = left_out(scene.pressed, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])

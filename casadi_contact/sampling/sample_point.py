@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.scenes import Scene
-from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.pose_space import PoseSpace
 
 
@@ -62,13 +61,13 @@ class SamplePoint:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
-        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `pressed`)."""
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `Scene.pressed`)."""
         if not scene.sensitive_pose:
             raise ValueError(
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
                 "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
             )
-        loads = [name for normal in pressed(scene) for name in normal.loads]
+        loads = [name for normal in scene.pressed for name in normal.loads]
         if len(scene.sensitive_pose) != len(loads):
             raise ValueError(
                 f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "
@@ -76,14 +75,3 @@ class SamplePoint:
             )
         swap = dict(zip(scene.sensitive_pose, loads, strict=True))
         return cls.of_inputs([swap.get(name, name) for name in scene.pose_space.free_names], scene.pose_space)
-
-
-def pressed(scene: Scene) -> tuple[NormalLoad, ...]:
-    """The normal loads that a static analysis can set one by one: those of the patches; their sum where patches that
-    are pressed along one direction share a single sensitive pose parameter (a knee whose r_x is locked)."""
-    normals = scene.normal_loads
-    directions = {(normal.component, normal.sign) for normal in normals}
-    component, sign = next(iter(directions))
-    if len(normals) == 1 or len(scene.sensitive_pose) != 1 or len(directions) > 1 or component is None:
-        return normals
-    return (NormalLoad("", component, sign, (component,)),)

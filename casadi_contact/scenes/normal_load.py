@@ -101,6 +101,16 @@ def _normal_load(text: str, patch_names: Sequence[str]) -> NormalLoad:
     return NormalLoad(patch, component, 1.0 if text.startswith("+") else -1.0, (name,))
 
 
+def in_sum(normals: tuple[NormalLoad, ...]) -> tuple[NormalLoad, ...]:
+    """The sum of normal loads along one direction, which one pose parameter can set (a knee whose r_x is locked sinks
+    by t_y alone); themselves where there is one, or several directions."""
+    directions = {(normal.component, normal.sign) for normal in normals}
+    component, sign = next(iter(directions))
+    if len(normals) == 1 or len(directions) > 1 or component is None:
+        return normals
+    return (NormalLoad("", component, sign, (component,)),)
+
+
 def normal_forces(loads: Sequence[NormalLoad], wrenches: Array) -> Array:
     """N of every patch (n, patches) for wrenches (n, patches, 6)."""
     return np.stack([load.of(wrenches[:, p]) for p, load in enumerate(loads)], axis=1)

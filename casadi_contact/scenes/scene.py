@@ -22,7 +22,7 @@ from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
 from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
+from casadi_contact.scenes.normal_load import NormalLoad, in_sum, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.shapes import shape_named
@@ -183,6 +183,11 @@ class Scene:
     def sensitive_loads(self) -> tuple[str, ...]:
         """The named loads that the normal loads are made of, in patch order."""
         return tuple(name for normal in self.normal_loads for name in normal.loads)
+
+    @property
+    def pressed(self) -> tuple[NormalLoad, ...]:
+        """The normal loads that a static analysis can set one by one: those of the patches, or their sum."""
+        return in_sum(self.normal_loads) if len(self.sensitive_pose) == 1 else self.normal_loads
 
     @cached_property
     def first_parts(self) -> list[int]:

@@ -6,7 +6,6 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.sampling import Envelopes, SamplePoint, SamplingSettings, plan_domains
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
-from casadi_contact.sampling.sample_point import pressed
 from casadi_contact.statics import settle
 from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
 
@@ -72,7 +71,7 @@ def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
     scene = cc.load_scene("planar_knee")
     point = SamplePoint.of_scene(scene)
     assert (point.inputs, point.free) == (("tx", "Fy", "rz"), ("ty",))
-    assert [normal.loads for normal in pressed(scene)] == [("Fy",)]
+    assert [normal.loads for normal in scene.pressed] == [("Fy",)]
     assert scene.load_names == ("Fy", "Fx")
     assert set(scene.tolerances) == {"Fy", "Fx"}
 
