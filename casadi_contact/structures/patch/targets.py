@@ -14,6 +14,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
+from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
@@ -145,7 +146,7 @@ def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, floa
 
     A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
     may be τ/√(2m). Through the lever ρ (root mean square, weighted by N) that also limits δN; a load that is N
-    itself limits it directly; a root that no load needs, the boundary load.
+    itself limits it directly; a root that no load needs, the least tolerance of a force or the boundary load.
     """
     root = float(np.inf)
     ratios: dict[int, float] = {}
@@ -158,4 +159,6 @@ def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, floa
                     root = min(root, share / lever[k])
             else:
                 root = min(root, scene.tolerances[name] / np.sqrt(selection[row].any(axis=1).sum()))
-    return float(root if np.isfinite(root) else scene.boundary_load), {k: float(value) for k, value in ratios.items()}
+    if not np.isfinite(root):  # its mirror image may be the side that is asked for
+        root = min([scene.boundary_load, *(scene.tolerances[name] for name in of_kind(scene.load_names, FORCE))])
+    return float(root), {k: float(value) for k, value in ratios.items()}
