@@ -124,6 +124,11 @@ def _matrices(rows: Sequence[Sequence[ArrayLike]], shape: tuple[int, ...]) -> Ar
     return matrices
 
 
+def possible_loads(patch_names: Sequence[str]) -> tuple[str, ...]:
+    """Names of all loads that patches give: the components of the total wrench, then those of each patch."""
+    return (*WRENCH_NAMES, *(f"{component}_{patch}" for patch in patch_names for component in WRENCH_NAMES))
+
+
 def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
     """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches.
 
@@ -134,8 +139,7 @@ def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Arr
     for row, name in enumerate(load_names):
         component, _, patch = name.partition("_")
         if component not in WRENCH_NAMES or (patch and patch not in patch_names):
-            possible = [*WRENCH_NAMES, *(f"{c}_{p}" for p in patch_names for c in WRENCH_NAMES)]
-            raise ValueError(f"unknown load {name!r}, expected one of {', '.join(possible)}")
+            raise ValueError(f"unknown load {name!r}, expected one of {', '.join(possible_loads(patch_names))}")
         patches = [patch_names.index(patch)] if patch else range(len(patch_names))
         for p in patches:
             selection[row, p, WRENCH_NAMES.index(component)] = 1.0

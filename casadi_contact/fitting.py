@@ -176,13 +176,15 @@ def fit_surrogate(
     the first size of their effort; a fit that stalls does not begin again from random ones. seed: of random weights.
     """
     kind = STRUCTURES[structure]
-    needed = kind.networks_for(project.scene, project.scene.load_names if loads is None else loads)
-    twins = {twin: of for twin, of in kind.twins(project.scene).items() if twin in needed}
-    fitted = {twins.get(name, name) for name in needed}
+    needed = None if loads is None else kind.networks_for(project.scene, loads)
+    twins = {twin: of for twin, of in kind.twins(project.scene).items() if needed is None or twin in needed}
+    posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
+    twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
+    fitted = set(posed) - set(twins) if needed is None else {twins.get(name, name) for name in needed}
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     regressions, settings = [], {}
-    for regression in kind.regressions(either_side(samples) if twins else samples):
-        if regression.name in twins or (loads is not None and regression.name not in fitted):
+    for regression in posed.values():
+        if regression.name not in fitted:
             continue
         effort = effort_for(efforts, regression.name)
         regressions.append(_at_most(_asked(regression, effort, weights), effort.max_rows, seed=0))
@@ -218,7 +220,7 @@ def fit_surrogate(
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches
     networks |= {twin: kind.reflection(twin, networks[of], project.scene) for twin, of in twins.items()}
-    if loads is not None:
+    if needed is not None:
         networks = {name: networks[name] for name in needed}
     bare = kind(project.scene, networks)
     record = _record(project, samples, bare, fits, command, device)

@@ -14,7 +14,7 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
-from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
+from casadi_contact.motion.joint_cycle import JointCycle, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.presets import PRESETS, Preset
@@ -139,9 +139,14 @@ def _completed(scene: Scene, path: Path) -> Scene:
     return completed
 
 
+def walks(scene: Scene) -> bool:
+    """True for a knee without a motion of its own: its cycles are a knee's, and the built-in ones walking."""
+    return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
+
+
 def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
     """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
-    if scene.motion or not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+    if not walks(scene):
         return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
     return [read_cycle(path) for path in cycle_files] or reference_cycles()
 

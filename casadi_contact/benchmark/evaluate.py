@@ -78,8 +78,9 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
     """Everything `report.evaluation_tables` shows, as plain JSON data.
 
     Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
-    samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, or for a scene without
-    geometry, the domain errors of the surrogates alone.
+    samples' teacher grid; the walking sequence as in `evaluate_walking`, but for a motion of a single cycle, which has
+    no unseen ones in between. Without a motion, or for a scene without geometry, the domain errors of the surrogates
+    alone.
     """
     if not surrogates:
         raise ValueError("no surrogate to evaluate, expected at least one")
@@ -105,7 +106,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
         "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
     }
-    if compared and motion is not None:
+    if compared and motion is not None and len(motion.curves) > 1:
         walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
         content["walking"] = evaluate_walking(surrogates, walking)
     return content

@@ -101,6 +101,11 @@ class CompiledFoundation(ContactFunctions):
         return values[:, columns], slopes[:, columns]
 
     @pose_or_poses
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
+        return self._wrenches(poses, slopes=True)[:2]
+
+    @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike) -> Array:
         """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
 

@@ -96,9 +96,14 @@ class ElasticFoundation:
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
+        wrenches, slopes = self.wrench_jacobian(poses)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+
+    @pose_or_poses
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their analytic derivatives by the pose (n, patches, 6, 6)."""
+        return self._evaluate(self._patches, poses, derivatives=True)
 
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:

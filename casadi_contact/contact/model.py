@@ -23,7 +23,11 @@ LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overla
 
 
 class ContactModel(Protocol):
-    """Loads on the fixed body as functions of the pose (n, 6); elastic foundations and surrogates alike."""
+    """Loads on the fixed body as functions of the pose (n, 6); elastic foundations and surrogates alike.
+
+    A model that has wrench_jacobian(poses) as well, wrenches (n, patches, 6) and their derivatives by the pose (n,
+    patches, 6, 6), settles under any load of its patches, others under those of load_names.
+    """
 
     scene: Scene
     load_names: tuple[str, ...]
@@ -129,6 +133,11 @@ class CallableModel:
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads and their central-difference derivatives (n, loads, 6)."""
         return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
+
+    @pose_or_poses
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6)."""
+        return self.wrenches(poses), self._wrench_slopes(poses)
 
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:

@@ -10,7 +10,7 @@ from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.project import reference_motion_cycles
+from casadi_contact.project import reference_motion_cycles, walks
 from casadi_contact.sampling.reference import reference_poses
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
@@ -41,7 +41,7 @@ def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
     if path is not None:
         poses = read_poses(path)
         return PageCycle(np.linspace(0.0, 1.0, len(poses)), poses, f"{len(poses)} poses of a file")
-    if not scene.motion and not {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+    if not scene.motion and not walks(scene):
         return PageCycle(np.zeros(1), contact_pose(ElasticFoundation(scene))[None], "a pose in contact")
     cycle = reference_motion_cycles(scene, ())[0]
     poses, report = reference_poses(model, [cycle])

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.files import short
 from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.load_cycle import check_radians
@@ -70,15 +70,26 @@ def column_names(load_names: Sequence[str]) -> dict[str, str]:
     return {name: quantity(name).column for name in (*POSE_NAMES, *load_names)}
 
 
+def driving_loads(scene: Scene) -> tuple[str, ...]:
+    """The loads that a scene's cycles may hold: those that it asks for, those that press its patches, and those of its
+    own motion."""
+    harmonics = scene.motion.get("harmonics")
+    columns = {quantity(name).column: name for name in possible_loads(scene.patch_names)}
+    own = [columns[column] for column in harmonics if column in columns] if isinstance(harmonics, Mapping) else []
+    pressing = [name for normal in scene.pressed for name in normal.loads]
+    return tuple(dict.fromkeys((*scene.load_names, *pressing, *own)))
+
+
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
-    """Read a cycle from a CSV file: time_s, and those of the scene's `column_names` that were measured, and the centre
-    of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
+    """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters and `driving_loads` that were
+    measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
 
     Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or as a knee's load cycle has
     them (flexion_rz_rad). Raises FileNotFoundError, and ValueError naming file, line and column.
     """
     path = Path(path)
-    columns = {**column_names(scene.load_names), **{name: quantity(name).column for name in _CENTRES}}
+    known = driving_loads(scene)
+    columns = {**column_names(known), **{name: quantity(name).column for name in _CENTRES}}
     table = TextColumns.read(path, "cycle file")
     table.require("time_s")
     for got in table.header:
@@ -88,10 +99,10 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
         for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
             if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
                 raise ValueError(f"{path} has the column {got}, expected {columns[name]}: rename it")
-    if not any(columns[name] in table.header for name in scene.load_names):
+    if not any(columns[name] in table.header for name in known):
         raise ValueError(
             f"{path} has no load of scene {scene.name}, expected some of "
-            f"{', '.join(columns[name] for name in scene.load_names)}; it has {short(', '.join(table.header))}"
+            f"{', '.join(columns[name] for name in known)}; it has {short(', '.join(table.header))}"
         )
     named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
     pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
@@ -118,7 +129,7 @@ def scene_cycles(scene: Scene) -> list[JointCycle]:
             f"scene {scene.name}: [motion] has {', '.join(motion)}, expected cycles, duration_s, deviation and "
             "[motion.harmonics]"
         )
-    columns = {column: name for name, column in column_names(scene.load_names).items()}
+    columns = {column: name for name, column in column_names(possible_loads(scene.patch_names)).items()}
     count = motion.get("cycles", 10)
     if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_CYCLES:
         raise fail("motion.cycles", count, f"a whole number from 2 to {MOST_CYCLES}")

@@ -31,6 +31,7 @@ _TOLERANCE = 0.01  # of the largest load
 _LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
 _SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
+_OFFSETS_MM = (0.5, 2.0)  # of D1 and D2 in a translation of a large joint that its motion leaves out
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
 
 
@@ -102,7 +103,7 @@ def propose(
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
-    tables |= {"sampling": _sampling(joint)} | motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
+    tables |= {"sampling": _sampling(joint, pair.scale)} | motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
     poses, _ = _reference(tables, cycles=_TEST_CYCLES)
     tables["tolerances"] = _tolerances(model, poses)
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
@@ -132,10 +133,15 @@ def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str
     raise ValueError(next((error for error in errors if "mm across" not in error), errors[0]))
 
 
-def _sampling(joint: Joint) -> dict[str, Any]:
+def _sampling(joint: Joint, scale: float) -> dict[str, Any]:
+    """Settings of the sampling. The made-up motion moves no translation: offsets of a small joint's are as small as it
+    is, of a large joint's as `sampling.envelopes` assumes."""
     if joint.kind == "knee":
         return {"d3_minimum_widths": {"tz": 3.0, "ry": 0.3}}
-    return {"counts": {"D5": 6000, "D7": 3000}, "liftoff_mm": 0.4}
+    still = [name for name in ("tx", "ty", "tz") if name not in joint.sensitive_pose] if scale < 1.0 else []
+    offsets = {name: [round(scale * offset, 2) for offset in _OFFSETS_MM] for name in still}
+    own = {"fixed_offsets": offsets} if offsets else {}
+    return {"counts": {"D5": 6000, "D7": 3000}, "liftoff_mm": 0.4, **own}
 
 
 def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:

@@ -58,7 +58,8 @@ def plan_domains(
     if settings.reach:
         box = Envelopes(envelopes.names, *(np.array([[settings.reach[n][k] for n in envelopes.names]]) for k in (0, 1)))
     else:
-        box = envelopes.extremes(settings.d3_fraction, fixed[1]).at_least(settings.d3_minimum_widths)
+        box = envelopes.extremes(settings.d3_fraction, settings.d2_offset, fixed[1])
+        box = box.at_least(settings.d3_minimum_widths)
     box = box.without_pull(normals, boundary_load)
     patches = len(normals)
     missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from casadi_contact.contact import ContactModel
+from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.statics import settle
 
@@ -80,6 +81,7 @@ def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> 
     for p, normal in enumerate(model.scene.normal_loads):
         if normal.loads == (name,):
             return root_slopes[:, p]
+    model = with_loads(model, (name,))
     return model.scene.pose_space.along(model.jacobian(poses)[1][:, model.load_names.index(name)])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.quantities import quantity
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
@@ -41,13 +42,15 @@ class Cycle(Protocol):
 class ReferenceReport:
     """What became of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
 
-    The pose of a frame that did not converge is interpolated between its neighbours that did.
+    The pose of a frame that did not converge is interpolated between its neighbours that did. assumed: by how much the
+    cycles are taken to differ in inputs that have the same curve in all (see `envelopes`).
     """
 
     names: tuple[str, ...]
     converged: np.ndarray
     residual: Array
     reason: np.ndarray
+    assumed: Mapping[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         lines = [f"{int(self.converged.sum())} of {self.converged.size} reference frames converged"]
@@ -56,6 +59,9 @@ class ReferenceReport:
             if len(failed):
                 frames = ", ".join(map(str, failed))
                 lines.append(f"{name}: frames {frames} interpolated ({reason[failed[0]]})")
+        if self.assumed:
+            by = ", ".join(f"{name} {width:.2g} {quantity(name).unit}" for name, width in self.assumed.items())
+            lines.append(f"the same in all cycles, taken to differ by {by}: sampling.fixed_offsets says otherwise")
         return "\n".join(lines)
 
 
@@ -102,19 +108,34 @@ def reference_motion(
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
     loads from the measured ones.
 
-    Raises ValueError where an input is neither a pose parameter nor a load of the cycles; see `reference_poses`.
+    Raises ValueError, before it seeks poses, where an input is neither a pose parameter nor a load of the cycles, and
+    for loads that cannot be sampled, being zero throughout; see `reference_poses`.
     """
     point = settings.sample_point(model.scene)
-    poses, report = reference_poses(model, cycles, frames=settings.frames)
+    _check_alike(cycles)
     targets = [_on_frames(cycle, settings.frames) for cycle in cycles]
-    for name in point.load_inputs:
-        if name not in targets[0]:
-            raise ValueError(f"the cycles hold no load {name}, only {', '.join(targets[0])}: change sampling.inputs")
+    if missing := [name for name in point.load_inputs if name not in targets[0]]:
+        held = ", ".join(cycles[0].targets())
+        raise ValueError(f"the cycles hold no load {', '.join(missing)}, only {held}: change sampling.inputs")
+    loads = Envelopes.over(point.load_inputs, [np.stack([t[n] for n in point.load_inputs], axis=1) for t in targets])
+    if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
+        raise ValueError(
+            f"{', '.join(zero)} without any load in all cycles, expected a range to sample: "
+            f"give the scene's sampling.fixed_offsets an entry for {', '.join(zero)}"
+        )
+    poses, report = reference_poses(model, cycles, frames=settings.frames)
     columns = [
         poses[..., pose_index(name)] if name in POSE_NAMES else np.stack([t[name] for t in targets])
         for name in point.inputs
     ]
-    return ReferenceMotion(point, np.stack(columns, axis=-1), poses), report
+    motion = ReferenceMotion(point, np.stack(columns, axis=-1), poses)
+    return motion, replace(report, assumed=_assumed(motion.envelopes, settings))
+
+
+def _assumed(envelopes: Envelopes, settings: SamplingSettings) -> dict[str, float]:
+    """The widths that envelopes assume of inputs, but for those with an offset or a range of their own."""
+    own = {*settings.fixed_offsets, *settings.reach}
+    return {name: width for name, width in envelopes.assumed_widths.items() if name not in own}
 
 
 def reference_poses(
@@ -139,18 +160,8 @@ def reference_poses(
     ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
     converges (every_cycle: False leaves its frames where they ended).
     """
-    if not cycles:
-        raise ValueError("no cycles given, expected at least one for the reference motion")
-    measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
-    for cycle in cycles:
-        if tuple(cycle.measured_pose()) != measured:
-            raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
-        if set(cycle.targets()) != loads:
-            raise ValueError(
-                f"cycle {cycle.name} has the loads {', '.join(cycle.targets())} and cycle {cycles[0].name} "
-                f"{', '.join(cycles[0].targets())}, expected the same of all cycles"
-            )
-    scene = model.scene
+    _check_alike(cycles)
+    scene, measured = model.scene, tuple(cycles[0].measured_pose())
     free = tuple(name for name in scene.pose_space.free_names if name not in measured)
     targets = [_on_frames(cycle, frames) for cycle in cycles]
     wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
@@ -177,11 +188,28 @@ def reference_poses(
     return _interpolate(poses.reshape(shape), report), report
 
 
+def _check_alike(cycles: Sequence[Cycle]) -> None:
+    """ValueError for no cycles, and for such that measure different pose parameters or loads."""
+    if not cycles:
+        raise ValueError("no cycles given, expected at least one for the reference motion")
+    measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
+    for cycle in cycles:
+        if tuple(cycle.measured_pose()) != measured:
+            raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
+        if set(cycle.targets()) != loads:
+            raise ValueError(
+                f"cycle {cycle.name} has the loads {', '.join(cycle.targets())} and cycle {cycles[0].name} "
+                f"{', '.join(cycles[0].targets())}, expected the same of all cycles"
+            )
+
+
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
     shape = (len(cycles), -1)
     names = tuple(cycle.name for cycle in cycles)
-    parts = (settled.converged, settled.residual, settled.reason)
-    return ReferenceReport(names, *(part.reshape(shape) for part in parts))
+    converged, residual, reason = (
+        part.reshape(shape) for part in (settled.converged, settled.residual, settled.reason)
+    )
+    return ReferenceReport(names, converged, residual, reason)
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.motion.joint_cycle import driving_loads
 from casadi_contact.sampling.reference import Cycle, reference_poses
 from casadi_contact.statics import sensitive_directions
 
@@ -22,5 +23,6 @@ def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[
     poses, _ = reference_poses(model, cycles[:1], frames=_FRAMES)
     roots, _ = model.root_loads(poses[0])
     reference = poses[0][int(np.argmax((np.maximum(roots, 0.0) ** 2).sum(axis=1)))]
-    strongest = sensitive_directions(model, reference).names[: len(model.scene.sensitive_loads)]
+    found = sensitive_directions(model, reference, loads=driving_loads(model.scene))
+    strongest = found.names[: len(model.scene.sensitive_loads)]
     return tuple(name for name in POSE_NAMES if name in strongest)

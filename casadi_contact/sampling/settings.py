@@ -28,11 +28,12 @@ class SamplingSettings:
     counts: samples per domain at scale 1; d1_fraction and d1_offset (times the mean width, for narrow frames)
     expand the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: width that D3 has at
     least in an input [mm, rad or N] (empty in the paper; an input that hardly varies in the reference motion would
-    leave other motions and an optimiser's steps outside all domains); fixed_offsets: for an input known
-    from a single curve, its offset in D1 and in D2 [mm, rad or N] (the paper gives no number for ry: these are 1.1
-    and 3.4 degrees); settle_tolerance_n: largest force error of a static analysis; most_dropped: share of
-    a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if empty; reach: ranges (low,
-    high) of all inputs [mm, rad, N], the plan `reach` instead of the paper's: see `domains`.
+    leave other motions and an optimiser's steps outside all domains); fixed_offsets: an input's offset in
+    D1 and in D2 [mm, rad or N], whatever its curves (the paper gives no number for ry, known from a single curve: these
+    are 1.1 and 3.4 degrees; other inputs with one curve: see `envelopes`); settle_tolerance_n: largest force error of a
+    static analysis; most_dropped: share of a domain's plan that may become no samples; inputs: sample-point inputs, the
+    scene's if empty; reach: ranges (low, high) of all inputs [mm, rad, N], the plan `reach` instead of the paper's: see
+    `domains`.
     """
 
     counts: Mapping[str, int] = field(default_factory=lambda: dict(PAPER_COUNTS))

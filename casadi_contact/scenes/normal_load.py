@@ -68,14 +68,6 @@ class NormalLoad:
         return self.with_size(forces, np.maximum(size, least))
 
 
-def shared_load(normals: Sequence[NormalLoad]) -> NormalLoad | None:
-    """The sum of several normal loads along one direction, of all patches together; None where there is none."""
-    (component, sign), *others = {(normal.component, normal.sign) for normal in normals}
-    if len(normals) == 1 or others or component is None:
-        return None
-    return NormalLoad("", component, sign, (component,))
-
-
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
     """The normal load of each patch from its text, in patch order.
 
@@ -107,6 +99,16 @@ def _normal_load(text: str, patch_names: Sequence[str]) -> NormalLoad:
         suffix = name[1:]
         return NormalLoad(patch, None, 1.0, tuple(f"{force}{suffix}" for force in FORCE_NAMES))
     return NormalLoad(patch, component, 1.0 if text.startswith("+") else -1.0, (name,))
+
+
+def in_sum(normals: tuple[NormalLoad, ...]) -> tuple[NormalLoad, ...]:
+    """The sum of normal loads along one direction, which one pose parameter can set (a knee whose r_x is locked sinks
+    by t_y alone); themselves where there is one, or several directions."""
+    directions = {(normal.component, normal.sign) for normal in normals}
+    component, sign = next(iter(directions))
+    if len(normals) == 1 or len(directions) > 1 or component is None:
+        return normals
+    return (NormalLoad("", component, sign, (component,)),)
 
 
 def normal_forces(loads: Sequence[NormalLoad], wrenches: Array) -> Array:

@@ -22,7 +22,7 @@ from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
 from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.normal_load import NormalLoad, normal_loads, shared_load
+from casadi_contact.scenes.normal_load import NormalLoad, in_sum, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.shapes import shape_named
@@ -188,10 +188,9 @@ class Scene:
 
     @property
     def pressed(self) -> tuple[NormalLoad, ...]:
-        """The normal loads that a static analysis can set one by one: those of the patches, or their `shared_load`
-        where these share a single sensitive pose parameter (a knee whose r_x is locked)."""
-        total = shared_load(self.normal_loads) if len(self.sensitive_pose) == 1 else None
-        return self.normal_loads if total is None else (total,)
+        """The normal loads that a static analysis can set one by one: those of the patches, or their sum where these
+        share a single sensitive pose parameter (a knee whose r_x is locked)."""
+        return in_sum(self.normal_loads) if len(self.sensitive_pose) == 1 else self.normal_loads
 
     @cached_property
     def first_parts(self) -> list[int]:

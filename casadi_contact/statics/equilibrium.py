@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.pose_space import PoseSpace
@@ -42,10 +43,9 @@ class Equilibrium:
         model.scene.pose_space.check_free(free)
         if not targets:
             raise ValueError("targets is empty, expected wanted loads by name, for example {'Fy_med': -700.0}")
+        model = with_loads(model, tuple(targets))
         wanted = np.empty((count, len(targets)))
         for column, (name, value) in enumerate(targets.items()):
-            if name not in model.load_names:
-                raise ValueError(f"unknown target {name!r}, expected one of {', '.join(model.load_names)}")
             array = np.asarray(value, dtype=float)
             if array.shape not in ((), (1,), (count,)):
                 raise ValueError(f"target {name} has shape {array.shape}, expected a number or ({count},)")

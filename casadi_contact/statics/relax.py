@@ -58,6 +58,7 @@ def relax(
     """
     poses, space = start_copy(model, poses), model.scene.pose_space
     equations = Equilibrium.of(model, len(poses), free, targets)
+    model = equations.model
     columns, scales = list(equations.free), equations.free_scales
     if len(columns) != len(equations.names):
         raise ValueError(f"{len(equations.names)} targets for {len(columns)} free pose parameters, expected as many")

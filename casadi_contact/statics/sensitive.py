@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.quantities import newton_scales
 
@@ -32,15 +34,19 @@ class SensitiveDirections:
         return "\n".join(["stiffness [N/mm], rotations at the lever:", *lines])
 
 
-def sensitive_directions(model: ContactModel, pose: ArrayLike, *, lever_mm: float = LEVER_MM) -> SensitiveDirections:
+def sensitive_directions(
+    model: ContactModel, pose: ArrayLike, *, lever_mm: float = LEVER_MM, loads: Sequence[str] | None = None
+) -> SensitiveDirections:
     """Rank the pose parameters by the loads they change at a pose (6,) in contact.
 
     With S = D_loads⁻¹·(d loads/d pose)·D_pose, D = 1 for forces and translations, the lever for torques and 1/lever
-    for rotations. Parameters that the scene ties follow; those that it locks or ties are ranked last, with a stiffness
-    of zero. Raises ValueError for a bad pose or lever, and out of contact, where no load changes.
+    for rotations. loads: which (see `ContactModel`), the model's load_names if left out. Parameters that the scene ties
+    follow; those that it locks or ties are ranked last, with a stiffness of zero. Raises ValueError for a bad pose,
+    lever or load, and out of contact, where no load changes.
     """
     if not np.isfinite(lever_mm) or lever_mm <= 0.0:
         raise ValueError(f"lever_mm is {lever_mm}, expected a length above 0")
+    model = model if loads is None else with_loads(model, loads)
     poses = as_poses(np.atleast_2d(np.asarray(pose, dtype=float)))
     if len(poses) != 1:
         raise ValueError(f"got {len(poses)} poses, expected one: tx ty tz [mm] rx ry rz [rad]")

@@ -10,7 +10,7 @@ import typer
 
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import reference_motion_cycles
+from casadi_contact.project import reference_motion_cycles, walks
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
@@ -74,7 +74,7 @@ def measured_cycle(source: ContactSource, path: Path | None) -> Cycle:
     Raises ValueError for a scene that has none, and as the readers do.
     """
     scene = source.load().scene
-    if path is None and not scene.motion and {"Fy_med", "Fy_lat"} <= set(scene.load_names):
+    if path is None and walks(scene):
         return reference_cycle()
     return reference_motion_cycles(scene, [] if path is None else [path])[0]
 

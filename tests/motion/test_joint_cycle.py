@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.joint_cycle import column_names, read_joint_cycle, scene_cycles
+from casadi_contact.motion.joint_cycle import column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.scenes import Scene
 
 JOINTS = ("hip", "patellofemoral", "glenohumeral")
@@ -53,6 +53,32 @@ def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
 def test_a_motion_that_makes_no_sense_is_refused(changes, said):
     with pytest.raises(ValueError, match=said):
         scene_cycles(with_motion(**changes))
+
+
+@pytest.mark.parametrize("name", [*JOINTS, "planar_knee"])
+def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
+    whole = cc.load_scene(name)
+    fewer = Scene.from_toml(
+        f'format = 1\nname = "fewer"\nlike = "{name}"\n[loads]\nnames = ["{whole.load_names[-1]}"]\n'
+    )
+    for cycle, as_whole in zip(scene_cycles(fewer), scene_cycles(whole), strict=True):
+        assert list(cycle.targets()) == list(as_whole.targets())
+        for load, curve in cycle.targets().items():
+            np.testing.assert_array_equal(curve, as_whole.targets()[load])
+    columns = column_names(driving_loads(fewer))
+    loads = {columns[load]: curve for load, curve in cycle.targets().items()}
+    header = ",".join(["time_s", *loads])
+    table = np.column_stack([cycle.time_s, *loads.values()])
+    np.savetxt(tmp_path / "cycle.csv", table, delimiter=",", header=header, comments="")
+    assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).targets()) == set(cycle.targets())
+
+
+def test_loads_that_nothing_asks_for_are_no_part_of_a_cycle(tmp_path):
+    """A planar knee goes by the total Fy: that of a side in the file is a column like any other."""
+    planar = cc.load_scene("planar_knee")
+    assert driving_loads(planar) == ("Fy", "Fx")
+    (tmp_path / "cycle.csv").write_text("time_s,rz_rad,Fy_N,Fy_med_N,Tz_Nmm\n0.0,0,-9,-5,1\n0.1,0,-9,-5,1\n")
+    assert set(read_joint_cycle(tmp_path / "cycle.csv", planar).targets()) == {"Fy"}
 
 
 def test_a_scene_without_motion_asks_for_cycles():

@@ -9,7 +9,11 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
+from casadi_contact.motion.joint_cycle import scene_cycles
+from casadi_contact.proposal.joint import Joint
+from casadi_contact.proposal.propose import _sampling
 from casadi_contact.proposal.text import scene_text
+from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
 
 POLE = [0.2, 0.8, 0.5]
@@ -55,6 +59,17 @@ def test_a_button_in_a_groove(folder):
     assert scene.load_names[:2] == ("Fx_med", "Fx_lat")
     loads = cc.ElasticFoundation(scene)(scene.start_pose)
     np.testing.assert_allclose(loads[:2], 300.0, rtol=0.1)
+    model, settings = cc.ElasticFoundation(scene, (20, 20)), SamplingSettings.from_scene(scene, frames=5, scale=0.01)
+    motion, report = reference_motion(model, scene_cycles(scene)[:2], settings)
+    assert report.assumed == {"ty": 1.0}, "the made-up motion leaves it still"
+    planned = {chunk.domain for chunk in plan_chunks(scene, motion, settings)}
+    assert planned == {1, 2, 3, 4, 5, 6, 7}, "every domain can be drawn"
+
+
+def test_a_small_joint_is_sampled_about_its_motion_on_its_own_scale():
+    one_patch = Joint("other", ("contact",), "-y")
+    assert _sampling(one_patch, 0.25)["fixed_offsets"] == {"tx": [0.12, 0.5], "tz": [0.12, 0.5]}
+    assert "fixed_offsets" not in _sampling(one_patch, 1.0), "as the sampling assumes"
 
 
 def refused(*arguments):

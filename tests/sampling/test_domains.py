@@ -75,7 +75,7 @@ def test_a_small_plan_keeps_the_proportion_of_vertices():
 
 def test_d3_fills_one_box():
     inputs = inputs_of(plan(counts={"D3": 2000}), 3)
-    box = REFERENCE.extremes(0.25, {}).without_pull(NORMALS, 5.0)
+    box = REFERENCE.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(NORMALS, 5.0)
     assert (inputs >= box.lower).all()
     assert (inputs <= box.upper).all()
     np.testing.assert_allclose(inputs.mean(0), 0.5 * (box.lower + box.upper)[0], atol=0.01 * box.widths.max(1)[0])
@@ -85,7 +85,7 @@ def test_d3_fills_one_box():
 def test_boundary_domains_hold_five_newtons():
     blocks = plan(counts={"D4": 300, "D5": 30, "D6": 200, "D7": 40})
     med, lat = INPUTS.index("Fy_med"), INPUTS.index("Fy_lat")
-    box = REFERENCE.extremes(0.25, {}).without_pull(NORMALS, 5.0)
+    box = REFERENCE.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(NORMALS, 5.0)
     for domain in (4, 6):
         of_med, of_lat = (b for b in blocks if b.domain == domain)
         assert (of_med.lifted, of_lat.lifted) == (0, 1)

@@ -100,7 +100,7 @@ def test_d4_goes_off_in_equal_steps_with_the_other_force_kept(samples):
 
 def test_the_inputs_of_d3_fill_their_box(samples):
     d3 = samples.select(domain=3)
-    box = MOTION.envelopes.extremes(0.25, {}).without_pull(knee().normal_loads, 5.0)
+    box = MOTION.envelopes.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(knee().normal_loads, 5.0)
     loads = d3.loads(["Fy_med", "Fy_lat"])
     inputs = np.column_stack([d3.poses[:, 0], loads[:, 0], d3.poses[:, 2], loads[:, 1], d3.poses[:, 4], d3.poses[:, 5]])
     slack = 1e-2

@@ -34,7 +34,7 @@ def test_d2_by_hand():
 
 def test_d3_by_hand():
     """The extremes 0..3 and -100..-20, ±25 % of their range."""
-    d3 = REFERENCE.extremes(0.25, {})
+    d3 = REFERENCE.extremes(0.25, 2.0, {})
     np.testing.assert_allclose(d3.lower, [[-0.75, -120.0]])
     np.testing.assert_allclose(d3.upper, [[3.75, 0.0]])
 
@@ -46,14 +46,32 @@ def test_no_bound_pulls():
     np.testing.assert_allclose(pushing.lower, [[-4.0, -140.0], [-3.0, -60.0]])
 
 
-def test_a_single_curve_needs_a_fixed_offset():
-    single = Envelopes.over(("tx", "ry"), [[[0.0, 0.1], [2.0, 0.3]], [[1.0, 0.1], [3.0, 0.3]]])
-    with pytest.raises(ValueError, match=r"ry has the same curve in all cycles.*fixed_offsets"):
-        single.expand(0.2, 0.5, {})
-    expanded = single.expand(0.2, 0.5, {"ry": 0.02})
-    np.testing.assert_allclose(expanded.lower[:, 1], [0.08, 0.28])
-    np.testing.assert_allclose(expanded.upper[:, 1], [0.12, 0.32])
-    np.testing.assert_allclose(single.extremes(0.25, {"ry": 0.02}).upper[0], [3.75, 0.35])
+def test_an_input_with_the_same_curve_in_all_cycles_is_taken_to_differ_by_a_tenth_of_its_range():
+    """rz goes from -1.0 to 0.2 in both cycles: a width of 0.12 rad, D1 ±0.5 times it, D2 ±2 times, D3 no less; tz goes
+    by 0.1 mm, less than the 10 mm of which 1 mm is a tenth; what tx does is measured."""
+    curves = [[[0.0, -1.0, 0.0], [2.0, 0.2, 0.1]], [[1.0, -1.0, 0.0], [3.0, 0.2, 0.1]]]
+    single = Envelopes.over(("tx", "rz", "tz"), curves)
+    assert single.assumed_widths == pytest.approx({"rz": 0.12, "tz": 1.0})
+    np.testing.assert_allclose(single.expand(0.2, 0.5, {}).upper[:, 1:], [[-0.94, 0.5], [0.26, 0.6]])
+    np.testing.assert_allclose(single.expand(1.0, 2.0, {}).lower[:, 1:], [[-1.24, -2.0], [-0.04, -1.9]])
+    np.testing.assert_allclose(single.extremes(0.25, 2.0, {}).upper, [[3.75, 0.2 + 0.3, 0.1 + 2.0]])
+    np.testing.assert_allclose(single.expand(0.2, 0.5, {"rz": 0.02}).upper[:, 1], [-0.98, 0.22])
+
+
+def test_cycles_that_differ_by_what_settling_leaves_count_as_the_same():
+    noisy = Envelopes.over(("tx",), [[[0.0], [1e-5]], [[1e-5], [0.0]]])
+    assert noisy.assumed_widths == {"tx": 1.0}
+    np.testing.assert_allclose(noisy.expand(0.2, 0.5, {}).widths, 1.0, atol=1e-4)
+    assert Envelopes.over(("tx",), [[[0.0], [0.0]], [[0.01], [0.01]]]).assumed_widths == {}
+
+
+def test_a_load_that_never_changes_varies_by_a_twentieth_of_the_largest_of_its_kind():
+    """1,000 N and no N, one cycle: each by 50 N. Torques are of another kind: 2,000 N·mm by 100, and none by none."""
+    still = np.array([[[-1000.0, 0.0, 2000.0]] * 3])
+    assert Envelopes.over(("Fy", "Fz", "Tz"), still).assumed_widths == pytest.approx(
+        {"Fy": 50.0, "Fz": 50.0, "Tz": 100.0}
+    )
+    assert Envelopes.over(("Fy", "Tz"), still[..., :2]).assumed_widths == {"Fy": 50.0, "Tz": 0.0}
 
 
 def test_a_declared_input_takes_its_offset_whatever_its_width():
@@ -68,7 +86,8 @@ def test_frames_of_equal_width_are_not_narrow():
 
 def test_an_input_that_never_changes():
     still = Envelopes.over(("tx",), np.zeros((2, 3, 1)))
-    np.testing.assert_array_equal(still.extremes(0.25, {"tx": 0.5}).upper, [[0.5]])
+    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {"tx": 0.5}).upper, [[0.5]])
+    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {}).upper, [[2.0]])
 
 
 @given(

@@ -8,8 +8,8 @@ import pytest
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import rotation
 from casadi_contact.motion.joint_cycle import JointCycle
-from casadi_contact.sampling import SamplingSettings, reference_motion, reference_poses
-from casadi_contact.scenes import load_scene
+from casadi_contact.sampling import SamplingSettings, plan_domains, reference_motion, reference_poses
+from casadi_contact.scenes import Scene, load_scene
 from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
 
 SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
@@ -87,6 +87,61 @@ def test_loads_the_cycles_do_not_hold_are_refused():
     settings = SamplingSettings(frames=21, inputs=("tx", "Fy_med", "tz", "Ty", "ry", "rz"))
     with pytest.raises(ValueError, match="the cycles hold no load Ty"):
         reference_motion(MODEL, made, settings)
+
+
+def test_a_single_cycle_is_sampled_about_by_widths_that_are_said():
+    """ry has an offset of its own; the loads are known from one cycle, and so are the poses that carry them."""
+    (cycle,), _ = cycles(MODEL, count=1)
+    motion, report = reference_motion(MODEL, [cycle], SamplingSettings(frames=21))
+    assert set(report.assumed) == {"tx", "Fy_med", "tz", "Fy_lat", "rz"}
+    assert report.assumed["rz"] == pytest.approx(0.1, rel=1e-3)  # of the 1 rad that it flexes
+    assert "the same in all cycles, taken to differ by tx 1 mm, Fy_med " in str(report)
+    (d1,) = plan_domains(
+        motion.envelopes, MODEL.scene.normal_loads, 5.0, SamplingSettings(frames=21, counts={"D1": 3000})
+    )
+    nearest = np.abs(d1.inputs[:, None, 5] - motion.curves[0, :, 5]).min(axis=1)
+    assert nearest.max() == pytest.approx(0.05, rel=1e-3)
+
+
+def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
+    """Both spheres are pressed alike in all cycles, so that none of them moves tz."""
+    made, _ = cycles(MODEL, count=2)
+    still = [replace(cycle, ry=0.0 * cycle.ry, loads={**cycle.loads, "Tx": 0.0 * cycle.ry}) for cycle in made]
+    for cycle in still:
+        cycle.loads["Fy_lat"] = cycle.loads["Fy_med"]
+    motion, report = reference_motion(MODEL, still, SamplingSettings(frames=21))
+    assert report.converged.all()
+    assert report.assumed == {"tz": 1.0}
+    (d3,) = plan_domains(motion.envelopes, MODEL.scene.normal_loads, 5.0, SamplingSettings(counts={"D3": 500}))
+    assert np.ptp(d3.inputs[:, 2]) == pytest.approx(4.0, rel=0.02)
+
+
+class NeverSettled(TwoSpheres):
+    def jacobian(self, poses):
+        pytest.fail("poses are sought before the cycles are known to be of use")
+
+
+def test_what_cannot_be_sampled_is_named_before_poses_are_sought():
+    made, _ = cycles(MODEL)
+    model = NeverSettled(knee())
+    without = [replace(cycle, loads={"Tx": cycle.loads["Tx"]}) for cycle in made]
+    with pytest.raises(ValueError, match="the cycles hold no load Fy_med, Fy_lat, only Tx"):
+        reference_motion(model, without, SamplingSettings(frames=21))
+    unloaded = [replace(cycle, loads={name: 0.0 * load for name, load in cycle.loads.items()}) for cycle in made]
+    with pytest.raises(
+        ValueError, match=r"Fy_med, Fy_lat without any load .*fixed_offsets an entry for Fy_med, Fy_lat"
+    ):
+        reference_motion(model, unloaded, SamplingSettings(frames=21))
+
+
+def test_the_reference_motion_is_the_same_whichever_loads_are_learned():
+    text = 'format = 1\nname = "side"\nlike = "knee"\n[loads]\nnames = ["Fy_lat"]\n'
+    one_side = TwoSpheres(Scene.from_toml(text))
+    made, _ = cycles(MODEL)
+    (whole, _), (fewer, report) = (reference_motion(m, made, SamplingSettings(frames=21)) for m in (MODEL, one_side))
+    assert report.converged.all()
+    np.testing.assert_allclose(fewer.poses, whole.poses, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(fewer.curves, whole.curves, rtol=0.0, atol=1e-9)
 
 
 @dataclass(frozen=True)

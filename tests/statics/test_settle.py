@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact import CupFoundation
+from casadi_contact.contact.cup.choice import CANDIDATES
 from casadi_contact.conventions import LEVER_MM, rotation
+from casadi_contact.scenes import Scene
 from casadi_contact.statics.relax import _conjugate_motion
 from tests.contact.test_elastic_foundation import at
 from tests.support import two_spheres
@@ -201,7 +204,7 @@ def test_contradicting_loads_end_where_squares_with_torques_over_25_mm_are_least
         (("ty", "ty"), {"Fy_med": -1.0}, "each named once"),
         (("up",), {"Fy_med": -1.0}, "unknown pose parameter 'up'"),
         (("ty",), {}, "targets is empty"),
-        (("ty",), {"Fy": -1.0}, "unknown target 'Fy', expected one of Fy_med"),
+        (("ty",), {"Fq": -1.0}, "unknown target 'Fq', expected one of Fx, Fy, .*, Fy_med"),
         (("ty",), {"Fy_med": np.nan}, "NaN"),
         (("ty",), {"Fy_med": np.zeros(3)}, r"shape \(3,\), expected a number or \(4,\)"),
     ],
@@ -231,3 +234,53 @@ def test_a_ball_that_lies_free_in_its_cup_or_beside_it_is_pressed_along_the_want
     found, report = cc.settle(model, starts, ("tx", "ty", "tz"), wanted)
     assert report.converged.all(), set(report.reason)
     np.testing.assert_allclose(found[:, :3], np.tile(pose[:3], (40, 1)), atol=1e-4)
+
+
+def by_elements(scene):
+    return cc.ElasticFoundation(scene, (30, 30))
+
+
+def by_callable(scene):
+    elements = by_elements(scene)
+    return cc.CallableModel(scene, elements.wrenches, elements.gaps)
+
+
+def by_cup(scene):
+    return CupFoundation(scene, CANDIDATES[0])
+
+
+def asking_for(load, like):
+    return Scene.from_toml(f'format = 1\nname = "fewer"\nlike = "{like}"\n[loads]\nnames = ["{load}"]\n')
+
+
+@pytest.mark.parametrize(
+    ("name", "model_of"),
+    [("knee", by_elements), ("knee", TwoSpheres), ("hip", by_callable), ("hip", by_cup)],
+)
+def test_a_body_settles_alike_whichever_loads_are_asked_for(name, model_of):
+    """Loads that are balanced need not be among those that a scene asks for: contact does not know of them."""
+    scene = cc.load_scene(name)
+    whole, fewer = model_of(scene), model_of(asking_for("Tx", name))
+    knee = name == "knee"
+    pose = [[0.0, 26.9, 0.0, 0.0, -0.05, -0.3]] if knee else [[69.96, -65.56, -83.89, 0.0, 0.0, 0.0]]
+    free = ("ty", "rx") if knee else ("tx", "ty", "tz")
+    wanted = {"Fy_med": -700.0, "Fy_lat": -400.0} if knee else {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
+    assert not set(wanted) <= set(fewer.load_names)
+    (there, first), (same, second) = (cc.settle(model, pose, free, wanted) for model in (whole, fewer))
+    assert first.converged.all()
+    assert second.converged.all()
+    np.testing.assert_allclose(same, there, rtol=0.0, atol=1e-7)
+
+
+def test_a_body_relaxes_under_loads_that_are_not_asked_for():
+    model, wanted = TwoSpheres(asking_for("Tx", "knee")), {"Fy_med": -700.0, "Fy_lat": -400.0}
+    settled, _ = cc.settle(model, [[0.0, 26.9, 0.0, 0.0, 0.0, 0.0]], ("ty", "rx"), wanted)
+    relaxed, report = cc.relax(model, [[0.0, 26.9, 0.0, 0.0, 0.0, 0.0]], ("ty", "rx"), wanted)
+    assert report.converged.all()
+    np.testing.assert_allclose(relaxed, settled, rtol=0.0, atol=1e-5)
+
+
+def test_a_surrogate_settles_under_the_loads_that_it_has_learned_alone():
+    surrogate = cc.load_surrogate("knee")
+    with pytest.raises(ValueError, match="unknown target 'Fy', expected one of Fy_med"):
+        cc.settle(surrogate, np.zeros((1, 6)), ("ty",), {"Fy": -900.0})

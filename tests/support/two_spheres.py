@@ -57,6 +57,9 @@ class TwoSpheres:
         w, dw = self._wrenches(poses)
         return np.einsum("lpk,npk->nl", self._selection, w), np.einsum("lpk,npkj->nlj", self._selection, dw)
 
+    def wrench_jacobian(self, poses):
+        return self._wrenches(poses)
+
     def gaps(self, poses):
         return self._centres(as_poses(poses))[0][..., 1] - RADIUS_MM
 

@@ -29,7 +29,7 @@ from casadi_contact.geometry.field_derivatives import distance_derivatives, dist
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
-STEEP_RAY, STEEP_RAY_WIDTH = 0.5, 0.25  # likewise: steeper rays count less for the largest depth
+STEEP_RAY, STEEP_RAY_WIDTH = 0.5, 0.25  # likewise: flatter rays than this and its width count less in the peak
 SMALL_MM, SMALL_WIDTH_MM = 0.1, 0.05  # depths up to the first, within the second, need no second evaluation
 DEEPEST_START_MM = 1.0  # second evaluations start within these depths
 HIGHEST_START_MM = 0.3

@@ -233,7 +233,7 @@ class PatchSurrogate(Surrogate):
         if not scene.symmetric or any(REFLECTION[k] < 0.0 for k in scene.pose_space.free):
             return False
         pairs = [(name, of) for name, of in self.twins(scene).items() if name in self.networks or of in self.networks]
-        return all(
+        return bool(pairs) and all(
             {name, of} <= set(self.networks)
             and equal_networks(self.networks[name], self.reflection(name, self.networks[of], scene))
             for name, of in pairs

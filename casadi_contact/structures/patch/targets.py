@@ -14,6 +14,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
+from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
@@ -49,19 +50,19 @@ def root_regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> lis
 
 
 def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Of every part that the scene's loads need: the wrench components whose ratio to the normal load they need."""
+    """Of every part: the wrench components whose ratio to the normal load the scene's loads need, perhaps none."""
     selection = scene.part_selection(scene.load_names)
     return {
         part.name: tuple(
             name for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != part.normal.component
         )
         for p, part in enumerate(scene.parts)
-        if selection[:, p].any()
     }
 
 
 def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
-    """Regressions for the root load and the ratios of every part of a patch, for those that the scene's loads need.
+    """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
+    scene's loads need.
 
     Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight
     N, so that residuals are in N or N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that
@@ -79,8 +80,6 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     regressions = []
     for p, part in enumerate(scene.parts):
         patch, pressed = part.name, part.normal
-        if patch not in components:
-            continue
         used = [WRENCH_NAMES.index(name) for name in components[patch]]
         wrench = all_wrenches[:, p]
         normal = pressed.of(wrench)
@@ -147,7 +146,7 @@ def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, floa
 
     A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
     may be τ/√(2m). Through the lever ρ (root mean square, weighted by N) that also limits δN; a load that is N
-    itself limits it directly.
+    itself limits it directly; a root that no load needs, the least tolerance of a force or the boundary load.
     """
     root = float(np.inf)
     ratios: dict[int, float] = {}
@@ -160,4 +159,6 @@ def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, floa
                     root = min(root, share / lever[k])
             else:
                 root = min(root, scene.tolerances[name] / np.sqrt(selection[row].any(axis=1).sum()))
+    if not np.isfinite(root):  # its mirror image may be the side that is asked for
+        root = min([scene.boundary_load, *(scene.tolerances[name] for name in of_kind(scene.load_names, FORCE))])
     return float(root), {k: float(value) for k, value in ratios.items()}

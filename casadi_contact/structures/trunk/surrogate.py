@@ -51,11 +51,15 @@ class TrunkSurrogate(PatchSurrogate):
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:
-        """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
+        """Of a symmetric joint the networks of the second part: mirror images of those of the first. None where the
+        scene asks for other loads of one side, whose trunk gives other ratios then."""
         if not scene.symmetric:
             return {}
         first, second = (part.name for part in scene.parts)
-        trunks = {trunk_name(second): trunk_name(first)} if trunk_name(first) in trunk_outputs(scene) else {}
+        of_first, of_second = (trunk_outputs(scene).get(trunk_name(part)) for part in (first, second))
+        if of_first != of_second:
+            return {}
+        trunks = {trunk_name(second): trunk_name(first)} if of_first else {}
         return {root_name(second): root_name(first), **trunks}
 
     @staticmethod

@@ -1,0 +1,52 @@
+"""A scene that asks for fewer loads is sampled, learned and evaluated for these, about a single cycle of its own."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import pipeline
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.project import walks
+from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.scenes import Scene
+from casadi_contact.structures import TrunkSurrogate
+from tests.support.two_spheres import TwoSpheres
+
+TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})
+
+
+def asking_for(*names):
+    text = f'format = 1\nname = "fewer"\nlike = "knee"\n[loads]\nnames = {list(names)}\n[tolerances]\n'
+    return Scene.from_toml(text + "\n".join(f"{name} = 5.0" for name in names))
+
+
+def test_one_side_is_built_about_one_cycle(tmp_path, monkeypatch):
+    monkeypatch.setitem(PRESETS, "tiny", TINY)
+    (tmp_path / "side.toml").write_text(asking_for("Fy_lat").to_toml())
+    write_cycle(reference_cycle(frames=21), tmp_path / "squat.csv")
+    model = TwoSpheres(cc.load_scene(tmp_path / "side.toml"))
+    out = tmp_path / "out"
+    built = cc.build(tmp_path / "side.toml", "tiny", model=model, cycles=[tmp_path / "squat.csv"], folder=out)
+    assert set(built["patch"].networks) == {"root_med", "root_lat"}, "validity goes by both sides"
+    assert built["patch"].load_names == ("Fy_lat",)
+    samples = pipeline.Project.open(tmp_path / "side.toml", "tiny", out).samples()
+    pressed = samples.select("D1")
+    want = pressed.loads(["Fy_lat"])
+    assert np.std(built["patch"](pressed.poses) - want) < 0.2 * np.std(want)
+    content = read_evaluation(out / "evaluation.json")
+    assert "walking" not in content, "one cycle has no unseen ones in between"
+    assert len(evaluation_tables(content)) == 2
+
+
+@pytest.mark.parametrize("names", [["Fy_lat"], ["Fy_med", "Fy_lat"], ["Fy", "Fx"], ["Tz"]])
+def test_a_knee_walks_whichever_loads_are_asked_for(names):
+    assert walks(asking_for(*names))
+
+
+def test_sides_of_which_different_loads_are_asked_for_have_no_mirror_image_in_a_trunk():
+    """A trunk that gives Fx of one side reflects to one that gives Fx of the other, not Fz."""
+    assert TrunkSurrogate.twins(asking_for("Fx_med", "Fz_lat")) == {}
+    assert set(TrunkSurrogate.twins(asking_for("Fx_med", "Fx_lat"))) == {"root_lat", "ratios_lat"}
+    assert TrunkSurrogate.twins(asking_for("Fy")) == {"root_lat": "root_med"}
