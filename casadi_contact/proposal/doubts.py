@@ -31,8 +31,8 @@ def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[st
     if max(steps) < _COARSE_STEP_MM:
         return []
     return [
-        f"where the surfaces are to less than {max(steps):.2g} mm: to such steps the files' coordinates are rounded, far "
-        "from their origin as they are; export them about an origin near the joint"
+        f"where the surfaces are to less than {max(steps):.2g} mm: to such steps the files' coordinates are rounded, "
+        "far from their origin as they are; export them about an origin near the joint"
     ]
 
 
