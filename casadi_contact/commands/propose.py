@@ -12,6 +12,7 @@ from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.geometry.mesh import MM_PER_UNIT
+from casadi_contact.progress import progress_bars
 from casadi_contact.proposal.joint import JOINTS
 from casadi_contact.proposal.propose import propose
 from casadi_contact.proposal.tables import MATERIALS
@@ -60,7 +61,9 @@ def scene(
     if not force and (there := [str(each) for each in (path, picture) if each.exists()]):
         raise ValueError(f"{' and '.join(there)} would be replaced: give another --out, or --force")
     writable_folder(path.parent)  # before minutes of trying
-    proposal = propose(moving, fixed, name=name, side=side, kind=joint, axes=named, material=material, units=units)
+    known = {"side": side, "kind": joint, "material": material, "units": units}
+    with progress_bars(console) as progress:
+        proposal = propose(moving, fixed, name=name, axes=named, progress=progress, **known)
     write_text(path, scene_text(proposal, path.parent))
     written = load_scene(path)
     draw_scene(ElasticFoundation(written), proposal.rest_pose, proposal.poses, picture)

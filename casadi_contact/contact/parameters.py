@@ -1,8 +1,9 @@
 """Material and placement of the fixed body as inputs of a contact function, with derivatives by CasADi's chain rule.
 
 Loads are proportional to K(E, ν) and, under the linear law, to 1/h: material inputs are factors on the scene's own
-loads, NaN unless E > 0, -1 < ν < 0.5 and h > 0. The fixed body placed at (t_f, R_f) in the scene's frame is met by the moving body at R_fᵀ(t - t_f), R_fᵀR; its
-wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame, about its origin.
+loads, NaN unless E > 0, -1 < ν < 0.5 and h > 0. The fixed body placed at (t_f, R_f) in the scene's frame is met by the
+moving body at R_fᵀ(t - t_f), R_fᵀR; its wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame,
+about its origin.
 """
 
 from __future__ import annotations

@@ -32,12 +32,13 @@ def writable_folder(folder: Path) -> None:
 def replacing(path: Path, *, durable: bool = True) -> Iterator[Path]:
     """A path beside `path` to write to; it takes the place of `path` when the block ends well, else it is removed.
 
-    durable: wait until the disc has it. A link at `path` is replaced, and what it points to is as it was. Raises OSError
-    in one line, naming `path`, where it cannot be written, and for a device, pipe or folder there; `path` is then as it
-    was.
+    durable: wait until the disc has it. A link at `path` is replaced, and what it points to is as it was. Raises
+    OSError in one line, naming `path`, where it cannot be written, and for a device, pipe or folder there; `path` is
+    then as it was.
     """
     if path.exists() and not path.is_file():
-        raise OSError(f"cannot write {path}: a {'folder' if path.is_dir() else 'device or pipe'}, expected a file's name")
+        kind = "folder" if path.is_dir() else "device or pipe"
+        raise OSError(f"cannot write {path}: a {kind}, expected a file's name")
     _clear_leftovers(path.parent, path.name)
     beside = path.with_name(_beside(path.name))
     try:

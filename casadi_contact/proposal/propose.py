@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ _LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
 _SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
 _OFFSETS_MM = (0.5, 2.0)  # of D1 and D2 in a translation of a large joint that its motion leaves out
+_STEPS = ("surfaces", "pose at rest", "two cycles", "element grids", "reference motion", "done")
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
 
 
@@ -59,12 +60,20 @@ def propose(
     axes: Sequence[str] | None = None,
     material: str | None = None,
     units: str | None = None,
+    progress: Callable[[str, float, float, str], None] = lambda what, done, total, remark: None,
 ) -> Proposal:
     """Look at the meshes, propose a scene, and try it: see the modules of this room for what is found how.
 
+    progress: told of each step before it begins, as of `progress_bars`.
+
     Raises FileNotFoundError, and ValueError for meshes that cannot work, saying what to do.
     """
+
+    def begin(step: str) -> None:
+        progress("proposing a scene", _STEPS.index(step), len(_STEPS) - 1, step)
+
     files = {"moving": Path(moving), "fixed": Path(fixed)}
+    begin("surfaces")
     unit, meshes = _meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
@@ -94,6 +103,7 @@ def propose(
     if (thinnest := min(closed)) < THIN_MM:
         finest = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
         tables["geometry"]["spacing"] = min(finest, tables["geometry"].get("spacing", finest))
+    begin("pose at rest")
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
     direction = direction_of(joint, frame, meeting)
@@ -104,14 +114,18 @@ def propose(
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables |= {"sampling": _sampling(joint, pair.scale)} | motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
+    begin("two cycles")
     poses, _ = _reference(tables, cycles=_TEST_CYCLES)
     tables["tolerances"] = _tolerances(model, poses)
+    begin("element grids")
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
     tables["grids"] = convergence.grids
     (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
+    begin("reference motion")
     poses, report = _reference(tables)
     final = ElasticFoundation(Scene.from_tables(tables))
     untold += [*unsettled(final.scene, report), *edges_reached(final, poses), *shells_passed(final, poses, shells)]
+    begin("done")
     return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
 
 

@@ -31,6 +31,7 @@ from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build, wanted_loads
 from problems.pose_estimation.report import report
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
+from problems.pose_estimation.unit_doubts import unit_doubts
 
 NAME = "implant"
 app = new_app()
@@ -68,6 +69,8 @@ def run(
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for path, problem, first in zip(cycles, problems, poses, strict=True):
+        for doubt in unit_doubts(problem.wanted):
+            typer.echo(f"{NAME}: {path}: {doubt}", err=True)
         result = solve_and_complete(problem, first, elements)
         loads = problem.wanted.load_names
         verdict = judge(model, result.poses, result.converged, elements, loads, result.on_model)

@@ -16,7 +16,7 @@ def test_a_pipe_or_device_is_refused_and_kept(tmp_path, through_a_link):
     if through_a_link:
         path = tmp_path / "link"
         path.symlink_to(pipe)
-    with pytest.raises(OSError, match="cannot write .*: a device or pipe, expected a file's name"):
+    with pytest.raises(OSError, match=r"cannot write .*: a device or pipe, expected a file's name"):
         write_text(path, "text")
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert path.is_symlink() == through_a_link
