@@ -89,7 +89,8 @@ def built(project):
 def test_a_build_goes_on_through_its_rounds_on_wider_networks_and_ends_alike_when_run_again(project):
     samples, surrogate = built(project)
     assert {net.hidden for net in surrogate.networks.values()} == {(8, 8)}
-    assert surrogate.record["command"] == "casadi-contact build knee --preset quick --model foundation"
+    command = f"casadi-contact build knee --preset quick --model foundation --out {project.folder}"
+    assert surrogate.record["command"] == command
     added = surrogate.record["active"]
     drawn = [candidates(project, samples, number, 2.0) for number in (1, 2)]
     for count, more in zip(added, drawn, strict=True):

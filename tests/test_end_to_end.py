@@ -95,7 +95,7 @@ def test_it_says_what_it_was_trained_on(project):
     info = cc.load_surrogate(project.surrogate_path("patch")).info()
     assert info.samples["D1"] > 100
     assert info.test_errors["D1"]["Fy_med"]["rms"] > 0.0
-    assert "casadi-contact build knee" in str(info)
+    assert f"casadi-contact build {project.given} --preset small" in str(info)
 
 
 def test_fits_that_used_up_their_budget_say_so_in_one_warning_and_in_info(project, warned):
