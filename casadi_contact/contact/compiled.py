@@ -18,10 +18,10 @@ from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
-from casadi_contact.transcription import ExportedModel, export_c
+from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
 from casadi_contact.transcription.contact_functions import ContactFunctions
-from casadi_contact.transcription.fmu import export_fmu
+from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
@@ -33,7 +33,7 @@ from casadi_contact.transcription.kernel.tables import roots_source
 BOTH = "contact_loads_and_roots"
 
 
-class CompiledFoundation(ContactFunctions):
+class CompiledFoundation(ContactFunctions, Exportable):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
@@ -185,6 +185,11 @@ class CompiledFoundation(ContactFunctions):
 
         return contact_callback(name, [("loads", len(names), wrenches)])
 
+    @property
+    def export_name(self) -> str:
+        """Of the scene: "knee_foundation"."""
+        return f"{self.scene.name}_foundation"
+
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads and root loads; raises ValueError for a pressure law without C."""
         if self.scene.material.law not in C_LAWS:
@@ -205,22 +210,9 @@ class CompiledFoundation(ContactFunctions):
             data=self._patch_data(),
         )
 
-    def export_c(
-        self,
-        folder: str | Path,
-        name: str | None = None,
-        loads: Iterable[str] | None = None,
-        example_pose: Sequence[float] = (0.0,) * 6,
-    ) -> list[Path]:
-        """Write C source and header for loads, derivatives and root loads, an example and a Makefile; return paths."""
-        name = name or f"{self.scene.name}_foundation"
-        return export_c(self.exported(loads), folder, name=name, example_pose=example_pose)
-
-    def export_fmu(
-        self, path: str | Path, name: str | None = None, loads: Iterable[str] | None = None, *, start: Sequence[float]
-    ) -> Path:
-        """Write an FMU (see `transcription.fmu`) that starts from a pose (6); return its path."""
-        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_foundation", start=start)
+    def example_pose(self) -> list[float]:
+        """The scene's start pose."""
+        return [float(value) for value in self.scene.start_pose]
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None

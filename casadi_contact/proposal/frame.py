@@ -172,7 +172,9 @@ def _offsets(
         if far and body == "moving" and not meeting.together:
             origins[body] = centre - meeting.translation_mm
     if any(origin.any() for origin in origins.values()):
-        told.append("the files' origin lies far from the bodies: moved to the centre of what touches, see placement")
+        told.append(
+            "the files' origin lies far from the bodies: moved to what the moving body turns about, see placement"
+        )
         if meeting.together:
             origins = dict.fromkeys(origins, centre)
     if joint.kind == "knee" and meeting.together:

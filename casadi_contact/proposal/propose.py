@@ -24,6 +24,7 @@ from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
+from casadi_contact.sampling.settings import ALONE_COUNTS
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
 
@@ -155,7 +156,7 @@ def _sampling(joint: Joint, scale: float) -> dict[str, Any]:
     still = [name for name in ("tx", "ty", "tz") if name not in joint.sensitive_pose] if scale < 1.0 else []
     offsets = {name: [round(scale * offset, 2) for offset in _OFFSETS_MM] for name in still}
     own = {"fixed_offsets": offsets} if offsets else {}
-    return {"counts": {"D5": 6000, "D7": 3000}, "liftoff_mm": 0.4, **own}
+    return {"counts": dict(ALONE_COUNTS), "liftoff_mm": 0.4, **own}
 
 
 def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:

@@ -10,7 +10,6 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, in_sum, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
+from casadi_contact.scenes.ready_files import ready_tables, ready_text
 from casadi_contact.shapes import shape_named
 from casadi_contact.shapes.checks import (
     distinct_names,
@@ -157,7 +157,7 @@ class Scene:
 
         ``like`` names a ready-made scene that holds what the text leaves out.
         """
-        return cls.from_tables(completed(toml_tables(text, "scene"), _ready_tables))
+        return cls.from_tables(completed(toml_tables(text, "scene"), ready_tables))
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -277,25 +277,6 @@ class Scene:
         return shape_named(self.shape).patch_geometry(self.geometry, patch)
 
 
-def ready_scenes() -> list[str]:
-    """Names of the scenes that come with the library."""
-    folder = resources.files("casadi_contact.scenes") / "ready"
-    texts = {p.name[:-5]: p.read_text("utf-8") for p in folder.iterdir() if p.name.endswith(".toml")}
-    return sorted(name for name, text in texts.items() if "shape = " in text or "like = " in text)
-
-
-def _ready_text(name: str) -> str:
-    """The text of a ready-made scene; raises ValueError for an unknown name."""
-    if name not in ready_scenes():
-        possible = ", ".join(ready_scenes())
-        raise ValueError(f"unknown scene {name!r}, expected one of {possible}, or a path to a .toml file")
-    return (resources.files("casadi_contact.scenes") / "ready" / f"{name}.toml").read_text("utf-8")
-
-
-def _ready_tables(name: str) -> Mapping[str, Any]:
-    return toml_tables(_ready_text(name), "scene")
-
-
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters.
 
@@ -305,7 +286,7 @@ def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
     Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
     """
     text_name = str(name_or_path)
-    text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else _ready_text(text_name)
+    text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else ready_text(text_name)
     try:
         scene = Scene.from_toml(text)
         given = scene.tables["geometry"]

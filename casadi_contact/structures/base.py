@@ -25,14 +25,14 @@ from casadi_contact.structures.info import SurrogateInfo, describe
 from casadi_contact.structures.trust import Trust
 from casadi_contact.structures.trust_source import OWN_ROOTS
 from casadi_contact.structures.trusted_kernel import TrustedKernel
-from casadi_contact.transcription import ExportedModel, export_c
+from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
-from casadi_contact.transcription.fmu import export_fmu
+from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.kernel import Kernel
 from casadi_contact.transcription.kernel.networks import Bundle
 
 
-class Surrogate(SurrogateFunctions):
+class Surrogate(SurrogateFunctions, Exportable):
     """Networks and the scene they were trained for.
 
     networks: by name; record: what trained them (see `casadi_contact.structures.info`), plain JSON values; trust: what
@@ -291,6 +291,11 @@ class Surrogate(SurrogateFunctions):
             return arrays.expected_error(poses)
         return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
+    @property
+    def export_name(self) -> str:
+        """Of the scene: "knee_contact"."""
+        return f"{self.scene.name}_contact"
+
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
         kernel = self.trusted_kernel(self.check_loads(loads))
@@ -306,29 +311,6 @@ class Surrogate(SurrogateFunctions):
             f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
         )
 
-    def export_c(
-        self,
-        folder: str | Path,
-        name: str | None = None,
-        loads: Iterable[str] | None = None,
-        example_pose: Sequence[float] | None = None,
-    ) -> list[Path]:
-        """Write C source and header for loads, derivatives, roots, validity and expected error, an example (at a pose
-        that was learned, if left out) and a Makefile; return their paths."""
-        pose = self.learned_pose() if example_pose is None else example_pose
-        return export_c(self.exported(loads), folder, name=name or f"{self.scene.name}_contact", example_pose=pose)
-
-    def export_fmu(
-        self,
-        path: str | Path,
-        name: str | None = None,
-        loads: Iterable[str] | None = None,
-        start: Sequence[float] | None = None,
-    ) -> Path:
-        """Write an FMU (see `transcription.fmu`) that starts from a learned pose if none is given; return its path."""
-        pose = self.learned_pose() if start is None else start
-        return export_fmu(self.exported(loads), path, name=name or f"{self.scene.name}_contact", start=pose)
-
     def learned_pose(self) -> list[float]:
         """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or
         zeros."""
@@ -339,6 +321,10 @@ class Surrogate(SurrogateFunctions):
         validity = self.validity(poses)
         pressed = np.where(validity >= min(0.9, validity.max()), self.trust_roots(poses).min(axis=1), -np.inf)
         return [float(value) for value in poses[np.argmax(pressed)]]
+
+    def example_pose(self) -> list[float]:
+        """`learned_pose`."""
+        return self.learned_pose()
 
     def info(self) -> SurrogateInfo:
         """What this surrogate is, what it was trained on and how wrong it is; print it."""

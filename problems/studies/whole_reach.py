@@ -36,7 +36,7 @@ from casadi_contact.dataset import DOMAINS, Samples, read_samples
 from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
 from casadi_contact.structures import Surrogate
-from casadi_contact.structures.calibration import trust_coverage
+from casadi_contact.structures.coverage import trust_coverage
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary
 from problems.studies.stability.out_of_range import VALID

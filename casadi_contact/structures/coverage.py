@@ -1,0 +1,38 @@
+"""How often the errors of a surrogate lie below those it expects, by domain and load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.dataset import DOMAINS, Samples
+from casadi_contact.structures.base import Surrogate
+
+
+def trust_coverage(
+    surrogate: Surrogate, samples: Samples, around: Samples | None = None
+) -> dict[str, dict[str, float]]:
+    """By domain: share of poses with validity above 0.9 ("valid") and, by load, share of errors below those
+    expected, over the poses that carry the load. Of the poses around: "around" those with validity above 0.5, "edge"
+    those of all with validity between 0.1 and 0.9, "outside" those below 0.1."""
+    groups = {domain: samples.select(domain) for domain in DOMAINS}
+    result = {domain: _coverage(surrogate, part) for domain, part in groups.items() if len(part)}
+    if around is None or not len(around):
+        return result
+    everything = samples.join_samples(around)
+    validity = [surrogate.validity(part.poses) for part in (around, everything)]
+    parts = {
+        "around": around.rows(validity[0] > 0.5),
+        "edge": everything.rows((validity[1] > 0.1) & (validity[1] <= 0.9)),
+        "outside": around.rows(validity[0] <= 0.1),
+    }
+    return result | {name: _coverage(surrogate, part) for name, part in parts.items() if len(part)}
+
+
+def _coverage(surrogate: Surrogate, part: Samples) -> dict[str, float]:
+    wanted = part.loads(surrogate.load_names)
+    below = np.abs(surrogate(part.poses) - wanted) <= surrogate.expected_error(part.poses)
+    row = {"valid": float(np.mean(surrogate.validity(part.poses) > 0.9))}
+    for load, column, loaded in zip(surrogate.load_names, below.T, (wanted != 0.0).T, strict=True):
+        if loaded.any():
+            row[load] = float(np.mean(column[loaded]))
+    return row

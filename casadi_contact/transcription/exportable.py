@@ -1,0 +1,51 @@
+"""What every contact model with C source can be written out as: C for other programs, and an FMU."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from casadi_contact.transcription.export_c import ExportedModel, export_c
+from casadi_contact.transcription.fmu import export_fmu
+
+
+class Exportable(ABC):
+    """A contact model that gives its C."""
+
+    @property
+    @abstractmethod
+    def export_name(self) -> str:
+        """What files and functions are called that are given no other name."""
+
+    @abstractmethod
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads (all if left out), and of all that the model knows of them."""
+
+    @abstractmethod
+    def example_pose(self) -> Sequence[float]:
+        """A pose (6) that the model is made for, in contact if one is at hand."""
+
+    def export_c(
+        self,
+        folder: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        example_pose: Sequence[float] | None = None,
+    ) -> list[Path]:
+        """Write C source and header for loads, derivatives and all else that `exported` holds, an example (at
+        `example_pose()`, if left out) and a Makefile; return their paths. Errors: see `transcription.export_c`."""
+        pose = self.example_pose() if example_pose is None else example_pose
+        return export_c(self.exported(loads), folder, name=name or self.export_name, example_pose=pose)
+
+    def export_fmu(
+        self,
+        path: str | Path,
+        name: str | None = None,
+        loads: Iterable[str] | None = None,
+        start: Sequence[float] | None = None,
+    ) -> Path:
+        """Write an FMU (see `transcription.fmu`) that starts from a pose (6), from `example_pose()` if left out; return
+        its path."""
+        pose = self.example_pose() if start is None else start
+        return export_fmu(self.exported(loads), path, name=name or self.export_name, start=pose)
