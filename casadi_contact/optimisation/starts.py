@@ -78,13 +78,20 @@ def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing
 
 
 def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
-    """`settle_in_range` of a joint with two sides, under each side's share of the total loads (n, 6).
+    """`settle_in_range` under what presses the patches, as the total loads (n, 6) tell it.
 
-    The shares are two vertical forces at the condyles' centres with the wanted Fy and Tx.
+    What is pressed in one (a single patch, or all patches that one pose parameter sets together) bears its forces
+    among them; each of two sides its share, the two vertical forces at the condyles' centres with the wanted Fy and Tx.
     """
-    sides, anchors_z = model.scene.sensitive_loads, model.scene.anchors_mm[:, 2]
-    if len(sides) != 2:
+    pressed, anchors_z = model.scene.pressed, model.scene.anchors_mm[:, 2]
+    if len(pressed) == 1:
+        names = pressed[0].loads
+        forces = loads[:, [WRENCH_NAMES.index(name.partition("_")[0]) for name in names]]
+        at_least = pressed[0].at_least(forces, _LEAST_FORCE_N)
+        return settle_in_range(model, poses, rest, free, dict(zip(names, at_least.T, strict=True)))
+    if len(pressed) != 2:
         return settle_in_range(model, poses, rest, free, {})
+    sides = model.scene.sensitive_loads
     down = -loads[:, WRENCH_NAMES.index("Fy")]
     first = (loads[:, WRENCH_NAMES.index("Tx")] - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
     least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))

@@ -49,11 +49,12 @@ def run(
     """
     writable_folder(out)
     source = ContactSource.of(surrogate, scene)
-    model = source.load()
+    model = source.load_whole()
     space, angles = model.scene.pose_space, np.radians(numbers(flexions, "flexions"))
     space.free_curves({"rz": -angles}, "flexions")
     rest = np.tile(middle_pose(model), (len(angles), 1))
-    rest[:, [pose_index(name) for name in ("tx", "tz", "ry")]] = 0.0
+    neutral = [pose_index(name) for name in ("tx", "tz", "ry")]
+    rest[:, neutral] = model.scene.start_pose[neutral]
     rest[:, pose_index("rz")] = -angles
     rest = space.onto(rest)
     loads = np.tile([fx, fy, fz, tx, ty, tz], (len(angles), 1))

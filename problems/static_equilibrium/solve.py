@@ -43,8 +43,8 @@ def solve(
 ) -> EquilibriumResult:
     """Solve with IPOPT from a start (n, 6), the rest poses if left out.
 
-    A start may be anywhere: it is brought into the learned range, and ty and rx are settled under the shares of Fy and
-    Tx that condyles carry at their offset (`press_together`).
+    A start may be anywhere: it is brought into the learned range, and what is sensitive is settled under the patches'
+    shares of the loads (`press_together`).
 
     Never raises for loads that no pose carries: each row is reported with its misfit and the reason.
     """
@@ -101,10 +101,11 @@ def on_model(
 
 def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome) -> np.ndarray:
     reason = np.full(len(misfit), "", dtype=object)
+    from_above = {(normal.component, normal.sign) for normal in problem.model.scene.normal_loads} == {("Fy", -1.0)}
     for row in np.flatnonzero(~converged):
         worst = int(np.abs(misfit[row]).argmax())
         left = f"{problem.free[worst]} is unbalanced by {misfit[row, worst]:.3g} N (torques over {LEVER_MM:g} mm)"
-        if problem.loads[row, WRENCH_NAMES.index("Fy")] >= 0.0:
+        if from_above and problem.loads[row, WRENCH_NAMES.index("Fy")] >= 0.0:
             reason[row] = f"Fy does not press the bodies together (compression is negative); {left}"
         elif not outcome.solved:
             reason[row] = f"IPOPT stopped: {outcome.status}; {left}"

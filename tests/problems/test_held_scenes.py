@@ -6,9 +6,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.assembly import Assembly, Contact
+from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import ElasticFoundation, PolarFoundation, Rays, symbolic
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.conventions import POSE_NAMES, pose_index
 from casadi_contact.motion.joint_cycle import JointCycle, scene_cycles
+from casadi_contact.optimisation import middle_pose
 from problems import calibration, knee_simulator, optimal_control, pose_estimation, squat, static_equilibrium
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import measured_pose, wanted_loads
@@ -96,6 +99,30 @@ def test_loads_are_in_balance_along_what_the_joint_allows(knee):
     along = np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0])
     assert work(along) == pytest.approx(0.0, abs=0.01)
     assert abs(work(along * [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])) > 10.0
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("model", "free", "loads"),
+    [
+        (
+            lambda: PolarFoundation(whole_wrench(cc.load_scene("planar_knee")), Rays(8, 2)),
+            ("tx", "ty"),
+            (-60, -1200, 0, 7500),
+        ),
+        (lambda: CupFoundation(cc.load_scene("hip")), ("tx", "ty", "tz"), (100, 900, -150, 0)),
+    ],
+    ids=["planar knee", "hip"],
+)
+def test_joints_pressed_in_one_settle_from_out_of_contact(model, free, loads):
+    model = model()
+    problem = static_equilibrium.build(model, [*loads, 0.0, 0.0], free=free)
+    apart = middle_pose(model) + 0.1 * np.isin(POSE_NAMES, free[-1:])
+    assert not model(apart[None]).any()
+    result = static_equilibrium.solve(problem, apart[None])
+    assert result.converged.all(), result.reason
+    held = [pose_index(name) for name in free]
+    np.testing.assert_allclose(result.wrenches[0, held], np.array(loads)[held], atol=0.1)
 
 
 @needs_compiler
