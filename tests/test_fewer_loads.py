@@ -36,8 +36,8 @@ def test_one_side_is_built_about_one_cycle(tmp_path, monkeypatch):
     want = pressed.loads(["Fy_lat"])
     assert np.std(built["patch"](pressed.poses) - want) < 0.2 * np.std(want)
     content = read_evaluation(out / "evaluation.json")
-    assert "walking" not in content, "one cycle has no unseen ones in between"
-    assert len(evaluation_tables(content)) == 2
+    assert "walking" not in content, "an elastic foundation of the scene is not the model that was learned"
+    assert len(evaluation_tables(content)) == 1 + len(content["domain_errors"])
 
 
 @pytest.mark.parametrize("names", [["Fy_lat"], ["Fy_med", "Fy_lat"], ["Fy", "Fx"], ["Tz"]])

@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
-from casadi_contact.sampling import ReferenceMotion
+from casadi_contact.sampling import ReferenceMotion, model_name_of
 from casadi_contact.scenes import Scene
 from casadi_contact.structures.base import Surrogate
 
@@ -78,9 +78,9 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
     """Everything `report.evaluation_tables` shows, as plain JSON data.
 
     Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
-    samples' teacher grid; the walking sequence as in `evaluate_walking`, but for a motion of a single cycle, which has
-    no unseen ones in between. Without a motion, or for a scene without geometry, the domain errors of the surrogates
-    alone.
+    samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, and for samples of a user's
+    own contact model, from which an EF of the scene differs by more than the surrogates do, the domain errors of the
+    surrogates alone.
     """
     if not surrogates:
         raise ValueError("no surrogate to evaluate, expected at least one")
@@ -89,7 +89,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         if surrogate.scene.digest != scene.digest:
             raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
     models: dict[str, LoadModel] = {}
-    compared = motion is not None and scene.layer is not None
+    compared = motion is not None and scene.layer is not None and model_name_of(samples) is not None
     for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
         models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
     models |= surrogates
@@ -106,7 +106,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
         "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
     }
-    if compared and motion is not None and len(motion.curves) > 1:
+    if compared and motion is not None:
         walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
         content["walking"] = evaluate_walking(surrogates, walking)
     return content

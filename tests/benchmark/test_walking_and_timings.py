@@ -8,6 +8,7 @@ import casadi_contact as cc
 from casadi_contact.benchmark import time_batch, time_single_calls, unseen_walking
 from casadi_contact.benchmark import timing as timing_module
 from casadi_contact.benchmark.timing import compare
+from casadi_contact.conventions import pose_index
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
 
@@ -25,6 +26,20 @@ def test_unseen_walking_lies_inside_the_envelopes_and_is_new():
     assert np.all(tx >= envelopes.lower[:, column] - 1e-9)
     assert np.all(tx <= envelopes.upper[:, column] + 1e-9)
     assert not any(np.allclose(tx, cycle[:, 0]) for cycle in motion.poses)
+
+
+def test_unseen_cycles_of_a_single_one_lie_beside_it_inside_d1():
+    scene = cc.load_scene("knee")
+    settings = SamplingSettings.from_scene(scene, frames=11)
+    motion, _ = reference_motion(cc.ElasticFoundation(scene, (40, 20)), reference_cycles(count=1, frames=11), settings)
+    poses = unseen_walking(cc.ElasticFoundation(scene, (40, 20)), motion, count=2)
+    assert len(poses) >= 21
+    seen, offset = motion.poses[0], {"tx": 0.5, "ry": 0.02}  # half of the least assumed width; the setting's own
+    for name, most in offset.items():
+        column = pose_index(name)
+        shift = poses[:11, column] - seen[:, column]
+        assert 0.0 < np.abs(shift).max() <= 0.5 * most * (1.0 + 1e-9)
+    assert not np.allclose(poses[:11], poses[-11:])
 
 
 class HandClock:
