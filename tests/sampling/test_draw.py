@@ -1,6 +1,7 @@
 import os
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -321,6 +322,36 @@ def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_erro
     fine = ElasticFoundation(scene, (320, 320))
     off = [np.abs(s.wrenches - fine.wrenches(s.poses))[:, :, :3].max() for s in (smooth, elements)]
     assert off[0] < off[1]
+
+
+def test_samples_of_a_foundation_serve_larger_tolerances_and_not_smaller_ones(tmp_path):
+    """A foundation is as fine as the tolerances it was chosen for; a grid of elements does not know them."""
+    scene = load_scene("hip")
+    counts = {**dict.fromkeys(("D1", "D2", "D3", "D4", "D5", "D6"), 0), "D7": 10}
+    settings = SamplingSettings.from_scene(scene, frames=5, counts=counts)
+    motion, _ = reference_motion(
+        ElasticFoundation(scene, settings.settle_grid), reference_motion_cycles(scene, ())[:2], settings
+    )
+    finer, coarser = (scene.with_tolerances(**{k: f * t for k, t in scene.tolerances.items()}) for f in (0.5, 2.0))
+    for name, models in MODELS.items():
+        with ThreadPoolExecutor(1) as executor:
+            again = partial(
+                draw_samples,
+                motion=motion,
+                path=tmp_path / f"{name}.h5",
+                settings=settings,
+                executor=executor,
+                models=models,
+            )
+            first = again(scene)
+            np.testing.assert_array_equal(again(coarser).poses, first.poses)
+            if name == "foundation":
+                with pytest.raises(
+                    ValueError, match=r"chosen for Fx within .*, now .*: use another file, or delete it"
+                ):
+                    again(finer)
+            else:
+                np.testing.assert_array_equal(again(finer).poses, first.poses)
 
 
 def test_an_unknown_model_is_refused():
