@@ -7,29 +7,33 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import axes_rotation
 from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.projection import axis_name
-from casadi_contact.proposal.joint import Joint
-from casadi_contact.proposal.meeting import REACH_MM, Meeting
+from casadi_contact.proposal.meeting import REACH_MM
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import Regions
+from casadi_contact.proposal.sight import Sight
 
 _FAR_MM = 50.0  # from a body to its file's origin: a scan's
 _NOTCH_MM = 4.0  # half the width of the band between a femur's condyles
 _CLEARLY_MM = 2.0
-_TILTED_DEG = 15.0  # joints lie at lesser angles to the axes that they are drawn in
 
 
 @dataclass(frozen=True)
 class Frame:
-    """axes as in a scene's geometry; placements of the two bodies; what is known of it, and what is not."""
+    """axes as in a scene's geometry; placements of the two bodies; what is known of it, and what is not.
+
+    rotation_deg: of both placements, where the bodies were seen turned; vectors and points are those that were seen.
+    """
 
     axes: tuple[str, ...]
     mirror: str
     offsets_mm: dict[str, tuple[float, ...]]
+    rotation_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
     told: list[str] = field(default_factory=list)
     untold: list[str] = field(default_factory=list)
 
@@ -42,18 +46,14 @@ class Frame:
         return np.asarray(self.directions(points_mm) + self.offsets_mm[body])
 
 
-def frame_of(
-    pair: Pair,
-    meeting: Meeting,
-    regions: Regions,
-    joint: Joint,
-    side: str | None = None,
-    axes: Sequence[str] | None = None,
-) -> Frame:
+def frame_of(sight: Sight, side: str | None = None, axes: Sequence[str] | None = None) -> Frame:
     """x posterior, y superior, z medial as far as the surfaces tell; a left joint is mirrored in z, which makes it a
     right one. axes: those of a scene's geometry, where they are known."""
-    told: list[str] = []
+    told = (
+        [f"the bodies stand askew by {sight.turned_deg:.0f} degrees: turned, see placement"] if sight.turned_deg else []
+    )
     untold: list[str] = []
+    regions, joint = sight.regions, sight.joint
     if axes is not None and len(_side_by_side([tuple(axes)], regions)) == 0:
         raise ValueError(
             f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
@@ -66,15 +66,15 @@ def frame_of(
             untold.append("the side: taken as right (--side left mirrors it)")
     elif side is not None:
         untold.append(f"what {side} means here: only a knee, a hip or a patella is mirrored for its side (--joint)")
-    known = tuple(axes) if axes is not None else _axes(pair, meeting, regions, joint, mirror, told, untold)
-    turned = axes_rotation(known)
-    offsets = _offsets(pair, meeting, regions, joint, Placement(mirror=mirror), turned, told)
-    return Frame(known, mirror, offsets, told, untold)
+    known = tuple(axes) if axes is not None else _axes(sight, mirror, told, untold)
+    to_library = Placement(mirror=mirror).points(axes_rotation(known).T).T
+    offsets = _offsets(sight, to_library, told)
+    turn = Rotation.from_matrix(to_library @ sight.turned @ to_library.T).as_euler("XYZ", degrees=True)
+    return Frame(known, mirror, offsets, tuple(turn.round(4).tolist()), told, untold)
 
 
-def _axes(
-    pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: str, told: list[str], untold: list[str]
-) -> tuple[str, ...]:
+def _axes(sight: Sight, mirror: str, told: list[str], untold: list[str]) -> tuple[str, ...]:
+    meeting, regions, joint = sight.meeting, sight.regions, sight.joint
     candidates, wanted = _side_by_side(_all_axes(), regions), {1: -meeting.pressing}
     if joint.kind == "patella":
         wanted = {0: meeting.pressing}
@@ -90,13 +90,8 @@ def _axes(
         )
     else:
         told.append(f"the fixed surface faces the file's {axis_name(-meeting.pressing)}: up (+y)")
-        if (tilt := np.degrees(np.arccos(np.abs(meeting.pressing).max()))) > _TILTED_DEG:
-            untold.append(
-                f"how upright the file is: the fixed surface faces {tilt:.0f} degrees away from that axis, and loads "
-                "keep to the file's axes; rotation_deg in the placement of both bodies turns them"
-            )
     if joint.kind == "knee":
-        wanted[0] = _posterior(pair, regions, told, untold)
+        wanted[0] = _posterior(sight.pair, regions, told, untold)
     elif joint.kind == "other":
         untold.append("what x and z stand for: kept as in the file where they can be (--axes)")
     return _best(candidates, wanted)
@@ -153,9 +148,7 @@ def _posterior(pair: Pair, regions: Regions, told: list[str], untold: list[str])
     return np.asarray(posterior)
 
 
-def _offsets(
-    pair: Pair, meeting: Meeting, regions: Regions, joint: Joint, mirror: Placement, turned: Array, told: list[str]
-) -> dict[str, tuple[float, ...]]:
+def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tuple[float, ...]]:
     """What brings the bodies' origins to where they mean something; zero where the files' own do.
 
     Files whose origin lies far from the bodies: to what the moving body turns about, the middle of its curvature where
@@ -163,6 +156,7 @@ def _offsets(
     knee of one scan: the fixed origin, which centres of pressure refer to, in x to the middle of contact and in z to
     between the patches, as a tray's.
     """
+    pair, meeting, regions, joint = sight.pair, sight.meeting, sight.regions, sight.joint
     centre = regions.anchors_mm.mean(axis=0) + meeting.translation_mm if joint.pressing else regions.centre_mm
     origins = {}
     for body, points in (("moving", pair.moving.vertices_mm), ("fixed", pair.points_mm)):
@@ -179,19 +173,19 @@ def _offsets(
             origins = dict.fromkeys(origins, centre)
     if joint.kind == "knee" and meeting.together:
         up = int(np.abs(meeting.pressing).argmax())
-        origins["fixed"] = _middle(pair, meeting, regions) * (np.arange(3) != up) + origins["fixed"] * (
+        origins["fixed"] = _middle(pair, meeting.translation_mm, regions) * (np.arange(3) != up) + origins["fixed"] * (
             np.arange(3) == up
         )
         told.append(
             "the fixed body's origin lies at the middle of contact, between the patches: centres of pressure refer to "
             "it; poses in the files' frame differ by its placement"
         )
-    return {body: tuple((0.0 - mirror.points(turned @ origin)).round(3).tolist()) for body, origin in origins.items()}
+    return {body: tuple((0.0 - to_library @ origin).round(3).tolist()) for body, origin in origins.items()}
 
 
-def _middle(pair: Pair, meeting: Meeting, regions: Regions) -> Array:
+def _middle(pair: Pair, translation_mm: Array, regions: Regions) -> Array:
     """The mean over the patches of what is near at touch; along the axis they part on, the cut between them [mm]."""
-    weight = pair.areas_mm2 * pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
+    weight = pair.areas_mm2 * pair.near(np.eye(3), translation_mm, pair.scale * REACH_MM)
     patch = regions.patch_of(pair.points_mm)
     middles = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
     middle = np.mean(middles, axis=0)

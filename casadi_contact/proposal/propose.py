@@ -17,11 +17,9 @@ from casadi_contact.project import reference_motion_cycles
 from casadi_contact.proposal.doubts import coarse_coordinates, edges_reached, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
-from casadi_contact.proposal.joint import Joint, joint_of
-from casadi_contact.proposal.meeting import meeting_of
-from casadi_contact.proposal.pair import Pair
-from casadi_contact.proposal.regions import regions_of
+from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
+from casadi_contact.proposal.sight import sight_of
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.sampling.settings import ALONE_COUNTS
@@ -78,13 +76,11 @@ def propose(
     unit, meshes = _meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
-    pair = Pair.of(meshes["moving"], meshes["fixed"])
-    meeting = meeting_of(pair)
-    regions = regions_of(pair, meeting)
-    joint = joint_of(pair, meeting, regions, kind)
-    frame = frame_of(pair, meeting, regions, joint, side, axes)
+    sight = sight_of(meshes, kind, upright=axes is None)
+    pair, meeting, regions, joint = sight.pair, sight.meeting, sight.regions, sight.joint
+    frame = frame_of(sight, side, axes)
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
-    tables = first_tables(pair, meeting, regions, joint, frame, files, unit, MATERIALS[made_of], name)
+    tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]

@@ -16,6 +16,7 @@ from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import Meeting
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import Regions
+from casadi_contact.proposal.sight import Sight
 
 MATERIALS: Mapping[str, Mapping[str, Any]] = {
     "polyethylene": {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": "linear"},
@@ -29,10 +30,7 @@ _ROUGH_GRID = (60, 60)
 
 
 def first_tables(
-    pair: Pair,
-    meeting: Meeting,
-    regions: Regions,
-    joint: Joint,
+    sight: Sight,
     frame: Frame,
     files: Mapping[str, Path],
     units: str,
@@ -40,9 +38,11 @@ def first_tables(
     name: str,
 ) -> dict[str, Any]:
     """A scene's tables with everything that the meshes tell; grids, tolerances and gap slope are placeholders."""
+    pair, meeting, regions, joint = sight.pair, sight.meeting, sight.regions, sight.joint
     placement: dict[str, Any] = {}
     for body, offset in frame.offsets_mm.items():
-        placed = ({"mirror": frame.mirror} if frame.mirror else {}) | ({"offset": list(offset)} if any(offset) else {})
+        placed: dict[str, Any] = {"mirror": frame.mirror} if frame.mirror else {}
+        placed |= {key: list(v) for key, v in (("rotation_deg", frame.rotation_deg), ("offset", offset)) if any(v)}
         placement |= {body: placed} if placed else {}
     geometry: dict[str, Any] = {body: str(path.resolve()) for body, path in files.items()}
     geometry |= {"units": units, "axes": list(frame.axes), "elements": "grid"}

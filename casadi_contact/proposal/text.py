@@ -25,6 +25,7 @@ _COMMENTS = {
     "spacing": "of the distance fields' nodes [mm], as fine as thin shells need",
     "anchor": "on the moving body [mm]: the middle of its curvature where it touches this patch",
     "mirror": "a left joint becomes a right one",
+    "rotation_deg": "of the mesh about x, y, z, before the offset",
     "offset": "of the mesh in its frame [mm]",
     "youngs_modulus": "MPa",
     "thickness": "mm",

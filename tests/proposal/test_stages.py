@@ -6,14 +6,16 @@ import trimesh
 
 import casadi_contact as cc
 from casadi_contact.conventions import rotation
-from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.geometry.mesh import axes_rotation, checked_mesh, load_mesh
+from casadi_contact.geometry.placement import Placement
 from casadi_contact.proposal.doubts import coarse_coordinates
 from casadi_contact.proposal.frame import frame_of
-from casadi_contact.proposal.joint import Joint, joint_of
+from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import meeting_of
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import rest_loads
+from casadi_contact.proposal.sight import sight_of
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
 from tests.support.shared_data import shared_file
 
@@ -22,11 +24,8 @@ POLE = unit(np.array([0.2, 0.8, 0.5]))
 
 def seen(moving, fixed, **known):
     """Meeting, regions, joint and frame of two meshes, as a proposal finds them one after another."""
-    pair = Pair.of(moving, fixed)
-    meeting = meeting_of(pair)
-    regions = regions_of(pair, meeting)
-    joint = joint_of(pair, meeting, regions)
-    return meeting, regions, joint, frame_of(pair, meeting, regions, joint, **known)
+    sight = sight_of({"moving": moving, "fixed": fixed}, upright="axes" not in known)
+    return sight.meeting, sight.regions, sight.joint, frame_of(sight, **known)
 
 
 def ball_in_cup(move=lambda points: points):
@@ -164,16 +163,33 @@ def test_an_open_surface_inside_out_is_refused():
         meeting_of(Pair.of(ball, inside_out))
 
 
-@pytest.mark.parametrize(("turn_deg", "doubted"), [(8.0, False), (40.0, True)])
-def test_a_file_that_does_not_stand_upright_is_doubted(turn_deg, doubted):
-    """Two plates, one on the other, as they were scanned."""
-    R, box = rotation(np.radians([0.0, 0.0, turn_deg])), ball_on_box(3.0)[1]
-    above = box.vertices_mm + np.array([0.0, 10.1, 0.0])
-    plates = [checked_mesh(name, points @ R.T, box.faces) for name, points in (("a", above), ("b", box.vertices_mm))]
-    frame = seen(*plates)[3]
-    said = [line for line in frame.untold if line.startswith("how upright the file is")]
-    assert bool(said) == doubted
-    assert not doubted or "faces 40 degrees away" in said[0]
+def placed(frame, body, points):
+    """Points (n, 3) of a body's file where the scene's placement takes them."""
+    placement = Placement(frame.offsets_mm[body], frame.rotation_deg, frame.mirror)
+    return placement.points(points @ axes_rotation(frame.axes).T)
+
+
+@pytest.mark.parametrize(("turn_deg", "turned"), [([-10.0, 3.0, 7.0], False), ([20.0, 8.0, -12.0], True)])
+def test_a_scan_that_stands_askew_is_set_upright(turn_deg, turned):
+    """Condyles as far off their axes as scans are: patches lie side by side again, and press down."""
+    far, R = np.array([300.0, -200.0, 800.0]), rotation(np.radians(turn_deg))
+    bodies = zip(("femur", "insert"), condyles_in_dishes(), strict=True)
+    meshes = [checked_mesh(name, points @ R.T + far, faces) for name, (points, faces) in bodies]
+    _, _, joint, frame = seen(*meshes)
+    assert (joint.kind, len(joint.patches)) == ("knee", 2)
+    assert any(frame.rotation_deg) == turned
+    if turned:
+        middle, above = placed(frame, "moving", far + np.array([np.zeros(3), 10.0 * R[:, 1]]))
+        np.testing.assert_allclose(middle, 0.0, atol=1.0)
+        np.testing.assert_allclose(above - middle, [0.0, 10.0, 0.0], atol=0.3)
+        assert any("askew by 2" in line for line in frame.told)
+
+
+def test_given_axes_are_kept_as_they_are():
+    R = rotation(np.radians([20.0, 8.0, -12.0]))
+    meshes = [checked_mesh("body", points @ R.T, faces) for points, faces in condyles_in_dishes()]
+    frame = seen(*meshes, axes=("x", "y", "z"))[3]
+    assert frame.rotation_deg == (0.0, 0.0, 0.0)
 
 
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():

@@ -1,0 +1,62 @@
+"""What two meshes show of their joint, seen upright: bodies that were scanned askew are turned first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.proposal.joint import Joint, joint_of
+from casadi_contact.proposal.meeting import Meeting, meeting_of
+from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.regions import Regions, regions_of
+
+_TILTED_DEG = 15.0  # joints lie at lesser angles to the axes that they are drawn in
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """How the bodies meet, where, and as what joint, in the axes of their files; turned (3, 3): by which rotation of
+    both files' points all of this was seen, the unit matrix for files that stand upright."""
+
+    pair: Pair
+    meeting: Meeting
+    regions: Regions
+    joint: Joint
+    turned: Array
+
+    @property
+    def tilt_deg(self) -> float:
+        """Between the way the moving body presses and the nearest axis; 0 for a cup, which encloses it."""
+        return float(np.degrees(np.arccos(np.abs(self.meeting.pressing).max()))) if self.joint.pressing else 0.0
+
+    @property
+    def turned_deg(self) -> float:
+        """The angle of ``turned``."""
+        return float(np.degrees(Rotation.from_matrix(self.turned).magnitude()))
+
+
+def sight_of(meshes: Mapping[str, TriangleMesh], kind: str | None = None, *, upright: bool = True) -> Sight:
+    """Look at the "moving" and the "fixed" mesh; upright: once more, turned, where the moving body presses across the
+    axes of the files. Raises ValueError for meshes that do not meet, or not as the kind of joint asks."""
+    seen = _seen(meshes, kind, np.eye(3))
+    if not upright or seen.tilt_deg <= _TILTED_DEG:
+        return seen
+    pressing = seen.meeting.pressing
+    axis = np.sign(pressing) * (np.abs(pressing) == np.abs(pressing).max())
+    turned, _ = Rotation.align_vectors(axis[None], pressing[None])
+    return _seen(meshes, kind, turned.as_matrix())
+
+
+def _seen(meshes: Mapping[str, TriangleMesh], kind: str | None, turned: Array) -> Sight:
+    moving, fixed = (
+        TriangleMesh(mesh.name, mesh.vertices_mm @ turned.T, mesh.faces) for mesh in (meshes["moving"], meshes["fixed"])
+    )
+    pair = Pair.of(moving, fixed)
+    meeting = meeting_of(pair)
+    regions = regions_of(pair, meeting)
+    return Sight(pair, meeting, regions, joint_of(pair, meeting, regions, kind), turned)
