@@ -39,7 +39,10 @@ class WantedLoads:
             centres[name] = centre
             parts = [{load for load in scene.load_names if load.partition("_")[0] == of} for of in centre.made_of]
             if not all(parts):
-                raise ValueError(f"{name} needs {' and '.join(centre.made_of)}, scene {scene.name} lacks one of them")
+                raise ValueError(
+                    f"{name} needs {' and '.join(centre.made_of)}, scene {scene.name} has {', '.join(scene.load_names)}: "
+                    "add what is missing to its loads.names and tolerances"
+                )
             needed |= parts[0] | parts[1]
         unknown = needed - set(scene.load_names)
         if unknown:

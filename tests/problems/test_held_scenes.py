@@ -9,7 +9,7 @@ from casadi_contact.assembly import Assembly, Contact
 from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import ElasticFoundation, PolarFoundation, Rays, symbolic
 from casadi_contact.contact.cup import CupFoundation
-from casadi_contact.conventions import POSE_NAMES, pose_index
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.motion.joint_cycle import JointCycle, scene_cycles
 from casadi_contact.optimisation import middle_pose
 from problems import calibration, knee_simulator, optimal_control, pose_estimation, squat, static_equilibrium
@@ -152,3 +152,10 @@ def test_what_moves_all_six_parameters_names_those_that_are_held(knee, build, sa
 def test_all_names_are_told_apart():
     space = held_ball().pose_space
     assert [space.bound(name) for name in POSE_NAMES] == ["", "", "tied to tx", "locked at 0.05", "locked at 0", ""]
+
+
+def test_what_a_whole_wrench_adds_may_be_off_as_far_as_the_loads_that_are_wanted():
+    """Forces of 1 N allow torques of 1 N at 25 mm."""
+    whole = whole_wrench(cc.load_scene("planar_knee"))
+    assert set(whole.load_names) == set(WRENCH_NAMES)
+    assert [whole.tolerances[name] for name in ("Fz", "Tx", "Ty", "Tz")] == [1.0, 25.0, 25.0, 25.0]
