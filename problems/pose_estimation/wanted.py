@@ -39,9 +39,10 @@ class WantedLoads:
             centres[name] = centre
             parts = [{load for load in scene.load_names if load.partition("_")[0] == of} for of in centre.made_of]
             if not all(parts):
+                made_of, has = " and ".join(centre.made_of), ", ".join(scene.load_names)
                 raise ValueError(
-                    f"{name} needs {' and '.join(centre.made_of)}, scene {scene.name} has {', '.join(scene.load_names)}: "
-                    "add what is missing to its loads.names and tolerances"
+                    f"{name} needs {made_of}, scene {scene.name} has {has}: add what is missing to its loads.names and "
+                    "tolerances"
                 )
             needed |= parts[0] | parts[1]
         unknown = needed - set(scene.load_names)

@@ -114,7 +114,7 @@ def test_a_centre_of_pressure_tells_a_pose_parameter_that_was_not_measured(patel
     cycle = few_frames(scene_cycles(patellofemoral.scene)[0], every=50)
     known = pose_estimation.solve(pose_estimation.build(patellofemoral, cycle)).poses
     loads = dict(zip(patellofemoral.load_names, patellofemoral(known).T, strict=True))
-    with pytest.raises(ValueError, match="cop_y needs Fx and Tz, scene patellofemoral has .*: add what is missing"):
+    with pytest.raises(ValueError, match=r"cop_y needs Fx and Tz, scene patellofemoral has .*: add what is missing"):
         pose_estimation.build(patellofemoral, replace(cycle, centres={"cop_y": np.zeros(3)}))
     across = loads["Ty"] / (loads["Fx_med"] + loads["Fx_lat"])
     one_side = {"Fx_med": cycle.loads["Fx_med"]}
