@@ -44,7 +44,7 @@ def settle_in_range(
     poses[:, locked] = rest[:, locked]
     poses = model.scene.pose_space.onto(poses)
     moved = model.scene.sensitive_pose
-    if not pressing or not set(moved) <= set(free):
+    if not pressing or not moved or not set(moved) <= set(free):
         return poses
     left = np.arange(len(poses))
     for begin in _begins(model, poses, rest, free, pressing):

@@ -15,7 +15,7 @@ from casadi_contact.motion.columns import write_columns
 from problems.calibration.measurement import TRUTH, read_measurement, synthetic_measurement
 from problems.calibration.problem import DEFAULT, build
 from problems.calibration.report import report
-from problems.calibration.solve import random_starts, solve
+from problems.calibration.solve import CalibrationResult, random_starts, solve
 from problems.common.command import RESULTS, new_app, run_command
 
 NAME = "calibration"
@@ -33,17 +33,18 @@ def run(
     frames: Annotated[int, typer.Option(min=4, help="of the made-up measurement")] = 30,
     motion: Annotated[str, typer.Option(help="of the made-up measurement: walking, or pressing")] = "walking",
     noise: Annotated[float, typer.Option(min=0.0, help="of the made-up measurement, times the deviations")] = 1.0,
-    seed: Annotated[int, typer.Option(help="of the made-up noise")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="of the made-up noise")] = 1,
     force_n: Annotated[float, typer.Option(help="standard deviation of measured forces [N]")] = 5.0,
     torque_nmm: Annotated[float, typer.Option(help="of measured torques [N·mm]")] = 100.0,
     length_mm: Annotated[float, typer.Option(help="of measured positions [mm]")] = 0.01,
     angle_rad: Annotated[float, typer.Option(help="of measured angles [rad]")] = 2e-4,
     starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 10,
-    out: Annotated[Path, typer.Option(help="folder for calibration.csv, measured.csv, .png, .json")] = RESULTS / NAME,
+    out: Annotated[Path, typer.Option(help="folder for calibration.csv, .png, .json, made_up.csv")] = RESULTS / NAME,
 ) -> None:
     """Estimate material and placement of the insert from poses and loads, with their uncertainty.
 
-    Exit status 2: not solved, or some parameters cannot be told apart by these data.
+    Exit status 2: not solved, the foundation with these parameters does not explain the data, or some parameters
+    cannot be told apart by them.
     """
     writable_folder(out)
     model = cc.foundation(scene)
@@ -51,20 +52,39 @@ def run(
     deviations = {"force_n": force_n, "torque_nmm": torque_nmm, "length_mm": length_mm, "angle_rad": angle_rad}
     truth = None
     if measured is not None:
+        if measured.resolve() == (out / "calibration.csv").resolve():
+            raise ValueError(f"--measured {measured} is where the estimates go: rename it, or give another --out")
         data = read_measurement(measured, model, **deviations)
     else:
         truth = {name: TRUTH[name] for name in names}
         data = synthetic_measurement(model, truth, frames=frames, motion=motion, noise=noise, seed=seed, **deviations)
+        write_columns(out / "made_up.csv", data.columns())
     problem = build(model, data, names)
-    write_columns(out / "measured.csv", data.columns())
     result = solve(problem)
     others = [solve(problem, start) for start in random_starts(problem, starts)]
     report(problem, result, others, truth, out)
-    if not (result.solved and result.uncertainty.identifiable.all()):
-        groups = "; ".join(" and ".join(group) for group in result.uncertainty.tied)
-        what = f"these data do not tell apart: {groups}" if groups else f"not solved: {result.ipopt_status}"
-        print(f"{NAME}: {what}", file=sys.stderr)
+    if doubt := doubts(result):
+        print(f"{NAME}: {doubt}", file=sys.stderr)
         raise typer.Exit(2)
+
+
+def doubts(result: CalibrationResult) -> str:
+    """Why the estimates are not to be used, or nothing."""
+    if not result.solved:
+        return f"not solved: {result.ipopt_status}"
+    found = []
+    if not result.explained:
+        found.append(
+            "the foundation with these parameters does not explain these data: the sum of squares is "
+            f"{result.misfit:.3g} times its degrees of freedom, at most {result.largest_misfit:.3g} expected; "
+            "free more parameters, or state larger deviations if the measurement is less certain"
+        )
+    if result.uncertainty.at_bound:
+        found.append(f"at the bound of the search: {', '.join(result.uncertainty.at_bound)}")
+    if result.uncertainty.tied:
+        groups = "; ".join(" and ".join(group) for group in result.uncertainty.tied)
+        found.append(f"these data do not tell apart: {groups}")
+    return "; ".join(found)
 
 
 def main() -> None:

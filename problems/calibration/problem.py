@@ -69,11 +69,13 @@ class Calibration:
 
 def build(model: CompiledFoundation, measured: Measurement, parameters: Iterable[str] = DEFAULT) -> Calibration:
     """Pose the problem. Raises ValueError for parameters that are none of the foundation's (see its `function`), for
-    fewer measured loads than parameters, and for a scene that locks or ties pose parameters: all six are measured."""
+    fewer measured loads than parameters, for normal loads of the wrong sign, and for a scene that locks or ties pose
+    parameters: all six are measured."""
     model.scene.pose_space.check_whole("calibration")
     names = check_parameters(parameters, model.scene.material)
     if measured.loads.size < len(names) or not names:
         raise ValueError(f"{measured.loads.size} measured loads, {len(names)} parameters: expected as many at least")
+    _check_pressed(model, measured)
     reference = np.array([getattr(model.scene.material, name, 0.0) for name in names])
     z, delta = ca.MX.sym("z", len(names)), ca.MX.sym("delta", 6, len(measured.poses))
     one, pose, load = ca.MX.sym("one", 6), ca.MX.sym("pose", 6), ca.MX.sym("load", len(measured.load_names))
@@ -99,6 +101,17 @@ def build(model: CompiledFoundation, measured: Measurement, parameters: Iterable
     return Calibration(
         model, measured, names, reference, nlp, -largest, upper, residuals, _gauss_newton(x, every, delta, len(names))
     )
+
+
+def _check_pressed(model: CompiledFoundation, measured: Measurement) -> None:
+    """ValueError for normal loads that pull on average."""
+    for normal in model.scene.normal_loads:
+        forces = measured.loads[:, [measured.load_names.index(name) for name in normal.loads]]
+        if normal.direction is not None and (mean := float(forces.mean())) * normal.sign < -measured.force_n:
+            raise ValueError(
+                f"{normal.loads[0]} is {mean:.3g} N on average, but compression is "
+                f"{'positive' if normal.sign > 0.0 else 'negative'} (the loads act on the fixed body): turn its sign"
+            )
 
 
 def _gauss_newton(x: ca.MX, every: ca.MX, delta: ca.MX, parameters: int) -> ca.Function:

@@ -70,14 +70,17 @@ def report(
     console.print(table)
     for group in result.uncertainty.tied:
         console.print(f"not identifiable{' together' if len(group) > 1 else ''}: {', '.join(group)}", highlight=False)
-    for name, factor in needed_noise(problem, result).items():
-        console.print(f"{name} to 1 %: measure with {factor:.2g} times these deviations", highlight=False)
+    if result.explained:
+        for name, factor in needed_noise(problem, result).items():
+            console.print(f"{name} to 1 %: measure with {factor:.2g} times these deviations", highlight=False)
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start; "
-        f"sum of squares over degrees of freedom {result.misfit:.3g}"
+        f"sum of squares over degrees of freedom {result.misfit:.3g}, at most {result.largest_misfit:.3g} expected"
         + (f"; {same} of {len(others)} random starts reach it" if others else ""),
         highlight=False,
     )
+    if not result.explained:
+        console.print("standard deviations are scaled by its root: the stated ones do not explain it", highlight=False)
     console.print(f"relative poses, scene's own material: {verdict}", highlight=False)
     write_columns(out / "calibration.csv", columns, digits=DIGITS)
     write_summary(out / "calibration.json", _summary(problem, result, others, verdict, same, columns))
@@ -113,8 +116,11 @@ def _summary(
         "parameters": {key: list(column) for key, column in columns.items()},
         "correlation": result.uncertainty.correlation.tolist(),
         "not_identifiable_together": result.uncertainty.tied,
-        "noise_for_one_percent": needed_noise(problem, result),
+        "at_bound": result.uncertainty.at_bound,
+        "noise_for_one_percent": needed_noise(problem, result) if result.explained else {},
         "misfit": result.misfit,
+        "largest_misfit": result.largest_misfit,
+        "explained": result.explained,
         **solver_record(result),
         "random_starts": {"tried": len(others), "same": same},
         "load_error": {

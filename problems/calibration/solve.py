@@ -14,7 +14,7 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options, settle_in_range
 from problems.calibration.measurement import in_fixed_body, in_scene_frame
 from problems.calibration.problem import Calibration
-from problems.calibration.uncertainty import Uncertainty, uncertainty
+from problems.calibration.uncertainty import Uncertainty, degrees_of_freedom, largest_misfit, uncertainty
 
 FACTOR, SHIFT_MM, TURN_RAD = 2.0, 1.5, np.radians(3.0)  # random starts: material over or times, placement plus or minus
 
@@ -22,17 +22,24 @@ FACTOR, SHIFT_MM, TURN_RAD = 2.0, 1.5, np.radians(3.0)  # random starts: materia
 @dataclass(frozen=True)
 class CalibrationResult:
     """values (m,) of the parameters; poses (n, 6) as corrected; misfit: the sum of squares over its degrees of freedom,
-    about 1 where the deviations stated for the measurement are right; load_error (n, L) [N, N·mm] at the solution."""
+    about 1 where the deviations stated for the measurement are right, and by chance hardly above largest_misfit;
+    load_error (n, L) [N, N·mm] at the solution."""
 
     values: Array
     uncertainty: Uncertainty
     poses: Array
     load_error: Array
     misfit: float
+    largest_misfit: float
     ipopt_status: str
     solved: bool
     iterations: int
     seconds: float
+
+    @property
+    def explained(self) -> bool:
+        """Whether the foundation with these parameters explains the data, but for the stated deviations."""
+        return self.misfit <= self.largest_misfit
 
     @property
     def place(self) -> Array:
@@ -50,10 +57,11 @@ def start_values(problem: Calibration, start: Mapping[str, float] | None = None)
     if unknown:
         raise ValueError(f"start holds {', '.join(sorted(unknown))}, expected {', '.join(problem.parameters)}")
     place = np.array([begin.get(name, 0.0) for name in PLACEMENT])
-    columns = [measured.load_names.index(name) for name in scene.sensitive_loads]
-    normal = measured.loads[:, columns]
-    pressed = np.minimum(normal, -scene.boundary_load)  # noise may make a small load pull
-    targets = dict(zip(scene.sensitive_loads, pressed.T, strict=True))
+    targets: dict[str, Array] = {}
+    for normal in scene.normal_loads:
+        forces = measured.loads[:, [measured.load_names.index(name) for name in normal.loads]]
+        pressed = normal.at_least(forces, scene.boundary_load)  # noise may make a small load pull
+        targets |= dict(zip(normal.loads, pressed.T, strict=True))
     relative = in_fixed_body(measured.poses, place)
     relative = settle_in_range(problem.model, relative, relative, POSE_NAMES, targets)
     delta = (in_scene_frame(relative, place) - measured.poses) / measured.pose_deviation
@@ -98,12 +106,14 @@ def solve(
     frames = len(delta)
     every = problem.residuals.map(frames)
     off = np.asarray(every(ca.repmat(ca.DM(z), 1, frames), delta.T, measured.poses.T, measured.loads.T)).T
+    misfit, largest = 2.0 * float(answer["f"]) / degrees_of_freedom(problem), largest_misfit(problem)
     return CalibrationResult(
         values=problem.values(z),
-        uncertainty=uncertainty(problem, z, delta),
+        uncertainty=uncertainty(problem, z, delta, np.sqrt(misfit) if misfit > largest else 1.0),
         poses=measured.poses + measured.pose_deviation * delta,
         load_error=off * measured.load_deviation,
-        misfit=2.0 * float(answer["f"]) / max(measured.loads.size - count, 1),
+        misfit=misfit,
+        largest_misfit=largest,
         ipopt_status=outcome.status,
         solved=outcome.solved,
         iterations=outcome.iterations,

@@ -8,6 +8,10 @@ all δ has the Schur complement
 whose inverse is the covariance of z (normal errors, residuals nearly linear over their spread). An eigenvector with an
 eigenvalue below 1 is a direction that the data know no better than by one unit of z: a factor of e in the material,
 1 mm or 1/25 rad of placement. Parameters that take part in it are not identifiable together.
+
+The covariance supposes that the model explains the data but for the stated errors. Then the sum of squares follows χ²
+with its degrees of freedom; where it is larger than that explains, deviations are scaled by √(χ²/ν) (Birge ratio). A
+parameter at a bound of its search has no deviation: the least squares has no minimum there.
 """
 
 from __future__ import annotations
@@ -17,23 +21,28 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.stats import chi2
 
 from casadi_contact.conventions import Array
 from problems.calibration.problem import Calibration
 
 _LEAST_EIGENVALUE = 1.0
+_AT_BOUND = 1e-3  # of z
+CHANCE = 1e-4  # of a sum of squares beyond `largest_misfit` where the stated deviations are right
 _TAKES_PART = 0.05  # component of an unknown direction
 
 
 @dataclass(frozen=True)
 class Uncertainty:
     """deviation (m,): standard deviation of the parameters [MPa, mm, rad], infinite where not identifiable;
-    correlation (m, m) of z, NaN there; tied: groups of names that the data do not tell apart (of one: not at all)."""
+    correlation (m, m) of z, NaN there; tied: groups of names that the data do not tell apart (of one: not at all);
+    at_bound: names of those that end at a bound of the search."""
 
     parameters: tuple[str, ...]
     deviation: Array
     correlation: Array
     tied: tuple[tuple[str, ...], ...]
+    at_bound: tuple[str, ...] = ()
 
     @property
     def identifiable(self) -> np.ndarray:
@@ -53,18 +62,32 @@ def reduced_hessian(problem: Calibration, z: Array, delta: Array) -> Array:
     return H
 
 
-def uncertainty(problem: Calibration, z: Array, delta: Array) -> Uncertainty:
-    """Standard deviations and correlations at an estimate."""
+def degrees_of_freedom(problem: Calibration) -> int:
+    """Measured loads less parameters, at least 1: every δ is an unknown with a residual of its own."""
+    return max(problem.measured.loads.size - len(problem.parameters), 1)
+
+
+def largest_misfit(problem: Calibration) -> float:
+    """Sum of squares over its degrees of freedom that the stated deviations exceed by a chance of `CHANCE`."""
+    freedom = degrees_of_freedom(problem)
+    return float(chi2.isf(CHANCE, freedom)) / freedom
+
+
+def uncertainty(problem: Calibration, z: Array, delta: Array, scale: float = 1.0) -> Uncertainty:
+    """Standard deviations, times scale, and correlations at an estimate."""
     values, vectors = np.linalg.eigh(reduced_hessian(problem, z, delta))
     known = values >= _LEAST_EIGENVALUE
     tied = tuple(_names(problem.parameters, vector) for vector in vectors[:, ~known].T)
     covariance = (vectors[:, known] / values[known]) @ vectors[:, known].T
-    free = np.isin(problem.parameters, [name for group in tied for name in group])
+    m = len(problem.parameters)
+    ends = np.minimum(z - problem.lower[:m], problem.upper[:m] - z) < _AT_BOUND
+    free = ends | np.isin(problem.parameters, [name for group in tied for name in group])
     covariance[free], covariance[:, free] = np.nan, np.nan
     spread = np.sqrt(np.diag(covariance))
     size = np.where(problem.placing, problem.units, problem.values(z))
-    deviation = np.where(free, np.inf, spread * size)
-    return Uncertainty(problem.parameters, deviation, covariance / np.outer(spread, spread), tied)
+    deviation = np.where(free, np.inf, scale * spread * size)
+    at_bound = tuple(name for name, end in zip(problem.parameters, ends, strict=True) if end)
+    return Uncertainty(problem.parameters, deviation, covariance / np.outer(spread, spread), tied, at_bound)
 
 
 def _names(parameters: Sequence[str], vector: Array) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,6 +95,23 @@ def test_stiffness_and_thickness_are_not_told_apart_but_their_ratio_is_found(kne
     assert result.uncertainty.tied == (("youngs_modulus", "thickness"),)
     assert np.isinf(result.uncertainty.deviation).all()
     assert result.values[0] / result.values[1] == pytest.approx(truth[0] / truth[1], rel=1e-6)
+
+
+def test_data_that_the_model_does_not_explain_are_said_to_be_such(knee):
+    """Loads of an insert that was moved, and only its stiffness to choose."""
+    problem, _ = made_up(knee)
+    assert calibration.solve(problem).explained
+    result = calibration.solve(calibration.build(knee, problem.measured, ["youngs_modulus", "fixed_ty"]))
+    assert not result.explained
+    assert "does not explain these data" in __main__.doubts(result)
+    assert "youngs_modulus" in result.uncertainty.at_bound
+    assert np.isinf(result.uncertainty.deviation[0])
+
+
+def test_forces_of_the_wrong_sign_are_refused_with_the_cure(knee):
+    problem, _ = made_up(knee)
+    with pytest.raises(ValueError, match=r"Fy_med is .* on average, but compression is negative .*: turn its sign"):
+        calibration.build(knee, replace(problem.measured, loads=-problem.measured.loads))
 
 
 def test_a_dish_turned_about_its_own_axis_is_the_same_dish(knee):
