@@ -110,7 +110,8 @@ def run(
         compliant_tendons=compliant_tendons,
     )
     result = solve(driven_by_synergies(problem, synergies) if synergies else problem)
-    verdict = judge(contact_model, result.poses, result.converged, own_model(contact_model.scene), CONTACT_LOADS)
+    balanced = result.converged & ~result.overloaded  # reserves are no muscles
+    verdict = judge(contact_model, result.poses, balanced, own_model(contact_model.scene), CONTACT_LOADS)
     patellar = patella_verdict(problem, result)
     report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind, patellar)
     end_with(worst(each for each in (verdict, patellar) if each is not None), NAME, out)

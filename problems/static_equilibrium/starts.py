@@ -43,7 +43,8 @@ def solve_from_lifts(
             moves = rng.uniform(-1.0, 1.0, result.poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
             moves[:, 1] = lift * rng.uniform(0.0, 1.0, len(moves))
             again = solve(problem, result.poses + moves)
-            same.append((np.abs((again.poses - result.poses) * POSE_IN_MM).max(axis=1) < SAME_MM).mean())
+            near = np.abs((again.poses - result.poses) * POSE_IN_MM).max(axis=1) < SAME_MM
+            same.append((near & again.converged).mean())
             used.append(again.iterations)
         shares.append(float(np.mean(same)))
         iterations.append(float(np.median(used)))
