@@ -10,7 +10,6 @@ import numpy as np
 import typer
 
 from casadi_contact.files import writable_folder
-from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
@@ -24,6 +23,7 @@ from problems.muscle_contact.given import (
     ParametersOption,
     RotationsOption,
     given_walk,
+    measured_cycle,
 )
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
@@ -83,7 +83,7 @@ def run(
     """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
-    comparison = None if measured is None else read_cycle(measured)
+    comparison = None if measured is None else measured_cycle(measured, walk)
     others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
     source = ContactSource.of(surrogate, scene)
     contact_model = source.load()

@@ -45,6 +45,7 @@ from problems.muscle_contact.extensor import PATELLA, PatellaResult, quadriceps
 from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
+from problems.muscle_contact.times import at_times
 
 _MUSCLES = {
     "bflh": "biceps femoris, long head",
@@ -80,7 +81,7 @@ class Compared:
     def of(cls, problem: MuscleContact, result: MuscleContactResult, measured: LoadCycle | None) -> Compared:
         """Re-evaluate the solution on the scene's fine and teacher EF grids, and take measured forces at its times.
 
-        Raises ValueError where the measured cycle and the walk share no time.
+        Raises ValueError where the measured cycle does not reach over the walk (`at_times`).
         """
         scene, walk = problem.contact_model.scene, problem.walk
         columns = [scene.load_names.index(name) for name in CONTACT_LOADS]
@@ -89,10 +90,9 @@ class Compared:
         grids = grids_in_words(models)
         if measured is None:
             return cls(result.loads, on.get("fine"), on.get("teacher"), None, grids)
-        if measured.time_s[0] > walk.time_s[-1] or measured.time_s[-1] < walk.time_s[0]:
-            raise ValueError(f"measured cycle {measured.name} and walk {walk.name} share no time")
-        forces = [np.interp(walk.time_s, measured.time_s, curve) for curve in (measured.fy_med, measured.fy_lat)]
-        return cls(result.loads, on.get("fine"), on.get("teacher"), np.column_stack(forces), grids)
+        sides = np.column_stack([measured.fy_med, measured.fy_lat])
+        forces = at_times(f"measured cycle {measured.name}", measured.time_s, sides, walk.time_s)
+        return cls(result.loads, on.get("fine"), on.get("teacher"), forces, grids)
 
     def errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
         """RMS, mean and largest difference [N] by side: predicted minus measured compression, EF minus model."""

@@ -18,6 +18,7 @@ from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
+from problems.muscle_contact.times import at_times, check_covers
 
 # How the rotations stand in the measured cycles' files (`casadi_contact.motion.load_cycle`).
 ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
@@ -85,7 +86,7 @@ def read_walk(
     parameters: Path,
     maps: Sequence[ColumnMap] = ROTATION_MAPS,
 ) -> MuscleWalk:
-    """Read a walk; all curves are taken at the times of inverse dynamics, and stay at their ends beyond their own.
+    """Read a walk; all curves are taken at the times of inverse dynamics, which they must reach over (`at_times`).
 
     rotations: CSV or .sto with time (``time_s`` or ``time``) and the columns that maps turn into rz and ry.
     inverse_dynamics: CSV or .sto with time and coordinates of `COORDINATES` (``knee_ty`` or ``knee_ty_N``, N, N·m).
@@ -113,7 +114,8 @@ def read_walk(
         raise ValueError(f"{rotations}: {error}") from None
     if not {"rz", "ry"} <= set(curves):
         raise ValueError(f"{rotations} is mapped to {', '.join(curves)}, expected columns for rz and ry")
-    rz, ry = (np.interp(time_s, curves["time"], curves[name]) for name in ("rz", "ry"))
+    turned = np.column_stack([curves["rz"], curves["ry"]])
+    rz, ry = at_times(str(rotations), curves["time"], turned, time_s).T
     shared = [name for name in COORDINATES if name in loads and name in arms]
     return MuscleWalk(
         inverse_dynamics.stem.removesuffix("_inverse_dynamics"),
@@ -134,7 +136,7 @@ def read_length_range(path: Path, names: Sequence[str]) -> Array:
     path: a CSV or a folder, as `read_walk` takes for muscles. Raises like it.
     """
     if path.is_dir():
-        table = _length_table(path)
+        table = read_opensim_table(_length_file(path))
         curves = [table.column(name) for name in names]
     else:
         text = TextColumns.read(path)
@@ -194,25 +196,29 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
 def _analysis(folder: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array, Array, dict[str, Array]]:
     """The same from the files that OpenSim's MuscleAnalysis writes, a column for each muscle."""
 
-    def at(table: Table) -> CubicSpline:
-        return CubicSpline(table.column("time"), np.column_stack([table.column(name) for name in names]))
+    def at(path: Path, order: int = 0) -> Array:
+        table = read_opensim_table(path)
+        known_s = table.column("time")
+        check_covers(str(path), known_s, time_s)
+        spline = CubicSpline(known_s, np.column_stack([table.column(name) for name in names]))
+        return np.asarray(spline(np.clip(time_s, known_s[0], known_s[-1]), order))
 
-    length = at(_length_table(folder))
-    tables = {name: _only(folder, f"MomentArm_{name}") for name in COORDINATES}
-    arms = {name: at(table)(time_s) for name, table in tables.items() if table is not None}
-    return length(time_s), length(time_s, 1), arms
+    length = _length_file(folder)
+    files = {name: _only(folder, f"MomentArm_{name}") for name in COORDINATES}
+    arms = {name: at(path) for name, path in files.items() if path is not None}
+    return at(length), at(length, 1), arms
 
 
-def _length_table(folder: Path) -> Table:
-    table = _only(folder, "Length")
-    if table is None:
+def _length_file(folder: Path) -> Path:
+    path = _only(folder, "Length")
+    if path is None:
         raise FileNotFoundError(f"folder {folder} holds no file *_Length.sto")
-    return table
+    return path
 
 
-def _only(folder: Path, ending: str) -> Table | None:
+def _only(folder: Path, ending: str) -> Path | None:
     """The one file of a MuscleAnalysis that ends so, None if there is none."""
     found = sorted(folder.glob(f"*_{ending}.sto"))
     if len(found) > 1:
         raise ValueError(f"{folder} holds {len(found)} files *_{ending}.sto, expected one")
-    return read_opensim_table(found[0]) if found else None
+    return found[0] if found else None

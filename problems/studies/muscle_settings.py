@@ -25,6 +25,7 @@ from problems import muscle_contact
 from problems.common.command import RESULTS, new_app, run_command
 from problems.muscle_contact.knee_coordinates import COORDINATES, SIDES
 from problems.muscle_contact.problem import LEAST_SQUARES
+from problems.muscle_contact.times import at_times
 from problems.muscle_contact.walk import MuscleWalk, read_walk
 
 PRETENSION_N = 100.0  # of each collateral ligament: stiffness 2,000 N at a strain of 0.08 (Blankevoort et al. 1991)
@@ -68,8 +69,8 @@ def read_walks(folder: Path) -> dict[str, tuple[MuscleWalk, np.ndarray]]:
         name = path.name.removesuffix(ending)
         loads, muscles = (folder / f"{name}_{what}.csv" for what in ("loads", "muscles"))
         walk, measured = read_walk(loads, path, muscles, folder / "muscle_parameters.csv"), read_cycle(loads)
-        sides = [np.interp(walk.time_s, measured.time_s, -curve) for curve in (measured.fy_med, measured.fy_lat)]
-        found[name] = (walk, np.column_stack(sides))
+        sides = -np.column_stack([measured.fy_med, measured.fy_lat])
+        found[name] = (walk, at_times(str(loads), measured.time_s, sides, walk.time_s))
     if not found:
         raise ValueError(f"folder {folder} holds no file *{ending}")
     return found

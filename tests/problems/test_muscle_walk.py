@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.opensim import ColumnMap, Table, write_table
+from casadi_contact.motion.walking import reference_cycle
 from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.given import measured_cycle
 from problems.muscle_contact.walk import read_length_range, read_walk
 from tests.support.muscle_files import write_walk
 from tests.support.shared_data import shared_file
@@ -57,6 +60,47 @@ def test_opensim_files_give_the_same_walk(files, tmp_path):
     # velocities come from the lengths: they move a muscle from its first length to its last
     travelled = np.trapezoid(walk.velocities_m_per_s, walk.time_s, axis=0)
     np.testing.assert_allclose(travelled, WALK.lengths_m[-1] - WALK.lengths_m[0], atol=0.001)
+
+
+def drop_after(path, time_s):
+    """Take the rows of a table after a time out of it."""
+    lines = path.read_text().splitlines()
+    separator = "," if path.suffix == ".csv" else "\t"
+    lines = [line for line in lines if not line.startswith("nRows")]
+    numbers = [line[:1].isdigit() and separator in line for line in lines]
+    kept = [
+        line for line, row in zip(lines, numbers, strict=True) if not row or float(line.split(separator)[0]) <= time_s
+    ]
+    path.write_text("\n".join(kept) + "\n")
+
+
+def test_curves_that_end_before_inverse_dynamics_does_are_refused_with_both_ranges(files, tmp_path):
+    """Rotations, lengths and arms alike: what is beyond their ends is not known, and was held or extrapolated."""
+    by_muscle = {name: dict(zip(WALK.muscles.names, table.T, strict=True)) for name, table in WALK.arms.items()}
+    curves = {"Length": dict(zip(WALK.muscles.names, WALK.lengths_m.T, strict=True))}
+    curves |= {f"MomentArm_{name}": table for name, table in by_muscle.items()}
+    tables = {name: tmp_path / f"walk_MuscleAnalysis_{name}.sto" for name in curves}
+    for name, path in tables.items():
+        write_table(Table(name, {"time": WALK.time_s, **curves[name]}), path)
+    end, step = WALK.time_s[-1], WALK.time_s[1]  # 1.12 s in 41 frames
+    said = r"from 0 to 0\.56\d* s, inverse dynamics from 0 to 1\.12\d* s: expected .* cut inverse dynamics"
+    for path in (files["rotations"], tables["Length"], tables["MomentArm_knee_flexion"]):
+        whole = path.read_text()
+        drop_after(path, end - 0.5 * step)  # a step is what files are cut apart by
+        read_walk(**{**files, "muscles": tmp_path})
+        drop_after(path, 0.5 * end)
+        with pytest.raises(ValueError, match=rf"{path.name} reaches {said}"):
+            read_walk(**{**files, "muscles": tmp_path})
+        path.write_text(whole)
+
+
+def test_a_measured_cycle_that_lacks_the_end_of_the_walk_is_not_compared(tmp_path):
+    cycle = reference_cycle(41)
+    write_cycle(cycle, tmp_path / "measured.csv")
+    assert len(measured_cycle(tmp_path / "measured.csv", WALK)) == 41
+    drop_after(tmp_path / "measured.csv", 0.6 * cycle.time_s[-1])
+    with pytest.raises(ValueError, match=r"measured.csv reaches from 0 to \S+ s, inverse dynamics from 0 to"):
+        measured_cycle(tmp_path / "measured.csv", WALK)
 
 
 def drop(path, text):
