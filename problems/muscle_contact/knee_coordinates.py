@@ -29,14 +29,19 @@ SIDES = ("Fy_med", "Fy_lat")
 CONTACT_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
 
 
+def is_translation(coordinate: str) -> bool:
+    """Whether a coordinate moves the femur, and does not turn it."""
+    return COORDINATES[coordinate].startswith("t")
+
+
 def coordinate_unit(coordinate: str) -> str:
     """N for a translation, Nm for a rotation."""
-    return "N" if COORDINATES[coordinate].startswith("t") else "Nm"
+    return "N" if is_translation(coordinate) else "Nm"
 
 
 def in_newtons(coordinate: str) -> float:
     """Comparable newtons of one N or N·m of a coordinate's load."""
-    return 1.0 if COORDINATES[coordinate].startswith("t") else 1000.0 / LEVER_MM
+    return 1.0 if is_translation(coordinate) else 1000.0 / LEVER_MM
 
 
 def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:

@@ -52,6 +52,15 @@ def passive_force_length(length: Any, xp: Any = np) -> Any:
     return (xp.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
 
 
+_LIMITS = {"optimal_fibre_length_m": 1.0, "tendon_slack_length_m": 1.0, "pennation_rad": np.pi / 2.0}
+_EXPECTED = {
+    "max_isometric_force_n": "a positive force in N",
+    "optimal_fibre_length_m": "more than 0 and less than 1 m: is it in mm?",
+    "tendon_slack_length_m": "more than 0 and less than 1 m: is it in mm?",
+    "pennation_rad": "0 to 1.57 rad: is it in degrees?",
+}
+
+
 @dataclass(frozen=True)
 class MuscleParameters:
     """One value (m,) for each muscle: greatest isometric force [N], optimal fibre and tendon slack length [m], and
@@ -70,10 +79,11 @@ class MuscleParameters:
             values = np.asarray(getattr(self, key), dtype=float)
             if values.shape != (len(self.names),):
                 raise ValueError(f"{key} has shape {values.shape}, expected a value for each of {len(self.names)}")
-            good = (values >= 0.0) & (values < np.pi / 2.0) if key == "pennation_rad" else values > 0.0
+            good = values >= 0.0 if key == "pennation_rad" else values > 0.0
+            good &= values < _LIMITS.get(key, np.inf)
             if not (good & np.isfinite(values)).all():
                 worst = int(np.argmin(good & np.isfinite(values)))
-                raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected a positive size")
+                raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected {_EXPECTED[key]}")
             object.__setattr__(self, key, values)
 
     def fitted_to(self, lengths_m: Array, longest_fibre: float = LONGEST_FIBRE) -> MuscleParameters:

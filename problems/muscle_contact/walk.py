@@ -18,6 +18,13 @@ from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
+from problems.muscle_contact.plausible import (
+    check_arms,
+    check_flexion_arms,
+    check_lengths,
+    check_loads,
+    check_velocities,
+)
 from problems.muscle_contact.times import at_times, check_covers
 
 # How the rotations stand in the measured cycles' files (`casadi_contact.motion.load_cycle`).
@@ -30,7 +37,8 @@ class MuscleWalk:
     """One cycle of n frames and m muscles: time_s, rz, ry (n,); loads (n,) [N, N·m] and arms (n, m) by coordinate;
     lengths_m and velocities_m_per_s (n, m) of the musculotendons; the muscles' parameters.
 
-    Raises ValueError for shapes that do not fit, NaN, unsorted time, or a coordinate without both loads and arms.
+    Raises ValueError for shapes that do not fit, NaN, unsorted time, a coordinate without both loads and arms, and
+    numbers that are not of a knee in these units and signs (`plausible`).
     """
 
     name: str
@@ -69,6 +77,13 @@ class MuscleWalk:
                 f"walk {self.name}: coordinates {', '.join(sorted(odd))} lack loads or arms, or are none of "
                 f"{', '.join(COORDINATES)}"
             )
+        names = self.muscles.names
+        check_lengths(self.name, names, self.lengths_m)
+        check_arms(self.name, names, self.arms)
+        check_loads(self.name, self.loads)
+        check_velocities(self.name, names, self.time_s, self.lengths_m, self.velocities_m_per_s)
+        if "knee_flexion" in self.arms:
+            check_flexion_arms(self.name, names, self.time_s, self.rz, self.lengths_m, self.arms["knee_flexion"])
 
     def __len__(self) -> int:
         return len(self.time_s)

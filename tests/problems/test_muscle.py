@@ -102,7 +102,9 @@ def test_what_no_muscle_is_is_refused():
         force_capacity(ONE, np.array([[0.14], [0.15]]), np.zeros((2, 1)))
     with pytest.raises(ValueError, match="muscle model is 'elastic', expected hill or isometric"):
         force_capacity(ONE, np.array([[0.3]]), np.zeros((1, 1)), "elastic")
-    with pytest.raises(ValueError, match=r"optimal_fibre_length_m of one is -0\.1, expected a positive size"):
+    with pytest.raises(
+        ValueError, match=r"optimal_fibre_length_m of one is -0\.1, expected more than 0 and less than 1 m"
+    ):
         replace(ONE, optimal_fibre_length_m=np.array([-0.1]))
     with pytest.raises(ValueError, match="max_isometric_force_n of one is nan"):
         replace(ONE, max_isometric_force_n=np.array([np.nan]))

@@ -164,3 +164,57 @@ def test_a_measured_walk_is_read():
     moving = np.abs(np.gradient(walk.rz)) > 0.02
     difference = -slope[moving] - walk.arms["knee_flexion"][moving, muscle]
     assert np.median(np.abs(difference)) < 0.003  # m; the femur's translations change lengths too
+
+
+def scaled(field, factor, *names):
+    """The walk with a table, or the curves of some coordinates, times a factor."""
+    value = getattr(WALK, field)
+    if names:
+        return replace(WALK, **{field: {**value, **{name: factor * value[name] for name in names}}})
+    return replace(WALK, **{field: factor * value})
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (
+            lambda: scaled("arms", 1e3, "knee_flexion"),
+            r"arm of semiten about knee_flexion is -50 .* at most 0.3: .* mm",
+        ),
+        (lambda: scaled("arms", -1.0, "knee_flexion"), "shorten that lengthen by their arms .* turn the sign"),
+        (lambda: scaled("rz", -1.0), "shorten that lengthen by their arms .* or of rz"),
+        (lambda: scaled("arms", -1.0, "knee_ty"), r"about knee_ty are \+0.96 in the mean, expected negative"),
+        (lambda: scaled("velocities_m_per_s", -1.0), r"of bflh are -1 times dlength/dt .* turn their sign"),
+        (lambda: scaled("velocities_m_per_s", 1e3), "are 1e.03 times dlength/dt .* give m/s"),
+        (lambda: scaled("lengths_m", 1e3), "expected more than 0 and at most 2 m: are lengths in mm"),
+        (lambda: scaled("loads", 1 / 736, "knee_tx", "knee_ty", "knee_tz"), "reaches 0.72 in .* Multiply by it"),
+        (
+            lambda: scaled("loads", 1 / 75, "knee_adduction", "knee_rotation", "knee_flexion"),
+            "reaches 0.29 in knee_adduction, knee_rotation, knee_flexion, expected Nm of a body: is it over",
+        ),
+        (lambda: scaled("loads", 1e3, "knee_adduction"), "reaches 2.2e.04 .* at most 1000: is it in N·mm"),
+        (
+            lambda: replace(WALK.muscles, pennation_rad=np.degrees(WALK.muscles.pennation_rad)),
+            "pennation_rad of bflh is 11.4592, expected 0 to 1.57 rad: is it in degrees",
+        ),
+        (
+            lambda: replace(WALK.muscles, optimal_fibre_length_m=1e3 * WALK.muscles.optimal_fibre_length_m),
+            "optimal_fibre_length_m of bflh is 100, expected more than 0 and less than 1 m: is it in mm",
+        ),
+    ],
+)
+def test_units_and_signs_that_no_knee_has_are_refused_with_the_cure(harm, said):
+    with pytest.raises(ValueError, match=said):
+        harm()
+
+
+def test_a_single_arm_against_its_muscle_s_lengths_is_doubted():
+    arms = WALK.arms["knee_flexion"].copy()
+    arms[:, WALK.muscles.names.index("vaslat")] *= -1.0
+    with pytest.warns(RuntimeWarning, match="vaslat shortens where its arm about knee_flexion says that it lengthens"):
+        replace(WALK, arms={**WALK.arms, "knee_flexion": arms})
+
+
+def test_muscles_without_velocity_and_a_leg_without_load_are_taken():
+    scaled("velocities_m_per_s", 0.0)
+    scaled("loads", 0.0, *WALK.loads)
