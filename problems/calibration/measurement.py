@@ -17,6 +17,7 @@ from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import settle_in_range
+from problems.common.knee_scene import SIDES, check_knee
 from problems.common.records import load_columns, pose_columns
 
 TRUTH = {  # of the made-up measurement
@@ -96,10 +97,12 @@ def synthetic_measurement(
     rotation of the built-in walk, with normal errors: noise times the deviations.
 
     motion: "walking" with its medial and lateral forces, or "pressing": every other frame barely touches, the others
-    press hard, by which stiffness and height of the insert are told apart. Raises ValueError for another one.
+    press hard, by which stiffness and height of the insert are told apart. Raises ValueError for another one, and for
+    a scene of no knee with two sides.
     """
     if motion not in MOTIONS:
         raise ValueError(f"motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+    check_knee("a made-up measurement", model.scene, model.load_names, SIDES)
     cycle = reference_cycle(frames)
     share = 2.0 * np.pi * np.arange(frames) / frames
     relative = np.tile(model.scene.start_pose, (frames, 1))
@@ -107,7 +110,7 @@ def synthetic_measurement(
         relative[:, POSE_NAMES.index(name)] = curve
     for turns, (name, (middle, swing)) in enumerate(_SWING_MM.items(), start=2):
         relative[:, POSE_NAMES.index(name)] = middle + swing * np.sin(turns * share)
-    forces = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat}
+    forces = dict(zip(SIDES, (cycle.fy_med, cycle.fy_lat), strict=True))
     targets = {name: np.minimum(curve, -_LEAST_FORCE_N) for name, curve in forces.items()}
     if motion == "pressing":
         targets = dict.fromkeys(forces, np.where(np.arange(frames) % 2, -_TOUCHING_N, -_PRESSING_N))

@@ -23,10 +23,11 @@ from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import KNEE_STEPS
+from problems.common.knee_scene import SIDES, check_knee
 from problems.design.dish import DishContact
 
 FREE = ("tx", "ty", "tz", "rx")
-BALANCED = ("Fy_med", "Fy_lat", "Fx", "Fz")
+BALANCED = (*SIDES, "Fx", "Fz")
 LAXITY_PUSHES = {"ap": ("tx", "Fx", 100.0), "ml": ("tz", "Fz", 50.0)}  # [N], with its opposite
 LAXITY_SIDE_N, LAXITY_FLEXION_DEG = 350.0, 20.0
 _CLEARANCE_MM = 0.5  # least difference of radii between condyle and dish
@@ -89,7 +90,9 @@ def wanted_loads(frames: int) -> tuple[Array, Array]:
 
 
 def build(contact: DishContact, bounds: Bounds, frames: int = 12) -> Design:
-    """Pose the problem. Raises ValueError for a pressure law whose peak is not K/h·d."""
+    """Pose the problem. Raises ValueError for a pressure law whose peak is not K/h·d, and for a scene of no knee with
+    two sides (`check_knee`)."""
+    check_knee("the design of a dish", contact.scene, contact.load_names, BALANCED)
     material, geometry = contact.scene.material, contact.scene.geometry
     if material.law != "linear":
         raise ValueError(f"the pressure law is {material.law!r}, expected linear")

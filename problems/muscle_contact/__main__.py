@@ -13,6 +13,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.extensor import load_extensor
@@ -25,7 +26,7 @@ from problems.muscle_contact.given import (
     given_walk,
     measured_cycle,
 )
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES
+from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
@@ -111,7 +112,7 @@ def run(
     )
     result = solve(driven_by_synergies(problem, synergies) if synergies else problem)
     balanced = result.converged & ~result.overloaded  # reserves are no muscles
-    verdict = judge(contact_model, result.poses, balanced, own_model(contact_model.scene), CONTACT_LOADS)
+    verdict = judge(contact_model, result.poses, balanced, own_model(contact_model.scene), KNEE_LOADS)
     patellar = patella_verdict(problem, result)
     report(problem, diagnose(problem, result, verdict), verdict, out, comparison, source.kind, patellar)
     end_with(worst(each for each in (verdict, patellar) if each is not None), NAME, out)

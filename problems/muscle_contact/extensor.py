@@ -24,6 +24,7 @@ from casadi_contact.assembly.frames import placed, relative_pose
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import pose_steps
+from problems.common.knee_scene import check_knee
 from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.patella.follow import follow
 
@@ -157,8 +158,9 @@ def load_extensor(name_or_path: str, contact_model: SymbolicContact) -> Extensor
     between femur and ground, one between femur and patella, and one pull, the quadriceps.
 
     contact_model stands for the contact between femur and ground, whose scene it must have. Raises ValueError for an
-    assembly that is built otherwise.
+    assembly that is built otherwise, and for a model of no knee with two sides.
     """
+    check_knee("a patella's muscle problem", contact_model.scene, contact_model.load_names)
     scene = contact_model.scene.name
     assembly = load_assembly(name_or_path, lambda given: contact_model if given.name == scene else foundation(given))
     if assembly.bodies != (FEMUR, PATELLA) or len(assembly.pulls) != 1:

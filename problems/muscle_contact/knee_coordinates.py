@@ -15,6 +15,7 @@ import numpy as np
 
 from casadi_contact.conventions import LEVER_MM, Array, angular_velocity_map
 from casadi_contact.optimisation import generalised_forces
+from problems.common.knee_scene import KNEE_LOADS
 
 # Coordinates of inverse dynamics, each with the pose parameter it belongs to.
 COORDINATES = {
@@ -25,8 +26,6 @@ COORDINATES = {
     "knee_rotation": "ry",
     "knee_flexion": "rz",
 }
-SIDES = ("Fy_med", "Fy_lat")
-CONTACT_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
 
 
 def is_translation(coordinate: str) -> bool:
@@ -46,8 +45,8 @@ def in_newtons(coordinate: str) -> float:
 
 def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
     """Generalised loads (n,) [N, N·m] on the femur by coordinate, for poses (n, 6) and loads (n, 7) as in
-    `CONTACT_LOADS`."""
-    by_name = dict(zip(CONTACT_LOADS, loads.T, strict=True))
+    `KNEE_LOADS`."""
+    by_name = dict(zip(KNEE_LOADS, loads.T, strict=True))
     force = np.column_stack([by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"]])
     moment = np.column_stack([by_name["Tx"], by_name["Ty"], by_name["Tz"]]) - np.cross(poses[:, :3], force)
     about_axes = np.einsum("nji,nj->ni", angular_velocity_map(poses[:, 3:]), moment)
@@ -56,7 +55,7 @@ def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
 
 def contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
     """`contact_on_femur` of one frame as CasADi expressions."""
-    by_name = dict(zip(CONTACT_LOADS, ca.vertsplit(loads), strict=True))
+    by_name = dict(zip(KNEE_LOADS, ca.vertsplit(loads), strict=True))
     fy = by_name["Fy_med"] + by_name["Fy_lat"]
     wrench = ca.vertcat(by_name["Fx"], fy, *(by_name[name] for name in ("Fz", "Tx", "Ty", "Tz")))
     on_tibia = generalised_forces(pose, wrench) * ca.DM([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])

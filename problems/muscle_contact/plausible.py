@@ -115,4 +115,5 @@ def check_flexion_arms(
 
 def _together(one: Array, other: Array) -> float:
     """Correlation of curves (n,) about zero."""
-    return float(one @ other / max(np.sqrt((one @ one) * (other @ other)), np.finfo(float).tiny))
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size > 0.0 else 0.0

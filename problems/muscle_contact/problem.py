@@ -29,10 +29,11 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, shear_free_poses
+from problems.common.knee_scene import KNEE_LOADS, check_knee
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SHANK_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
 from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows, tension_bounds
 from problems.muscle_contact.extensor import Extensor, quadriceps
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, COORDINATES, contact_expression, in_newtons
+from problems.muscle_contact.knee_coordinates import COORDINATES, contact_expression, in_newtons
 from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters, force_capacity
 from problems.muscle_contact.walk import MuscleWalk
 
@@ -102,7 +103,7 @@ class _Rows:
 
 def _contact_function(balanced: Sequence[str]) -> ca.Function:
     """(pose (6), contact loads (7)) of one frame -> contact loads of balanced coordinates [N, N·m]."""
-    pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(CONTACT_LOADS))
+    pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
     contact = contact_expression(pose, loads)
     return ca.Function("contact", [pose, loads], [ca.vertcat(*(contact[name] for name in balanced))])
 
@@ -137,8 +138,10 @@ def build(
     `dynamics`; tendons are compliant with model "hill" alone. extensor: the quadriceps pull through its patella,
     instead of along the walk's arms; see `build_with_patella`.
 
-    Raises ValueError for unknown names, coordinates that the walk lacks, or settings out of range.
+    Raises ValueError for unknown names, coordinates that the walk lacks, settings out of range, or a contact model of
+    no knee with two sides (`check_knee`).
     """
+    check_knee("a muscle problem", contact_model.scene, contact_model.load_names)
     balanced, free = tuple(balanced), tuple(free)
     _check(walk, balanced, free, exponent, least_activation)
     lengths = walk.lengths_m if other_lengths_m is None else np.vstack([walk.lengths_m, other_lengths_m])
@@ -161,7 +164,7 @@ def build(
     rigid = ca.DM(capacity.active_n.T) * a + ca.DM(capacity.passive_n.T)
     forces = strength * tensions if compliant_tendons else rigid
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
-    knee = ContactFrames(contact_model, frames, locked=locked, loads=CONTACT_LOADS, variable=lambda *_: q)
+    knee = ContactFrames(contact_model, frames, locked=locked, loads=KNEE_LOADS, variable=lambda *_: q)
     contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
     sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
     stand_ins = ca.mtimes(sizes, reserves)

@@ -30,6 +30,7 @@ from casadi_contact.page import (
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
+from problems.common.knee_scene import KNEE_LOADS, SIDES
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import (
     DIGITS,
@@ -42,7 +43,7 @@ from problems.common.records import (
 )
 from problems.muscle_contact.cocontraction import SOLEUS_N
 from problems.muscle_contact.extensor import PATELLA, PatellaResult, quadriceps
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, SIDES, coordinate_unit
+from problems.muscle_contact.knee_coordinates import coordinate_unit
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 from problems.muscle_contact.times import at_times
@@ -67,7 +68,7 @@ _DRAWN_MUSCLES = 6
 
 @dataclass(frozen=True)
 class Compared:
-    """Contact loads (n, 7) as in `CONTACT_LOADS` of the problem's model, on the fine EF grid and on the teacher grid,
+    """Contact loads (n, 7) as in `KNEE_LOADS` of the problem's model, on the fine EF grid and on the teacher grid,
     which has next to no error of its own, None where there is no EF at hand; measured (n, 2) as in `SIDES`, at the
     walk's times, or None; grids: of the EF, in words."""
 
@@ -84,7 +85,7 @@ class Compared:
         Raises ValueError where the measured cycle does not reach over the walk (`at_times`).
         """
         scene, walk = problem.contact_model.scene, problem.walk
-        columns = [scene.load_names.index(name) for name in CONTACT_LOADS]
+        columns = [scene.load_names.index(name) for name in KNEE_LOADS]
         models = models_on_grids(scene)
         on = {name: model(result.poses)[:, columns] for name, model in models.items()}
         grids = grids_in_words(models)
@@ -131,9 +132,7 @@ def report(
             PlainConsole().print(line, highlight=False, soft_wrap=True)
     _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
     write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
-    write_table(
-        loads_table(walk.time_s, result.loads, CONTACT_LOADS, f"{walk.name} contact on insert"), out / "loads.sto"
-    )
+    write_table(loads_table(walk.time_s, result.loads, KNEE_LOADS, f"{walk.name} contact on insert"), out / "loads.sto")
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "walk": walk.name,
@@ -196,7 +195,7 @@ def _write_table(
 ) -> None:
     walk = problem.walk
     columns: dict[str, Any] = {"frame": range(len(walk)), "time_s": walk.time_s, "cycle_percent": walk.percent}
-    columns |= pose_columns(result.poses) | load_columns(CONTACT_LOADS, compared.got)
+    columns |= pose_columns(result.poses) | load_columns(KNEE_LOADS, compared.got)
     for what, table in (("ef", compared.teacher), ("measured", compared.measured)):
         if table is not None:
             columns |= {f"{name}_{what}_N": curve for name, curve in zip(SIDES, table.T, strict=False)}

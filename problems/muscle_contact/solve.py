@@ -11,8 +11,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact.extensor import PatellaResult, quadriceps
-from problems.muscle_contact.knee_coordinates import CONTACT_LOADS, contact_on_femur, in_newtons
+from problems.muscle_contact.knee_coordinates import contact_on_femur, in_newtons
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 
 TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
@@ -21,7 +22,7 @@ TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM
 @dataclass(frozen=True)
 class MuscleContactResult:
     """Activations and forces along the tendons (n, m), poses (n, 6), contact loads there (n, 7) as in
-    `CONTACT_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the
+    `KNEE_LOADS`, reserves and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the
     ankle counts, what became of the frames, and the patella where it is part of the problem."""
 
     activations: Array
@@ -88,7 +89,7 @@ def _result(
 ) -> MuscleContactResult:
     """What is left of each balance, evaluated anew from the model's NumPy side, and whether frames hold."""
     walk, extensor = problem.walk, problem.extensor
-    loads = problem.contact_model(poses, CONTACT_LOADS)
+    loads = problem.contact_model(poses, KNEE_LOADS)
     contact = contact_on_femur(poses, loads)
     named = {name: reserves[:, column] for column, name in enumerate(problem.balanced)}
     direct, by_patella, patella = forces.copy(), dict.fromkeys(problem.balanced, np.zeros(len(walk))), None

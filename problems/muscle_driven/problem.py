@@ -24,6 +24,7 @@ from scipy.interpolate import CubicSpline
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, wrench_function
+from problems.common.knee_scene import check_knee
 from problems.muscle_contact.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
@@ -98,9 +99,9 @@ def build(
     """Equations of motion on a surrogate, a foundation or any contact model.
 
     Raises ValueError for an inverse solution with frames that muscles do not balance, compliant tendons, or other
-    balanced coordinates than `BALANCED`, and for a scene that locks or ties pose parameters.
+    balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides (`check_knee`).
     """
-    model.scene.pose_space.check_whole("a knee driven by muscles")
+    check_knee("a knee driven by muscles", model.scene, model.load_names)
     leg, walk = Leg() if leg is None else leg, inverse.walk
     if inverse.balanced != BALANCED or not solved.converged.all() or solved.overloaded.any():
         raise ValueError(f"walk {walk.name}: expected {', '.join(BALANCED)} balanced in every frame by muscles alone")

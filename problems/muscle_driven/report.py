@@ -14,8 +14,8 @@ from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
+from problems.common.knee_scene import SIDES
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
-from problems.muscle_contact.knee_coordinates import SIDES
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 from problems.muscle_driven.solve import Simulation
 

@@ -21,6 +21,7 @@ from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, total_selection
 from problems.common.collocation import Collocation
+from problems.common.knee_scene import check_knee
 from problems.squat.leg import Body, LegMechanics
 from problems.squat.muscles import MUSCLES
 
@@ -64,9 +65,9 @@ def build(
     intervals: int = 24,
     degree: int = 3,
 ) -> Squat:
-    """Transcribe the squat. Raises ValueError for a depth that is no squat, for a scene that locks or ties pose
-    parameters, and as `Collocation` does."""
-    model.scene.pose_space.check_whole("a squat")
+    """Transcribe the squat. Raises ValueError for a depth that is no squat, for a contact model of no knee with two
+    sides (`check_knee`), and as `Collocation` does."""
+    check_knee("a squat", model.scene, model.load_names)
     if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not duration_s > 0.0:
         raise ValueError(
             f"depth {depth_deg} deg, {duration_s} s: expected a knee flexion above {STANDING_FLEXION_DEG:g} and up to "

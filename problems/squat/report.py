@@ -14,6 +14,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
+from problems.common.knee_scene import SIDES
 from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.squat.muscles import MUSCLES
@@ -64,7 +65,7 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
 def _trade_off(squat: Squat, results: Sequence[SquatResult], verdict: Verdict) -> dict[str, Any]:
     """Columns with a row for each weight."""
     names, body = squat.model.load_names, squat.mechanics.body.weight_n
-    medial, lateral = names.index("Fy_med"), names.index("Fy_lat")
+    medial, lateral = map(names.index, SIDES)
     errors = np.abs(verdict.errors[:, medial].reshape(len(results), -1)).max(axis=1)
     return {
         "weight": [r.weight for r in results],
@@ -111,7 +112,7 @@ def draw(squat: Squat, results: Sequence[SquatResult], fine: ContactModel | str,
     colours = [COLOURS["blue"], COLOURS["vermillion"]]
     names = list(squat.model.load_names)
     for r, colour in zip(ends, colours, strict=True):
-        for load, style in (("Fy_med", "-"), ("Fy_lat", "--")):
+        for load, style in zip(SIDES, ("-", "--"), strict=True):
             force = -r.loads[:, names.index(load)] / body.weight_n
             axes[0, 1].plot(r.time_s, force, style, color=colour, label=f"{load}, weight {r.weight:g}")
         if not isinstance(fine, str):

@@ -23,7 +23,8 @@ from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
 from problems.common.command import RESULTS, new_app, run_command
-from problems.muscle_contact.knee_coordinates import COORDINATES, SIDES
+from problems.common.knee_scene import SIDES
+from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.muscle_contact.problem import LEAST_SQUARES
 from problems.muscle_contact.times import at_times
 from problems.muscle_contact.walk import MuscleWalk, read_walk

@@ -12,7 +12,22 @@ from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.motion.joint_cycle import JointCycle, scene_cycles
 from casadi_contact.optimisation import middle_pose
-from problems import calibration, knee_simulator, optimal_control, pose_estimation, squat, static_equilibrium
+from problems import (
+    calibration,
+    design,
+    knee_simulator,
+    muscle_contact,
+    muscle_driven,
+    optimal_control,
+    pose_estimation,
+    squat,
+    static_equilibrium,
+)
+from problems.calibration.measurement import synthetic_measurement
+from problems.design.dish import DishContact
+from problems.design.problem import Bounds
+from problems.muscle_contact import load_extensor
+from problems.muscle_contact.example import example_walk
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import measured_pose, wanted_loads
 from tests.support.compiler import needs_compiler
@@ -138,6 +153,13 @@ def test_joints_pressed_in_one_settle_from_out_of_contact(model, free, loads):
         (lambda knee: squat.build(knee), "squat moves all six"),
         (lambda knee: optimal_control.build(knee, None), "optimal control moves all six"),
         (lambda knee: calibration.build(knee, None), "calibration moves all six"),
+        (lambda knee: synthetic_measurement(knee, {}), "a made-up measurement moves all six"),
+        (lambda knee: muscle_contact.build(knee, example_walk(5)), "a muscle problem moves all six"),
+        (lambda knee: muscle_driven.build(knee, None, None), "a knee driven by muscles moves all six"),
+        (
+            lambda knee: design.build(DishContact(knee.scene), Bounds((5.0, 8.0), (0.5, 2.0))),
+            "the design of a dish moves all six .* but tz is locked at 0.3",
+        ),
         (
             lambda knee: Assembly("joint", "tibia", {"femur": np.zeros(6)}, [Contact("c", knee, "tibia", "femur")]),
             "assembly joint: the contact c moves all six",
@@ -147,6 +169,31 @@ def test_joints_pressed_in_one_settle_from_out_of_contact(model, free, loads):
 def test_what_moves_all_six_parameters_names_those_that_are_held(knee, build, said):
     with pytest.raises(ValueError, match=said):
         build(knee)
+
+
+@needs_compiler
+@pytest.mark.parametrize("scene", ["planar_knee", "hip", "patellofemoral"])
+@pytest.mark.parametrize(
+    ("build", "needed"),
+    [
+        (squat.build, "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
+        (lambda model: muscle_contact.build(model, example_walk(5)), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
+        (lambda model: muscle_driven.build(model, None, None), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
+        (lambda model: load_extensor("knee_with_patella", model), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
+        (lambda model: synthetic_measurement(model, {}), "Fy_med, Fy_lat"),
+    ],
+    ids=["squat", "muscle_contact", "muscle_driven", "patella", "calibration"],
+)
+def test_what_needs_a_knee_with_two_sides_names_the_loads_that_it_got_and_wants(scene, build, needed):
+    model = cc.foundation(scene)
+    got = ", ".join(model.load_names)
+    with pytest.raises(ValueError, match=rf"scene {scene} has the loads {got}, expected {needed}: take the scene knee"):
+        build(model)
+
+
+def test_a_dish_is_designed_for_a_knee_with_two_sides_alone():
+    with pytest.raises(ValueError, match="scene planar_knee has the loads Fy, Fx, expected Fy_med, Fy_lat, Fx, Fz"):
+        design.build(DishContact(cc.load_scene("planar_knee")), Bounds((5.0, 8.0), (0.5, 2.0)))
 
 
 def test_all_names_are_told_apart():

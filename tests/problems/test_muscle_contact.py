@@ -18,11 +18,11 @@ from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.optimisation import shear_free_poses
 from problems import muscle_contact
+from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact import __main__
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SOLEUS_N, ankle_moment
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.knee_coordinates import (
-    CONTACT_LOADS,
     COORDINATES,
     contact_expression,
     contact_on_femur,
@@ -93,7 +93,7 @@ def test_the_example_has_its_golden_forces_and_activations(solved):
 def test_the_elastic_foundation_agrees_at_the_solved_poses(solved):
     problem, result = solved
     scene = problem.contact_model.scene
-    columns = [scene.load_names.index(name) for name in CONTACT_LOADS[:2]]
+    columns = [scene.load_names.index(name) for name in KNEE_LOADS[:2]]
     foundation = cc.ElasticFoundation(scene, scene.grids["teacher"])(result.poses)[:, columns]
     assert np.sqrt(np.mean((foundation - result.loads[:, :2]) ** 2)) < 1.0
 
@@ -115,7 +115,7 @@ def test_the_activations_are_optimal(knee, solved):
     for name, step in (("ty", 1e-5), ("rx", 1e-6)):
         moves = np.zeros(6)
         moves[POSE_NAMES.index(name)] = step
-        ahead, behind = (contact_on_femur(p, knee(p, CONTACT_LOADS)) for p in (poses + moves, poses - moves))
+        ahead, behind = (contact_on_femur(p, knee(p, KNEE_LOADS)) for p in (poses + moves, poses - moves))
         gains = np.array([price[c] * (ahead[c] - behind[c]) / (2.0 * step) for c in problem.balanced])
         assert np.abs(gains.sum(axis=0))[loaded].max() < 1e-4 * np.abs(gains).max()
 

@@ -161,7 +161,7 @@ def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
     with pytest.raises(ValueError, match="no rectus femoris or vastus, leave the patella out"):
         muscle_contact.build_with_patella(knee, strange, extensor)
     with pytest.raises(ValueError, match="expected scene"):
-        muscle_contact.load_extensor("knee_with_patella", cc.foundation("hip"))
+        muscle_contact.load_extensor("knee_with_patella", cc.foundation("knee_reach"))
     with pytest.raises(ValueError, match=r"patella finds no equilibrium at .* expected a groove that reaches so far"):
         muscle_contact.Extensor(replace(extensor.assembly, ligaments=[])).settled(np.zeros((1, 6)), np.ones(1))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from problems.muscle_contact.knee_coordinates import SIDES
+from problems.common.knee_scene import SIDES
 from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.stability.table import FAILURES, Line
