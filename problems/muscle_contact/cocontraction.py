@@ -52,9 +52,7 @@ def ankle_moment(walk: MuscleWalk, shank_m: float = SHANK_M) -> Array:
 
     Raises ValueError for a walk without knee_tx and knee_flexion, and a length that no shank has.
     """
-    missing = [name for name in ("knee_tx", "knee_flexion") if name not in walk.loads]
-    if missing:
-        raise ValueError(f"walk {walk.name} has no loads and arms of {', '.join(missing)}: leave the ankle out")
+    walk.check_has(("knee_tx", "knee_flexion"), "leave the ankle out (--no-ankle)")
     if not 0.2 <= shank_m <= 0.6:
         raise ValueError(f"shank is {shank_m} m long, expected 0.2 to 0.6 m from knee to ankle")
     return np.asarray(shank_m * walk.loads["knee_tx"] - walk.loads["knee_flexion"])

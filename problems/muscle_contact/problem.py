@@ -234,9 +234,7 @@ def build(
 def _check(
     walk: MuscleWalk, balanced: tuple[str, ...], free: tuple[str, ...], exponent: float, least_activation: float
 ) -> None:
-    for name in balanced:
-        if name not in walk.loads:
-            raise ValueError(f"walk {walk.name} has no loads and arms of {name!r}; it has {', '.join(walk.loads)}")
+    walk.check_has(tuple(dict.fromkeys(("knee_ty", *balanced))))  # knee_ty says what keeps the sides closed
     if not balanced or len(set(balanced)) != len(balanced):
         raise ValueError(f"balanced is {balanced}, expected coordinates, each named once")
     if not set(FREE) <= set(free) <= set(_MAY_MOVE) or len(set(free)) != len(free):

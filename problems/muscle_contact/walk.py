@@ -88,6 +88,19 @@ class MuscleWalk:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def check_has(self, coordinates: Sequence[str], cure: str = "") -> None:
+        """ValueError for coordinates of which the walk has no loads and arms; cure: what else would do."""
+        missing = [name for name in coordinates if name not in self.loads]
+        if missing:
+            columns = [f"{name}_{coordinate_unit(name)}" for name in missing if name in COORDINATES]
+            arms = [f"arm_{name}" for name in missing if name in COORDINATES]
+            files = f"give {', '.join(columns)} in inverse dynamics and {', '.join(arms)} of the muscles"
+            cures = [text for text in (files if columns else "", cure) if text]
+            raise ValueError(
+                f"walk {self.name} has no loads and arms of {', '.join(missing)}; it has {', '.join(self.loads)}"
+                + (f": {', or '.join(cures)}" if cures else "")
+            )
+
     @property
     def percent(self) -> Array:
         """Percentage of the cycle (n,), 0 to 100."""

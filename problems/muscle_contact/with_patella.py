@@ -19,7 +19,10 @@ _MOST_MOVES = 10
 
 def fitted_to_arms(extensor: Extensor, contact_model: SymbolicContact, walk: MuscleWalk) -> Extensor:
     """The extensor mechanism moved forward so far that the quadriceps' mean arm of flexion over the walk, all heads
-    alike, is that of the walk's files: geometry alone, no measured force."""
+    alike, is that of the walk's files: geometry alone, no measured force.
+
+    Raises ValueError for a walk without arms of flexion, and where no place of the groove gives theirs."""
+    walk.check_has(("knee_flexion",))
     own = walk.arms["knee_flexion"][:, quadriceps(walk.muscles.names)].mean()
     poses, ahead_mm = shear_free_poses(contact_model, walk.ry, walk.rz), 0.0
     for _ in range(_MOST_MOVES):

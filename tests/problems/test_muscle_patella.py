@@ -160,6 +160,12 @@ def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
     strange = replace(walk, muscles=replace(walk.muscles, names=names))
     with pytest.raises(ValueError, match="no rectus femoris or vastus, leave the patella out"):
         muscle_contact.build_with_patella(knee, strange, extensor)
+    loads, arms = ({n: c for n, c in curves.items() if n != "knee_flexion"} for curves in (walk.loads, walk.arms))
+    stiff = replace(walk, loads=loads, arms=arms)
+    with pytest.raises(ValueError, match=r"arms of knee_flexion; it has .*: give knee_flexion_Nm in inverse dynamics"):
+        muscle_contact.fitted_to_arms(extensor, knee, stiff)
+    with pytest.raises(ValueError, match=r"arms of knee_flexion; it has .* and arm_knee_flexion of the muscles"):
+        muscle_contact.build_with_patella(knee, stiff, extensor)
     with pytest.raises(ValueError, match="expected scene"):
         muscle_contact.load_extensor("knee_with_patella", cc.foundation("knee_reach"))
     with pytest.raises(ValueError, match=r"patella finds no equilibrium at .* expected a groove that reaches so far"):
