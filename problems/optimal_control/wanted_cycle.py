@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, pose_index
@@ -29,10 +29,22 @@ class WantedCycle:
     rig: Rig
 
     def at(self, time_s: Array) -> tuple[Array, Array]:
-        """Loads (m, L) and held parameters (m, h) at other times, by cubic splines."""
-        spline = CubicSpline(self.time_s, np.column_stack([self.loads, *self.held.values()]))(time_s)
+        """Loads (m, L) and held parameters (m, h) at other times, by `curve_through`."""
+        curves = [curve_through(self.time_s, curve)(time_s) for curve in (*self.loads.T, *self.held.values())]
         count = self.loads.shape[1]
-        return spline[:, :count], spline[:, count:]
+        return np.column_stack(curves[:count]), np.column_stack([np.zeros((len(time_s), 0)), *curves[count:]])
+
+
+def curve_through(time_s: Array, values: Array) -> Callable[[Array], Array]:
+    """The cubic spline through values (n,), or, where it would leave the one sign that they have, as about a liftoff,
+    the monotone pieces of Fritsch and Carlson (SIAM J Numer Anal 17 (1980) 238-246): contact never pulls."""
+    spline, sign = CubicSpline(time_s, values), 1.0 if values.sum() > 0.0 else -1.0
+    turns = spline.derivative().roots(extrapolate=False)
+    beyond = sign * spline(turns[np.isfinite(turns)]) < 0.0
+    if (sign * values).min() < 0.0 or not beyond.any():
+        return spline
+    shaped = PchipInterpolator(time_s, values)
+    return lambda at: sign * np.maximum(sign * shaped(at), 0.0)  # which rounding leaves by 1e-13
 
 
 def cycle_of(model: SymbolicContact) -> WantedCycle:

@@ -86,6 +86,24 @@ def test_the_found_actuators_drive_the_knee_through_the_found_motion_forward_in_
     assert np.abs(forward_poses(problem, reversed_shear) - result.poses)[:, 0].max() > 1.0
 
 
+def test_a_wanted_cycle_with_a_liftoff_never_pulls_between_its_points_and_is_solved(knee, wanted):
+    """The lateral side is free for a fifth of the cycle: a cubic spline would want it to pull beside that."""
+    lateral, time_s = knee.load_names.index("Fy_lat"), wanted.time_s
+    loads = wanted.loads.copy()
+    loads[(time_s > 0.3) & (time_s < 0.5), lateral] = 0.0
+    lifting = replace(wanted, loads=loads)
+    at = np.linspace(time_s[0], time_s[-1], 3001)
+    found, held = lifting.at(at)
+    assert CubicSpline(time_s, loads[:, lateral])(at).max() > 1.0
+    assert found[:, lateral].max() == 0.0
+    np.testing.assert_allclose(lifting.at(time_s)[0], loads, atol=1e-9)
+    others = [column for column in range(loads.shape[1]) if column != lateral]
+    np.testing.assert_array_equal(found[:, others], wanted.at(at)[0][:, others])
+    np.testing.assert_array_equal(held, wanted.at(at)[1])
+    result = optimal_control.solve(optimal_control.build(knee, lifting, intervals=12))
+    assert result.converged, result.ipopt_status
+
+
 def test_actuators_that_no_motion_follows_are_told_so(solved):
     problem, result = solved
     assert forward_poses(problem, replace(result, actuators=-1e6 * result.actuators)) is None
