@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
-from casadi_contact.motion.columns import read_columns, write_columns
+from casadi_contact.motion.columns import TextColumns, write_columns
 from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_opensim_table
+from casadi_contact.quantities import quantity
 
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
@@ -18,21 +19,27 @@ _LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm
 
 
 def read_poses(path: str | Path) -> Array:
-    """Poses (n, 6) of a CSV file with the columns tx, ty, tz [mm], rx, ry, rz [rad], or of a .mot or .sto file with
-    columns of these names in m and rad (degrees where inDegrees=yes); other columns are ignored.
+    """Poses (n, 6) of a CSV file with the columns tx, ty, tz [mm], rx, ry, rz [rad], also by the names of result tables
+    (tx_mm ... rz_rad), or of a .mot or .sto file with columns tx ... rz in m and rad (degrees where inDegrees=yes);
+    other columns are ignored.
 
     Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_opensim_table` refuse,
     missing columns, angles beyond a whole turn, and lengths beyond 1 m.
     """
     path = Path(path)
-    if path.suffix.lower() not in OPENSIM_ENDINGS:
-        curves = read_columns(path, required=POSE_NAMES, what="pose file")
-    else:
-        curves = _opensim_curves(path)
+    curves = _opensim_curves(path) if path.suffix.lower() in OPENSIM_ENDINGS else _csv_curves(path)
     try:
         return poses_from_curves(curves)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _csv_curves(path: Path) -> dict[str, Array]:
+    table = TextColumns.read(path, "pose file")
+    with_units = {name: quantity(name).column for name in POSE_NAMES}
+    columns = with_units if set(with_units.values()) <= set(table.header) else {name: name for name in POSE_NAMES}
+    table.require(*columns.values())
+    return {name: table.numbers(column) for name, column in columns.items()}
 
 
 def _opensim_curves(path: Path) -> dict[str, Array]:

@@ -11,14 +11,13 @@ import typer
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder
-from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.common.outcome import print_verdict
-from problems.wear.cycle import simulated_poses
+from problems.wear.cycle import open_ends, read_path, simulated_poses
 from problems.wear.problem import WEAR_FACTOR, archard_wear, volume_mm3
 from problems.wear.report import report
 
@@ -31,7 +30,8 @@ def run(
     surrogate: SurrogateOption = None,
     scene: SceneOption = None,
     poses: Annotated[
-        Path | None, typer.Option(help="one closed cycle of --scene, CSV or .mot; simulated if left out")
+        Path | None,
+        typer.Option(help="one closed cycle of --scene: CSV of tx_mm ... rz_rad, or .mot; simulated if left out"),
     ] = None,
     frames: Annotated[int, typer.Option(min=8, help="of the simulated cycle")] = 200,
     wear_factor: Annotated[float, typer.Option(help="[mm³/(N·m)]")] = WEAR_FACTOR,
@@ -45,7 +45,10 @@ def run(
     if poses is not None:
         if scene is None or surrogate is not None:
             raise ValueError("--poses needs --scene, and no --surrogate: its elements are what wears")
-        fine, cycle, verdict = _elements(load_scene(scene)), read_poses(poses), None
+        fine, verdict = _elements(load_scene(scene)), None
+        cycle = read_path(poses, fine)
+        if said := open_ends(cycle):
+            typer.echo(f"{NAME}: {poses}: {said}", err=True)
     else:
         model = ContactSource.of(surrogate, scene).load()
         fine = _elements(model.scene)

@@ -1,13 +1,54 @@
-"""The motion whose wear is asked for."""
+"""The motion whose wear is asked for: simulated, or a file's."""
 
 from __future__ import annotations
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import Array
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation, SymbolicContact
+from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.motion.pose_file import read_poses
 from problems import knee_simulator
+
+FEWEST_POSES = 4  # so that every other one, which the report compares with, still goes there and back
+_DEEPEST_SHARE = 0.5  # of the layer: no joint is pressed so far, at a gigapascal
+_APART = 2.0  # times the largest step between neighbours: the path's ends do not belong together
 
 
 def simulated_poses(model: SymbolicContact, frames: int = 200) -> Array:
     """Poses (frames, 6) of the knee simulator's second cycle, by then periodic; the first frame again would follow."""
     motion = knee_simulator.solve(knee_simulator.build(model), cycles=2.0, frames=2 * frames + 1, tolerance=1e-7)
     return motion.poses[frames:-1]
+
+
+def read_path(path: Path, model: ElasticFoundation) -> Array:
+    """Poses (n, 6) of a file (`read_poses`) in the scene's frames.
+
+    Raises ValueError, beyond what it refuses, for fewer than `FEWEST_POSES`, for a path that never touches, and for one
+    that presses the bodies into each other by half of the layer: both tell of other units or frames.
+    """
+    poses = read_poses(path)
+    if len(poses) < FEWEST_POSES:
+        raise ValueError(f"{path} has {len(poses)} poses, expected a cycle of at least {FEWEST_POSES}")
+    deepest, thickness = float(model.summary(poses).penetration_mm.max()), model.scene.material.thickness
+    if not 0.0 < deepest < _DEEPEST_SHARE * thickness:
+        said = f"overlap by {deepest:.3g} mm of a layer of {thickness:g} mm" if deepest else "touch in no pose"
+        raise ValueError(
+            f"{path}: the bodies of scene {model.scene.name} {said}: are tx, ty, tz in mm, and poses those of the "
+            "moving body in the scene's frame?"
+        )
+    return poses
+
+
+def open_ends(poses: Array) -> str:
+    """What there is to say of a path (n, 6) whose last pose is far from its first; "" where it closes."""
+    steps = np.linalg.norm(POSE_IN_MM * (poses - np.roll(poses, 1, axis=0)), axis=1)
+    if steps[0] <= _APART * steps[1:].max():
+        return ""
+    gap = np.abs(poses[0] - poses[-1])
+    return (
+        f"the path's ends are {np.linalg.norm(gap[:3]):.2g} mm and {np.degrees(gap[3:].max()):.2g} degrees apart, "
+        f"{steps[0] / max(steps[1:].max(), np.finfo(float).tiny):.2g} times its largest step: one straight step joins "
+        "them, and wears too; give a whole cycle, or the way back as well"
+    )

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import Table, poses_table, write_table
 from casadi_contact.motion.pose_file import read_poses, write_poses
+from problems.common.records import pose_columns
 
 POSES = np.random.default_rng(2).normal(size=(5, 6))
 
@@ -25,6 +27,13 @@ def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
 def test_columns_are_read_by_name(tmp_path):
     (tmp_path / "poses.csv").write_text("time,rz,tx,ty,tz,rx,ry\n0,6,1,2,3,4,5\n")
     assert read_poses(tmp_path / "poses.csv").tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+
+
+def test_columns_of_result_tables_are_read_as_poses(tmp_path):
+    """What problems write: names with units, beside text."""
+    columns = {"time_s": np.arange(5.0), **pose_columns(POSES), "reason": [""] * 5}
+    write_columns(tmp_path / "poses.csv", columns)
+    np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
 
 
 @pytest.mark.parametrize(

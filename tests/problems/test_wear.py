@@ -8,9 +8,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.pose_file import write_poses
 from problems import wear
+from problems.common.records import pose_columns
 from problems.wear import __main__
+from problems.wear.cycle import open_ends
 
 DEPTH_MM, SIDE_MM = 0.1, 10.0
 
@@ -112,11 +115,52 @@ def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monke
     assert (tmp_path / "wear.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.fixture
+def ball(tmp_path):
+    """Arguments of the command on a ball that slides on a plane, and what writes its path: x [mm], scale of lengths."""
+    scene = tmp_path / "small.toml"
+    ready = cc.load_scene("sphere_on_plane").with_overrides(teacher=(40, 40), fine=(20, 20))
+    scene.write_text(ready.to_toml(), "utf-8")
+
+    def write(x_mm, scale=1.0, height_mm=29.8):
+        poses = np.zeros((len(x_mm), 6))
+        poses[:, 0], poses[:, 1] = x_mm, height_mm
+        write_columns(tmp_path / "path.csv", pose_columns(scale * poses))
+
+    return ("--scene", scene, "--poses", tmp_path / "path.csv", "--out", tmp_path / "out"), write
+
+
+def test_the_path_of_a_result_table_is_taken_and_open_ends_are_said_with_what_is_done(ball, monkeypatch, capsys):
+    arguments, write = ball
+    write([0.0, 0.5, 1.0, 0.5])
+    assert command(monkeypatch, *arguments) == 0
+    assert capsys.readouterr().err == ""
+    write([0.0, 0.5, 1.0, 1.5])
+    assert command(monkeypatch, *arguments) == 0
+    said = capsys.readouterr().err
+    assert "path.csv: the path's ends are 1.5 mm and 0 degrees apart, 3 times its largest step: one straight" in said
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ({"scale": 1e-3}, "overlap by 30 mm of a layer of 8 mm: are tx, ty, tz in mm"),
+        ({"height_mm": 30.1}, "touch in no pose: are tx, ty, tz in mm, and poses those of the moving body"),
+        ({"x_mm": [0.0, 1.0]}, "path.csv has 2 poses, expected a cycle of at least 4"),
+    ],
+)
+def test_a_path_in_metres_out_of_contact_or_of_two_poses_is_refused(ball, monkeypatch, path, said):
+    arguments, write = ball
+    write(**{"x_mm": [0.0, 0.5, 1.0, 0.5], **path})
+    assert said in command(monkeypatch, *arguments)
+
+
 def test_the_simulated_cycle_is_closed():
     poses = wear.simulated_poses(cc.load_surrogate("knee"), 40)
     steps = np.abs(np.diff(poses, axis=0)).max(axis=0)
     assert poses.shape == (40, 6)
     assert (np.abs(poses[0] - poses[-1]) <= 1.5 * steps).all()
+    assert open_ends(poses) == ""
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
