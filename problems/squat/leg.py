@@ -39,6 +39,7 @@ from problems.muscle_contact.muscle import (
 from problems.squat.muscles import MUSCLES, QUADRICEPS, SHANK, THIGH, column
 
 GRAVITY = 9.81
+_LARGEST_LEVER_MM = 200.0  # half the width of a stance
 _TENDON_FORWARD_RAD, _TENDON_ALONG_RAD = np.radians(20.0), np.radians(75.0)
 
 
@@ -55,10 +56,15 @@ class Body:
     ankle_height_m: float = 0.07
 
     def __post_init__(self) -> None:
-        if not (self.mass_kg > 0.0 and self.height_m > 0.0 and self.heel_m < self.toe_m):
+        if not (0.0 < self.mass_kg < np.inf and 0.0 < self.height_m < np.inf and self.heel_m < self.toe_m):
             raise ValueError(
                 f"mass {self.mass_kg} kg, height {self.height_m} m, heel {self.heel_m} and toe {self.toe_m} m: "
                 "expected positive sizes, and the toe ahead of the heel"
+            )
+        if not abs(self.adduction_lever_mm) <= _LARGEST_LEVER_MM:
+            raise ValueError(
+                f"the ground force passes {self.adduction_lever_mm} mm medially of the knee, expected "
+                f"-{_LARGEST_LEVER_MM:g} to {_LARGEST_LEVER_MM:g} mm"
             )
 
     @property

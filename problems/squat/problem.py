@@ -34,6 +34,9 @@ _LOWEST = np.array([-0.2, -2.0, -0.4])  # lean of shank, thigh, trunk [rad]
 _HIGHEST = np.array([0.8, 0.2, 1.4])
 _TO_STEPS = KNEE_STEPS[[pose_index(name) for name in FREE]]
 _REACH = np.array([15.0, np.inf, 0.05])  # tx [mm], ty, rx [rad]: where the condyles still lie in their dishes
+_AT_BOUND = 1e-3  # of its size
+SEGMENTS = ("shank", "thigh", "trunk")
+_IN_WORDS = np.array([1.0, 1.0, 180.0 / np.pi])  # tx, ty [mm], rx [degrees]
 _FORCE_N, _MOMENT_NM = 1000.0, 100.0  # of constraints
 
 
@@ -68,7 +71,7 @@ def build(
     """Transcribe the squat. Raises ValueError for a depth that is no squat, for a contact model of no knee with two
     sides (`check_knee`), and as `Collocation` does."""
     check_knee("a squat", model.scene, model.load_names)
-    if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not duration_s > 0.0:
+    if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not 0.0 < duration_s < np.inf:
         raise ValueError(
             f"depth {depth_deg} deg, {duration_s} s: expected a knee flexion above {STANDING_FLEXION_DEG:g} and up to "
             "110 deg, and a positive time"
@@ -118,6 +121,23 @@ def build(
         upper_g=np.concatenate([np.zeros(zeros), np.full(within.numel(), np.inf)]),
         unpack=ca.Function("unpack", [x], [phi, rate, a, _poses(phi, knee)]),
     )
+
+
+def at_bounds(phi: Array, poses: Array) -> str:
+    """Which bounds of the search hold a squat's leans φ (n, 3) or poses (n, 6), and at how many moments; "" for none.
+    They are no part of a leg: what they hold would move farther for a lower cost."""
+    low = [*np.degrees(_LOWEST), *-_REACH * _IN_WORDS]
+    high = [*np.degrees(_HIGHEST), *_REACH * _IN_WORDS]
+    values = np.hstack([np.degrees(phi), poses[:, [pose_index(name) for name in FREE]] * _IN_WORDS])
+    words = [f"{name} lean" for name in SEGMENTS] + list(FREE)
+    units = ["degrees"] * len(SEGMENTS) + ["mm", "mm", "degrees"]
+    found = [
+        f"{name} at {bound:.3g} {unit} ({int(held.sum())} of {len(phi)} moments)"
+        for name, unit, column, *ends in zip(words, units, values.T, low, high, strict=True)
+        for bound in ends
+        if np.isfinite(bound) and (held := np.abs(column - bound) <= _AT_BOUND * abs(bound)).any()
+    ]
+    return ", ".join(found)
 
 
 def flexion_rad(time_s: Array, depth_deg: float, duration_s: float) -> Array:

@@ -18,7 +18,7 @@ from problems.common.knee_scene import SIDES
 from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.squat.muscles import MUSCLES
-from problems.squat.problem import Squat
+from problems.squat.problem import SEGMENTS, Squat
 from problems.squat.solve import SquatResult
 
 
@@ -34,7 +34,7 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
     table = Table(
         title=f"Squat to {depth:g}° of knee flexion: activation against medial contact force, {flexion} variables"
     )
-    shown = {name: column for name, column in columns.items() if name != "ipopt_status"}
+    shown = {name: column for name, column in columns.items() if name not in ("ipopt_status", "at_bounds")}
     for name in shown:
         table.add_column(name.replace("_", " "), justify="right")
     for row in zip(*shown.values(), strict=True):
@@ -45,6 +45,10 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
         f"{solved} of {len(results)} solved, {squat.nlp['x'].numel()} variables, {squat.nlp['g'].numel()} constraints",
         highlight=False,
     )
+    for r in results:
+        if r.at_bounds:
+            held = f"weight {r.weight:g}: the search's bounds hold {r.at_bounds}; the cost could be lower beyond them"
+            console.print(held, highlight=False, soft_wrap=True)
     write_columns(out / "squat.csv", columns, digits=DIGITS)
     write_columns(out / "moments.csv", _moments(squat, results, verdict), digits=DIGITS)
     summary: dict[str, Any] = {
@@ -75,6 +79,7 @@ def _trade_off(squat: Squat, results: Sequence[SquatResult], verdict: Verdict) -
         "peak_lateral_BW": [float(-r.loads[:, lateral].min()) / body for r in results],
         "medial_off_EF_N": errors.tolist(),
         "ipopt_status": [r.ipopt_status for r in results],
+        "at_bounds": [r.at_bounds for r in results],
         "iterations": [r.iterations for r in results],
         "seconds": [r.seconds for r in results],
     }
@@ -86,7 +91,7 @@ def _moments(squat: Squat, results: Sequence[SquatResult], verdict: Verdict) -> 
     columns: dict[str, Any] = {
         "weight": np.concatenate([np.full(len(r.time_s), r.weight) for r in results]),
         "time_s": joined["time_s"],
-        **{f"{name}_lean_deg": np.degrees(joined["phi"][:, k]) for k, name in enumerate(("shank", "thigh", "trunk"))},
+        **{f"{name}_lean_deg": np.degrees(joined["phi"][:, k]) for k, name in enumerate(SEGMENTS)},
         **pose_columns(joined["poses"]),
         **load_columns(squat.model.load_names, joined["loads"], "contact"),
     }

@@ -12,7 +12,7 @@ import numpy as np
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, IpoptOutcome, ipopt_options, middle_pose, settle_in_range
 from problems.squat.muscles import MUSCLES
-from problems.squat.problem import FREE, Squat, flexion_rad
+from problems.squat.problem import FREE, Squat, at_bounds, flexion_rad
 
 _START_FORCE_N = 600.0  # of each side
 _START_ACTIVATION = 0.2
@@ -39,6 +39,11 @@ class SquatResult:
     ipopt_status: str
     iterations: int
     seconds: float
+
+    @property
+    def at_bounds(self) -> str:
+        """The bounds of the search that hold this squat (`at_bounds`), "" for none."""
+        return at_bounds(self.phi, self.poses)
 
 
 def start_values(squat: Squat) -> Array:

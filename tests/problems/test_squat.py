@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -10,12 +11,14 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Rays
+from casadi_contact.verification import judge
 from problems import squat
 from problems.common.collocation import Collocation
 from problems.squat import __main__
 from problems.squat.leg import GRAVITY
 from problems.squat.muscles import MUSCLES, column
 from problems.squat.problem import LEAST_ACTIVATION, flexion_rad
+from problems.squat.report import report
 from problems.squat.solve import start_values
 from tests.support.compiler import needs_compiler
 
@@ -153,12 +156,37 @@ def test_more_weight_on_contact_lowers_the_medial_force_and_costs_activation(res
         assert own.effort + own.weight * own.medial_bw**2 < other.effort + own.weight * other.medial_bw**2
 
 
+@needs_compiler
+def test_bounds_that_hold_a_squat_are_named_with_the_moments(results):
+    """The search's reach of 15 mm along x, and the leans it allows, are no part of a leg."""
+    assert results[1].at_bounds == ""
+    poses, phi = results[1].poses.copy(), results[1].phi.copy()
+    poses[:2, 0], phi[3, 0] = -14.9999, 0.8
+    held = replace(results[1], poses=poses, phi=phi).at_bounds
+    assert held == "shank lean at 45.8 degrees (1 of 18 moments), tx at -15 mm (2 of 18 moments)"
+
+
+@needs_compiler
+def test_the_table_and_its_file_say_which_bounds_hold(small, results, tmp_path, capsys):
+    poses = results[0].poses.copy()
+    poses[4, 0] = 15.0
+    held = [replace(results[0], poses=poses), results[1]]
+    stacked, model = np.vstack([r.poses for r in held]), cc.ElasticFoundation(small.model.scene, (40, 20))
+    report(small, held, judge(small.model, stacked, np.ones(len(stacked), dtype=bool), model), model, tmp_path)
+    assert "weight 0.01: the search's bounds hold tx at 15 mm (1 of 18 moments); the cost" in capsys.readouterr().out
+    rows = list(csv.DictReader((tmp_path / "squat.csv").open(encoding="utf-8")))
+    assert [row["at_bounds"] for row in rows] == ["tx at 15 mm (1 of 18 moments)", ""]
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         ({"depth_deg": 5.0}, "depth 5.0 deg"),
         ({"intervals": 1}, "intervals 1"),
         ({"body": {"mass_kg": 0.0}}, "mass 0.0 kg"),
+        ({"body": {"height_m": np.inf}}, "height inf m"),
+        ({"body": {"adduction_lever_mm": np.nan}}, "passes nan mm medially of the knee, expected -200 to 200 mm"),
+        ({"duration_s": np.inf}, "inf s: expected a knee flexion"),
     ],
 )
 def test_wrong_requests_are_refused(small, given, said):
