@@ -49,4 +49,4 @@ def numbers(text: str, option: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise ValueError(f"{option} is {text!r}, expected numbers separated by commas") from None
+        raise ValueError(f"--{option} is {text!r}, expected numbers separated by commas") from None

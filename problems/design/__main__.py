@@ -48,7 +48,7 @@ def run(
 def _pair(text: str, option: str) -> tuple[float, float]:
     found = numbers(text, option)
     if len(found) != 2:
-        raise ValueError(f"{option} is {text!r}, expected two numbers separated by a comma")
+        raise ValueError(f"--{option} is {text!r}, expected two numbers separated by a comma")
     return found[0], found[1]
 
 

@@ -22,6 +22,7 @@ from problems.muscle_contact.walk import MuscleWalk
 SHANK_M = 0.41  # knee to ankle of the usual adult: 0.246 of 1.67 m of height
 CALF_ARM_M = 0.045  # of the Achilles tendon about the ankle
 SOLEUS_N = 3585.9 * np.cos(np.deg2rad(28.3))  # along its tendon (Arnold et al., Ann Biomed Eng 38 (2010) 269-279)
+_WITHOUT_ANKLE = "leave the ankle out (ankle=False, in muscle_contact --no-ankle)"
 _HEADS = ("vas", "gas")  # vastus and gastrocnemius, as their names begin or end in the usual models (vasint, med_gas_r)
 
 
@@ -34,7 +35,8 @@ def heads(names: Sequence[str]) -> list[tuple[int, int]]:
     pairs = [(group[0], other) for group in groups for other in group[1:]]
     if not pairs:
         raise ValueError(
-            f"muscles are {', '.join(names)}: no heads of a vastus or gastrocnemius, let each be driven alone"
+            f"muscles are {', '.join(names)}: no heads of a vastus or gastrocnemius, let each be driven alone "
+            "(share_heads=False, in muscle_contact --no-share-heads)"
         )
     return pairs
 
@@ -43,7 +45,7 @@ def calf(names: Sequence[str]) -> list[int]:
     """Columns of the heads of gastrocnemius; raises ValueError where there are none."""
     columns = [column for column, name in enumerate(names) if "gas" in name.lower()]
     if not columns:
-        raise ValueError(f"muscles are {', '.join(names)}: no gastrocnemius, leave the ankle out")
+        raise ValueError(f"muscles are {', '.join(names)}: no gastrocnemius, {_WITHOUT_ANKLE}")
     return columns
 
 
@@ -52,7 +54,7 @@ def ankle_moment(walk: MuscleWalk, shank_m: float = SHANK_M) -> Array:
 
     Raises ValueError for a walk without knee_tx and knee_flexion, and a length that no shank has.
     """
-    walk.check_has(("knee_tx", "knee_flexion"), "leave the ankle out (--no-ankle)")
+    walk.check_has(("knee_tx", "knee_flexion"), _WITHOUT_ANKLE)
     if not 0.2 <= shank_m <= 0.6:
         raise ValueError(f"shank is {shank_m} m long, expected 0.2 to 0.6 m from knee to ankle")
     return np.asarray(shank_m * walk.loads["knee_tx"] - walk.loads["knee_flexion"])

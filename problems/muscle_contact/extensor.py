@@ -149,7 +149,7 @@ def quadriceps(names: Sequence[str]) -> list[int]:
     """Columns of rectus femoris and the vasti; raises ValueError where there are none."""
     columns = [column for column, name in enumerate(names) if name.lower().startswith(_QUADRICEPS)]
     if not columns:
-        raise ValueError(f"muscles are {', '.join(names)}: no rectus femoris or vastus, leave the patella out")
+        raise ValueError(f"muscles are {', '.join(names)}: no rectus femoris or vastus pulls the patella")
     return columns
 
 

@@ -28,14 +28,16 @@ def given_walk(
     parameters: Path | None,
     maps: Sequence[str] | None,
 ) -> MuscleWalk:
-    """The walk of all four files (`read_walk`), the built-in one for none; ValueError for some of them."""
+    """The walk of all four files (`read_walk`), the built-in one for none; ValueError for some of them, and for maps of
+    columns without files."""
     if inverse_dynamics and muscles and parameters and rotations:
         columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
         return read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
     files = {"inverse-dynamics": inverse_dynamics, "muscles": muscles, "parameters": parameters, "rotations": rotations}
     missing = [f"--{name}" for name, path in files.items() if path is None]
-    if len(missing) < len(files):
-        raise ValueError(f"{', '.join(missing)} not given, expected all four files, or none for the built-in walk")
+    if len(missing) < len(files) or maps:
+        none = "none and no --map" if maps else "none"
+        raise ValueError(f"{', '.join(missing)} not given, expected all four files, or {none} for the built-in walk")
     return example_walk()
 
 

@@ -37,6 +37,7 @@ from problems.muscle_contact.solve import MuscleContactResult
 
 POWERS = ("muscles", "contact", "load", "damping")
 _ORDER = (1, 3, 5)  # ty, rx and rz among pose parameters; `BALANCED` has them in this order
+_FEWEST_FRAMES = 4  # a cubic spline goes through
 _LARGEST_RESERVE = 0.1  # N, N·m: more, and muscles and contact alone do not drive the motion
 
 
@@ -98,11 +99,17 @@ def build(
 ) -> MuscleDriven:
     """Equations of motion on a surrogate, a foundation or any contact model.
 
-    Raises ValueError for an inverse solution with frames that muscles do not balance, compliant tendons, or other
-    balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides (`check_knee`).
+    Raises ValueError for too few frames, an inverse solution with frames that muscles do not balance, compliant
+    tendons, or other balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides
+    (`check_knee`).
     """
     check_knee("a knee driven by muscles", model.scene, model.load_names)
     leg, walk = Leg() if leg is None else leg, inverse.walk
+    if len(walk) < _FEWEST_FRAMES:
+        raise ValueError(
+            f"walk {walk.name} has {len(walk)} frames, expected at least {_FEWEST_FRAMES}, for cubic splines between "
+            "them, and some fifty to follow a step"
+        )
     if inverse.balanced != BALANCED or not solved.converged.all() or solved.overloaded.any():
         raise ValueError(f"walk {walk.name}: expected {', '.join(BALANCED)} balanced in every frame by muscles alone")
     if max(np.abs(curve).max() for curve in solved.reserves.values()) > _LARGEST_RESERVE:

@@ -15,6 +15,7 @@ from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
+from problems.muscle_contact.extensor import quadriceps
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -26,7 +27,6 @@ from problems.muscle_contact.given import (
 from problems.patella.follow import SAME_N, follow, start_poses
 
 NAME = "patella"
-QUADRICEPS = ("recfem", "vasint", "vaslat", "vasmed")
 app = new_app()
 
 
@@ -47,11 +47,9 @@ def run(
     """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
+    through = quadriceps(walk.muscles.names)
     solved = muscle_contact.solve(muscle_contact.build(cc.load_surrogate("knee"), walk))
-    missing = set(QUADRICEPS) - set(walk.muscles.names)
-    if missing:
-        raise ValueError(f"walk {walk.name} lacks the muscles {', '.join(sorted(missing))}")
-    tension = solved.muscle_forces_n[:, [walk.muscles.names.index(name) for name in QUADRICEPS]].sum(axis=1)
+    tension = solved.muscle_forces_n[:, through].sum(axis=1)
     ride = follow(cc.load_assembly("knee_with_patella"), solved.poses, tension)
     verdict, console = ride.verdict("patellofemoral"), PlainConsole()
     console.print(f"patellofemoral contact: {verdict}", highlight=False)

@@ -118,4 +118,4 @@ def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch,
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
     said = command(monkeypatch, "--ap", "5", "--out", tmp_path)
-    assert said == "design: ap is '5', expected two numbers separated by a comma"
+    assert said == "design: --ap is '5', expected two numbers separated by a comma"

@@ -348,6 +348,7 @@ def test_the_command_writes_table_csv_opensim_files_summary_and_picture(tmp_path
     [
         (("--surrogate", "hip"), "unknown surrogate 'hip'"),
         (("--muscles", "m.csv"), "--inverse-dynamics, --parameters, --rotations not given"),
+        (("--map", "knee_angle_r=-rz:deg"), "--rotations not given, expected all four files, or none and no --map"),
         (("--measured", "none.csv"), "cycle file none.csv does not exist"),
         (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
     ],

@@ -69,6 +69,12 @@ def test_work_becomes_kinetic_energy_or_is_damped(driven, simulation):
     assert np.abs(coarse.energy_error).max() > np.abs(simulation.energy_error).max()
 
 
+def test_walks_of_fewer_frames_than_a_spline_needs_are_refused(driven):
+    inverse = muscle_contact.build(driven.model, example_walk(3))
+    with pytest.raises(ValueError, match="walk built-in walk has 3 frames, expected at least 4, for cubic splines"):
+        muscle_driven.build(driven.model, inverse, muscle_contact.solve(inverse))
+
+
 def test_the_jacobian_of_the_motion_is_exact(driven):
     x, t = ca.MX.sym("x", 6), ca.MX.sym("t")
     slope = ca.Function("slope", [x, t], [ca.jacobian(driven.rate(x, t), x)])

@@ -158,7 +158,7 @@ def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
     walk = example_walk(FRAMES)
     names = tuple(f"muscle_{k}" for k in range(len(walk.muscles.names)))
     strange = replace(walk, muscles=replace(walk.muscles, names=names))
-    with pytest.raises(ValueError, match="no rectus femoris or vastus, leave the patella out"):
+    with pytest.raises(ValueError, match="no rectus femoris or vastus pulls the patella"):
         muscle_contact.build_with_patella(knee, strange, extensor)
     loads, arms = ({n: c for n, c in curves.items() if n != "knee_flexion"} for curves in (walk.loads, walk.arms))
     stiff = replace(walk, loads=loads, arms=arms)
