@@ -26,13 +26,14 @@ _ARM_M = 0.01  # less, and other coordinates move the muscle more
 _AGREES, _CONTRADICTS = 0.5, -0.8
 
 
-def check_lengths(walk: str, names: Sequence[str], lengths_m: Array) -> None:
-    """ValueError for musculotendon lengths (n, m) that are not positive, or longer than a leg's."""
+def check_lengths(what: str, names: Sequence[str], lengths_m: Array) -> None:
+    """ValueError for musculotendon lengths (n, m) that are not positive, or longer than a leg's; what: the walk or file
+    that they are of."""
     low, high = lengths_m.min(axis=0), lengths_m.max(axis=0)
     for name, least, most in zip(names, low, high, strict=True):
         if least <= 0.0 or most > _LONGEST_M:
             raise ValueError(
-                f"walk {walk}: {name} is {least:g} to {most:g} m long, expected more than 0 and at most "
+                f"{what}: {name} is {least:g} to {most:g} m long, expected more than 0 and at most "
                 f"{_LONGEST_M:g} m: are lengths in mm?"
             )
 

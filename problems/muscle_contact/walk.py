@@ -78,7 +78,7 @@ class MuscleWalk:
                 f"{', '.join(COORDINATES)}"
             )
         names = self.muscles.names
-        check_lengths(self.name, names, self.lengths_m)
+        check_lengths(f"walk {self.name}", names, self.lengths_m)
         check_arms(self.name, names, self.arms)
         check_loads(self.name, self.loads)
         check_velocities(self.name, names, self.time_s, self.lengths_m, self.velocities_m_per_s)
@@ -173,7 +173,9 @@ def read_length_range(path: Path, names: Sequence[str]) -> Array:
         missing = [name for name, curve in zip(names, curves, strict=True) if not len(curve)]
         if missing:
             raise ValueError(f"{path} lacks the muscles {', '.join(missing)}")
-    return np.array([[curve.min() for curve in curves], [curve.max() for curve in curves]])
+    lengths = np.array([[curve.min() for curve in curves], [curve.max() for curve in curves]])
+    check_lengths(str(path), names, lengths)
+    return lengths
 
 
 def _table(path: Path) -> Table:

@@ -12,7 +12,6 @@ from casadi_contact.motion.pose_file import read_poses
 from problems import knee_simulator
 
 FEWEST_POSES = 4  # so that every other one, which the report compares with, still goes there and back
-_DEEPEST_SHARE = 0.5  # of the layer: no joint is pressed so far, at a gigapascal
 _APART = 2.0  # times the largest step between neighbours: the path's ends do not belong together
 
 
@@ -26,13 +25,13 @@ def read_path(path: Path, model: ElasticFoundation) -> Array:
     """Poses (n, 6) of a file (`read_poses`) in the scene's frames.
 
     Raises ValueError, beyond what it refuses, for fewer than `FEWEST_POSES`, for a path that never touches, and for one
-    that presses the bodies into each other by half of the layer: both tell of other units or frames.
+    that presses the bodies into each other by the whole layer: both tell of other units or frames.
     """
     poses = read_poses(path)
     if len(poses) < FEWEST_POSES:
         raise ValueError(f"{path} has {len(poses)} poses, expected a cycle of at least {FEWEST_POSES}")
     deepest, thickness = float(model.summary(poses).penetration_mm.max()), model.scene.material.thickness
-    if not 0.0 < deepest < _DEEPEST_SHARE * thickness:
+    if not 0.0 < deepest < thickness:
         said = f"overlap by {deepest:.3g} mm of a layer of {thickness:g} mm" if deepest else "touch in no pose"
         raise ValueError(
             f"{path}: the bodies of scene {model.scene.name} {said}: are tx, ty, tz in mm, and poses those of the "

@@ -141,6 +141,9 @@ def test_the_range_of_lengths_of_a_further_cycle_is_read_alone(files):
     np.testing.assert_allclose(read_length_range(files["muscles"], WALK.muscles.names), expected)
     with pytest.raises(ValueError, match=r"muscles.csv lacks the muscles soleus"):
         read_length_range(files["muscles"], (*WALK.muscles.names, "soleus"))
+    swap(files["muscles"], "0,bflh,0.", "0,bflh,2990.")
+    with pytest.raises(ValueError, match=r"muscles.csv: bflh is \S+ to 2990\S* m long, .* are lengths in mm"):
+        read_length_range(files["muscles"], WALK.muscles.names)
 
 
 def test_a_walk_that_does_not_fit_together_is_refused():
