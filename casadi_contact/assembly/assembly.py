@@ -44,12 +44,22 @@ class Assembly:
             )
         for contact in self.contacts:
             contact.model.scene.pose_space.check_whole(f"assembly {self.name}: the contact {contact.name}")
+        for spring in self.springs:
+            if spring.body == self.ground:
+                raise ValueError(
+                    f"{spring.name} acts on the ground {spring.body}, expected a free body, one of "
+                    f"{', '.join(self.start)}: springs hold a body's pose in the ground"
+                )
         for part in parts:
             bodies = (part.body,) if isinstance(part, Spring) else part.bodies
             missing = [body for body in bodies if body not in known]
             if missing or len(set(bodies)) != len(bodies):
                 said = ", ".join(missing) or f"{bodies[0]} twice"
                 raise ValueError(f"{part.name} acts on {said}, expected different ones of {', '.join(known)}")
+        if len(set(self.load_names)) != len(self.load_names):
+            raise ValueError(
+                f"assembly {self.name} has the loads {', '.join(self.load_names)}, expected names that differ"
+            )
 
     @property
     def bodies(self) -> tuple[str, ...]:

@@ -70,9 +70,16 @@ class Settling:
                 f"got {len(q)} poses and {len(tensions)} tensions; assembly {assembly.name} has the free bodies "
                 f"{', '.join(assembly.bodies)} and {len(assembly.pulls)} pulls"
             )
+        if not np.all(np.asarray(tensions, dtype=float) >= 0.0):
+            raise ValueError(f"tensions are {list(tensions)} N, expected 0 or more: a line pulls and never pushes")
         given = np.zeros(6 * len(q))
         for body, force in applied.items():
-            given[6 * assembly.bodies.index(body) :][:6] = np.asarray(force, dtype=float)
+            forces = np.asarray(force, dtype=float)
+            if forces.shape != (6,) or not np.isfinite(forces).all():
+                raise ValueError(
+                    f"forces on {body} are {force!r}, expected 6 finite numbers: Fx ... Fz [N], Tx ... Tz [N·mm]"
+                )
+            given[6 * assembly.bodies.index(body) :][:6] = forces
         in_mm = np.tile(POSE_IN_MM, len(q))[rows]
         step, position = _FIRST_STEP_S, q.ravel()
         for _ in range(max_iterations):

@@ -12,6 +12,7 @@ import numpy as np
 from casadi_contact.assembly import load_assembly
 from casadi_contact.contact import ContactModel, symbolic
 from casadi_contact.verification import Verdict, judge, own_model
+from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.assembly_poses.solve import AssemblyResult, solve
 
@@ -41,8 +42,7 @@ def corrected(name: str | Path, problem: AssemblyPoses, result: AssemblyResult) 
     if not denied.any() or not all(verdict.checked for verdict in verdicts.values()):
         return result
     began = time.perf_counter()
-    beside = denied if denied.sum() > 1 else denied | np.roll(denied, 1) | np.roll(denied, -1)
-    rows = np.flatnonzero(beside)  # a cycle has two frames at least
+    rows = two_or_more(np.flatnonzero(denied), len(denied))
     on_models = load_assembly(name, contact=lambda scene: symbolic(cast(ContactModel, own_model(scene))))
     again = solve(build(on_models, problem.cycle.frames(rows)), start=result.poses[rows])
     found = again.converged & denied[rows]

@@ -11,9 +11,11 @@ import numpy as np
 from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.quantities import quantity
 
 FORCES = ("Fx", "Fy", "Fz")
+_TWOFOLD = "twofold"  # what a column tells that has two meanings
 CENTRES = ("cop_ap", "cop_ml", "cop_x", "cop_y", "cop_z")
 
 
@@ -59,6 +61,13 @@ class AssemblyCycle:
         )
 
 
+def two_or_more(rows: np.ndarray, count: int) -> np.ndarray:
+    """These of `count` frames, and beside a single one its neighbour: a cycle has two frames at least."""
+    if len(rows) != 1:
+        return rows
+    return np.array([rows[0], rows[0] + 1]) if rows[0] + 1 < count else np.array([rows[0] - 1, rows[0]])
+
+
 def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
     """Read a cycle from a CSV file with time_s and whatever was measured of the assembly.
 
@@ -75,6 +84,12 @@ def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
             f"{path}: unknown columns {', '.join(sorted(unknown))}; of assembly {assembly.name} a cycle may tell "
             f"{', '.join(known)}"
         )
+    twofold = [column for column in table.header if known.get(column, ("",))[0] == _TWOFOLD]
+    if twofold:
+        raise ValueError(
+            f"{path}: {', '.join(twofold)} may tell of a body or of the contact of the same name in assembly "
+            f"{assembly.name}, expected names that differ: give the contact another name"
+        )
     curves = {column: np.asarray(table.numbers(column)) for column in table.header}
     time_s = curves.pop("time_s")
     if len(time_s) < 2 or np.any(np.diff(time_s) <= 0.0):
@@ -82,6 +97,8 @@ def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
     found: dict[str, dict[str, dict[str, Array]]] = {"pose": {}, "loads": {}, "applied": {}, "tensions": {}}
     for column, curve in curves.items():
         what, owner, name = known[column]
+        if column.endswith("_rad"):
+            check_radians(str(path), column, curve)
         found[what].setdefault(owner, {})[name] = curve
     if len(found["loads"]) > 1:
         raise ValueError(f"{path} has loads of the contacts {', '.join(found['loads'])}, expected those of one")
@@ -98,5 +115,6 @@ def _columns(assembly: Assembly) -> dict[str, tuple[str, str, str]]:
         columns |= {f"{body}_{name}_N": ("applied", body, name) for name in FORCES}
     for contact in assembly.contacts:
         names = (*contact.model.load_names, *CENTRES)
-        columns |= {f"{contact.name}_{quantity(name).column}": ("loads", contact.name, name) for name in names}
+        told = {f"{contact.name}_{quantity(name).column}": ("loads", contact.name, name) for name in names}
+        columns |= {column: (_TWOFOLD, "", "") if column in columns else what for column, what in told.items()}
     return columns | {f"{pull.name}_N": ("tensions", pull.name, "") for pull in assembly.pulls}

@@ -74,8 +74,9 @@ class AssemblyPoses:
 def build(assembly: Assembly, cycle: AssemblyCycle) -> AssemblyPoses:
     """Pose the problem for all frames of a cycle.
 
-    Raises ValueError for a pull without tension, names that the assembly has not, a measured contact that is not one
-    between the ground and a body in their own frames, and as `pose_estimation.build`.
+    Raises ValueError for a pull without tension or that pushes, names that the assembly has not, forces on the body
+    whose pose is measured by loads, a measured contact that is not one between the ground and a body in their own
+    frames, and as `pose_estimation.build`.
     """
     _check(assembly, cycle)
     count, bodies = len(cycle), assembly.bodies
@@ -161,6 +162,19 @@ def _check(assembly: Assembly, cycle: AssemblyCycle) -> None:
             f"cycle {cycle.name} tells of {', '.join(sorted(unknown))}; assembly {assembly.name} has the free bodies "
             f"{', '.join(assembly.bodies)}"
         )
+    told = assembly.contact(cycle.contact).moving if cycle.contact else ""
+    if told in cycle.applied:
+        raise ValueError(
+            f"cycle {cycle.name} applies forces to {told}, whose pose the loads of contact {cycle.contact} tell: they "
+            "would move nothing. Leave out these forces, or the contact's loads, so that the body balances"
+        )
+    for pull, tension in cycle.tensions.items():
+        if (tension < 0.0).any():
+            frame = int(tension.argmin())
+            raise ValueError(
+                f"cycle {cycle.name}: the tension of {pull} is {tension[frame]:g} N at frame {frame}, expected 0 or "
+                "more: a line pulls and never pushes"
+            )
 
 
 def _columns(names: tuple[str, ...]) -> list[int]:

@@ -11,6 +11,7 @@ import numpy as np
 from casadi_contact.assembly import Settling
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards
 from problems.pose_estimation.solve import SCALING, settled
@@ -95,7 +96,7 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
         converged = best.converged(problem)
         if converged.all() or not converged.any():
             break
-        rows = np.flatnonzero(~converged)
+        rows = two_or_more(np.flatnonzero(~converged), count)
         beside = _beside_solved(problem, best.poses, converged)[rows]
         found, outcome = _one_round(build(problem.assembly, problem.cycle.frames(rows)), beside, max_iterations)
         best, iterations = best.or_better(found, rows), iterations + outcome.iterations

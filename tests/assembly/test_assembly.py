@@ -194,6 +194,13 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
         Assembly("one", "earth", start, pulls=[rope])
     with pytest.raises(ValueError, match="names that differ"):
         Assembly("one", "body", start)
+    with pytest.raises(ValueError, match="soft acts on the ground earth, expected a free body, one of body"):
+        Assembly("one", "earth", start, springs=[Spring("soft", "earth", np.ones(6), np.zeros(6))])
+    held = Assembly("one", "earth", start, pulls=[Pull("rope", ("body", "earth"), rope.points_mm)])
+    with pytest.raises(ValueError, match=r"forces on body are .* expected 6 finite numbers"):
+        settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, {"body": [0.0, 1.0, 0.0]}, [1.0])
+    with pytest.raises(ValueError, match="never pushes"):
+        settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=[-1.0])
     with pytest.raises(ValueError, match="unknown assembly 'elbow', expected one of knee_with_patella"):
         cc.load_assembly("elbow")
     with pytest.raises(FileNotFoundError, match=r"none\.toml does not exist"):

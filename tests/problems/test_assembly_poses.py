@@ -1,5 +1,7 @@
 """Poses of assemblies over a cycle: measured loads and equilibrium together, from any start; cycles from files."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -140,19 +142,42 @@ def test_ipopt_alone_finds_the_patella_s_equilibrium_again(problem, result):
     assert loads_apart_n(problem.assembly, loads, result.loads).max() < SAME_N
 
 
+def hung(pull, hoist):
+    """A weight under a ceiling on a ligament, and on a rope beside it: forces and the rope's tensions (n,) [N]."""
+    ends = ("weight", "ceiling"), (np.zeros(3), np.zeros(3))
+    assembly = Assembly(
+        "pendulum",
+        "ceiling",
+        {"weight": np.array([0.0, -101.0, 0.0, 0.0, 0.0, 0.0])},
+        ligaments=[Ligament("band", *ends, 1000.0, 100.0)],
+        pulls=[Pull("rope", *ends)],
+    )
+    locked = {name: np.zeros(len(pull)) for name in ("tx", "tz", "rx", "ry", "rz")}
+    time_s = np.arange(len(pull), dtype=float)
+    cycle = AssemblyCycle(
+        "hang", time_s, {"weight": locked}, tensions={"rope": hoist}, applied={"weight": {"Fy": pull}}
+    )
+    return assembly_poses.solve(assembly_poses.build(assembly, cycle))
+
+
 def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():
     """No contact, nothing measured: tension = weight, so the strain is weight/stiffness + 0.03 in the straight part."""
-    band = Ligament("band", ("weight", "ceiling"), (np.zeros(3), np.zeros(3)), 1000.0, 100.0)
-    assembly = Assembly(
-        "pendulum", "ceiling", {"weight": np.array([0.0, -101.0, 0.0, 0.0, 0.0, 0.0])}, ligaments=[band]
-    )
-    locked = {name: np.zeros(2) for name in ("tx", "tz", "rx", "ry", "rz")}
     pull = np.array([-60.0, -120.0])
-    cycle = AssemblyCycle("hang", np.array([0.0, 1.0]), {"weight": locked}, applied={"weight": {"Fy": pull}})
-    found = assembly_poses.solve(assembly_poses.build(assembly, cycle))
+    found = hung(pull, np.zeros(2))
     assert found.converged.all(), found.reason
     np.testing.assert_allclose(found.poses[:, 0, 1], -100.0 * (1.03 - pull / 1000.0), atol=1e-6)
     np.testing.assert_allclose(found.loads[:, 0], -pull, atol=1e-6)
+
+
+@pytest.mark.parametrize("frame", [0, 1, 2])
+def test_one_frame_without_equilibrium_costs_no_other(frame):
+    """Hoisted by more than its weight, it ends at the ceiling, where the rope has no direction."""
+    pull, hoist = np.array([-60.0, -90.0, -120.0]), np.zeros(3)
+    hoist[frame] = 200.0
+    found = hung(pull, hoist)
+    np.testing.assert_array_equal(found.converged, np.arange(3) != frame)
+    assert "left on a body" in found.reason[frame]
+    np.testing.assert_allclose(np.delete(found.loads[:, 0] + pull, frame), 0.0, atol=1e-3)
 
 
 def rope():
@@ -179,6 +204,7 @@ def test_a_cycle_is_read_by_the_names_of_the_parts(tmp_path):
         ),
         ("time_s,rope_N\n0,1\n0,1\n", "time does not rise"),
         ("rope_N\n1\n1\n", "time_s"),
+        ("time_s,rope_N,body_rz_rad\n0,1,10\n1,1,70\n", "body_rz_rad reaches 70, expected radians"),
     ],
 )
 def test_a_cycle_that_tells_of_something_else_is_refused(text, said, tmp_path):
@@ -186,6 +212,14 @@ def test_a_cycle_that_tells_of_something_else_is_refused(text, said, tmp_path):
     path.write_text(text)
     with pytest.raises(ValueError, match=said):
         read_assembly_cycle(path, rope())
+
+
+@needs_compiler
+def test_a_force_that_may_be_of_a_body_or_of_its_contact_is_refused(tmp_path):
+    (tmp_path / "ball.toml").write_text(BALL)
+    (tmp_path / "press.csv").write_text("time_s,ball_Fy_N\n0,-5\n1,-6\n")
+    with pytest.raises(ValueError, match="ball_Fy_N may tell of a body or of the contact of the same name"):
+        read_assembly_cycle(tmp_path / "press.csv", cc.load_assembly(tmp_path / "ball.toml"))
 
 
 def test_a_pull_without_tension_and_unknown_parts_are_refused():
@@ -197,3 +231,12 @@ def test_a_pull_without_tension_and_unknown_parts_are_refused():
         assembly_poses.build(rope(), AssemblyCycle("swing", time_s, {"moon": {"rz": time_s}}, tensions=tension))
     with pytest.raises(ValueError, match="has no contact joint"):
         assembly_poses.build(rope(), AssemblyCycle("swing", time_s, {}, "joint", {"Fy": time_s}, tension))
+    with pytest.raises(ValueError, match=r"tension of rope is -1 N at frame 1.*never pushes"):
+        assembly_poses.build(rope(), AssemblyCycle("swing", time_s, tensions={"rope": -time_s}))
+
+
+def test_forces_on_the_body_whose_loads_are_measured_are_refused(problem):
+    """Its pose is told by its loads, which a further force would not change: the answer would not know of it."""
+    cycle = replace(problem.cycle, applied={"femur": {"Fy": np.full(len(FRAMES), -300.0)}})
+    with pytest.raises(ValueError, match="applies forces to femur, whose pose the loads of contact tibiofemoral tell"):
+        assembly_poses.build(problem.assembly, cycle)
