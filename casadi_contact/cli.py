@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from casadi_contact import __version__
+from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.arguments import console
 from casadi_contact.commands.build import build, calibrate, evaluate, export, sample, train
 from casadi_contact.commands.compare import chart, choose, speed
 from casadi_contact.commands.convert import cycle
-from casadi_contact.commands.entry import new_app, run_app
 from casadi_contact.commands.examples import examples
 from casadi_contact.commands.live import page
 from casadi_contact.commands.look import info, report, show
