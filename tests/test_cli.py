@@ -67,6 +67,9 @@ def test_shell_completion_can_be_installed():
         ("scene a.stl b.stl --out a.png", "--out is a.png, expected a scene file"),
         ("scene a.stl b.stl --out $(id).toml", "name = '$(id)', expected a letter"),
         ("scene a.stl b.stl --out /proc/nowhere/a.toml", "cannot write in folder /proc/nowhere"),
+        ("report knee --out r.pdf", "--out is r.pdf, expected a page's name, for example r.html"),
+        ("page knee --out x.txt", "--out is x.txt, expected a page's name, for example x.html"),
+        ("show folder.toml", "folder.toml is a folder, expected the TOML file of the scene"),
         ("report knee --out /proc/nowhere/a.html", "cannot write in folder /proc/nowhere"),
         ("choose knee --force-tol abc", "Invalid value for '--force-tol'"),
         ("choose knee --force-tol -1 --torque-tol 5", "force tolerance is -1.0"),
@@ -93,6 +96,7 @@ def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments,
     from casadi_contact.cli import main
 
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.toml").mkdir()
     monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments.split()])
     with pytest.raises(SystemExit) as ended:
         main()
