@@ -27,7 +27,7 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
     """
     try:
         _refuse_empty(arguments)
-        sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False))
+        sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
     except typer.Abort:
         sys.exit(130)
     except _UsageError as error:
