@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact import __version__
+from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.arguments import console
 from casadi_contact.commands.build import build, calibrate, evaluate, export, sample, train
 from casadi_contact.commands.compare import chart, choose, speed
@@ -16,14 +17,8 @@ from casadi_contact.commands.examples import examples
 from casadi_contact.commands.live import page
 from casadi_contact.commands.look import info, report, show
 from casadi_contact.commands.propose import scene
-from casadi_contact.files import short
-from casadi_contact.terminal import printable
 
-app = typer.Typer(
-    help="Surrogate models of deformable joint contact as CasADi functions.",
-    epilog=examples(""),
-    pretty_exceptions_enable=False,
-)
+app = new_app(help="Surrogate models of deformable joint contact as CasADi functions.", epilog=examples(""))
 
 
 def _print_version(wanted: bool) -> None:
@@ -43,25 +38,13 @@ def options(
 
 _PROJECT = (build, sample, train, calibrate, evaluate, export, chart, speed, choose)
 for command in (scene, *_PROJECT, info, report, cycle, show, page):
-    app.command(epilog=examples(command.__name__))(command)
-
-
-# An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
-_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+    whole_sentence = " ".join((command.__doc__ or "").split("\n\n")[0].split())  # else cut off in the list of commands
+    app.command(epilog=examples(command.__name__), short_help=whole_sentence)(command)
 
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1, never a traceback."""
-    arguments = sys.argv[1:] or ["--help"]
-    try:
-        sys.exit(app(arguments, standalone_mode=False))
-    except typer.Abort:
-        sys.exit(130)
-    except _UsageError as error:
-        said = error.format_message()  # type: ignore[attr-defined]
-    except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
-        said = str(error)
-    sys.exit(f"casadi-contact: {printable(short(said, 2000))}")
+    run_app(app, "casadi-contact", sys.argv[1:] or ["--help"])
 
 
 if __name__ == "__main__":

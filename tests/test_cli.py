@@ -46,7 +46,11 @@ def typer_group():
 
 
 def test_help_shows_brackets_of_extras():
-    assert "casadi_contact[peers]" in " ".join(output("chart", "--help").replace("\u2502", " ").split())
+    assert "casadi_contact[peers]" in " ".join(output("chart", "--help").split())
+
+
+def test_the_list_of_commands_shows_whole_sentences():
+    assert "..." not in output("--help").partition("Commands:")[2]
 
 
 def test_shell_completion_can_be_installed():
@@ -63,6 +67,9 @@ def test_shell_completion_can_be_installed():
         ("scene a.stl b.stl --out a.png", "--out is a.png, expected a scene file"),
         ("scene a.stl b.stl --out $(id).toml", "name = '$(id)', expected a letter"),
         ("scene a.stl b.stl --out /proc/nowhere/a.toml", "cannot write in folder /proc/nowhere"),
+        ("report knee --out r.pdf", "--out is r.pdf, expected a page's name, for example r.html"),
+        ("page knee --out x.txt", "--out is x.txt, expected a page's name, for example x.html"),
+        ("show folder.toml", "folder.toml is a folder, expected the TOML file of the scene"),
         ("report knee --out /proc/nowhere/a.html", "cannot write in folder /proc/nowhere"),
         ("choose knee --force-tol abc", "Invalid value for '--force-tol'"),
         ("choose knee --force-tol -1 --torque-tol 5", "force tolerance is -1.0"),
@@ -82,12 +89,14 @@ def test_shell_completion_can_be_installed():
         ("nothing", "nothing"),
         ("build", "scene"),
         ("build knee --colour", "--colour"),
+        ("show knee --out=", "--out is empty, expected a value"),
     ],
 )
 def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments, said, tmp_path, monkeypatch, capsys):
     from casadi_contact.cli import main
 
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.toml").mkdir()
     monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments.split()])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -95,3 +104,31 @@ def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments,
     message = f"{ended.value.code} {capsys.readouterr().err}"
     assert said in message
     assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--colour", "red"], "squat: No such option: --colour"),
+        (["--intervals", "many"], "squat: Invalid value for '--intervals'"),
+        (["--out", ""], "squat: --out is empty, expected a value"),
+        (["--out", "", "--intervals", "3"], "squat: --out is empty, expected a value"),
+    ],
+)
+def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(arguments, said, monkeypatch):
+    from problems.squat.__main__ import main
+
+    monkeypatch.setattr("sys.argv", ["squat", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert str(ended.value.code).startswith(said)
+    assert len(str(ended.value.code).splitlines()) == 1
+
+
+def test_help_of_a_problem_shows_units_in_brackets():
+    """Read as markup, [N] and [deg] would be dropped."""
+    from problems.static_equilibrium.__main__ import app as equilibrium
+
+    shown = " ".join(CliRunner().invoke(equilibrium, ["--help"], terminal_width=120).output.split())
+    assert "medial force on the insert [N]" in shown
+    assert "flexion angles [deg]" in shown

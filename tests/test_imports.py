@@ -14,7 +14,7 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "cluster", "terminal", "machine", "quantities"),
+    *("compilation", "files", "page", "workers", "cluster", "terminal", "command_line", "machine", "quantities"),
     *("conventions", "pressure_laws"),
     *("activations", "spots", "network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures"),

@@ -11,6 +11,7 @@ from casadi_contact.presets import PRESETS
 from casadi_contact.project import Project
 from casadi_contact.sampling import MODELS
 from casadi_contact.scenes import ready_scenes
+from casadi_contact.structures import ready_surrogates
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.training.arrays import arrays_for
 
@@ -32,7 +33,9 @@ ModelName = Annotated[
     str,
     typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
 ]
-SurrogateName = Annotated[str, typer.Argument(help="a ready surrogate (knee) or the path of a .h5 file")]
+SurrogateName = Annotated[
+    str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")
+]
 Scheduler = Annotated[
     str | None,
     typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
@@ -49,6 +52,12 @@ def check_device(device: str, scheduler: str | None) -> None:
     if device != "cpu" and scheduler is not None:
         raise ValueError(f"got --device {device} and --scheduler, expected one of them")
     arrays_for(device)
+
+
+def check_html(out: Path) -> None:
+    """Raises ValueError, before long work, for a page that no browser would open by its name."""
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--out is {out}, expected a page's name, for example {out.with_suffix('.html').name}")
 
 
 def say_shipped(project: Project, doing: str) -> None:

@@ -19,7 +19,7 @@ def chart(
     scene: SceneName,
     preset: PresetName = "quick",
     peers: Annotated[
-        bool, typer.Option("--peers", help=r"measure the peers too (pip install casadi_contact\[peers])")
+        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
     ] = False,
     scheduler: Scheduler = None,
     out: Out = None,

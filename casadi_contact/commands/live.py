@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.commands.arguments import SceneName, console
-from casadi_contact.files import file_stem
+from casadi_contact.commands.arguments import SceneName, check_html, console
+from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.live import write_joint_page
 from casadi_contact.scenes import load_scene
 
@@ -29,6 +29,8 @@ def page(
     It works offline, from a file. Compiling its kernel takes the extra "page" (ziglang), and a minute.
     """
     path = Path(f"{file_stem(load_scene(scene).name)}.html") if out is None else out
+    check_html(path)
+    writable_folder(path.parent)
     cycle = write_joint_page(scene, path, None if poses is None else str(poses), surrogate)
     size = path.stat().st_size / 1e6
     console.print(cycle.source, f"page of {size:.2f} MB in {path}", sep="\n", highlight=False, soft_wrap=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.commands.arguments import SceneName, SurrogateName, console
+from casadi_contact.commands.arguments import SceneName, SurrogateName, check_html, console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.motion.pose_file import read_poses
@@ -32,6 +32,7 @@ def report(
     folder = Path(surrogate).parent
     loaded = load_surrogate(surrogate)
     path = folder / "report.html" if out is None else out
+    check_html(path)
     writable_folder(path.parent)
     write_report({loaded.title: loaded}, folder, path)
     console.print(str(fitness(loaded)), f"report in {path}", sep="\n", highlight=False, markup=False, soft_wrap=True)

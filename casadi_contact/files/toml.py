@@ -12,7 +12,9 @@ MOST_CHARACTERS = 1_000_000  # of a scene's or an assembly's text
 
 
 def toml_text(path: Path, what: str) -> str:
-    """The text of a file; raises FileNotFoundError, ValueError for one too large and for what is no text."""
+    """The text of a file; raises FileNotFoundError, ValueError for a folder, one too large and for what is no text."""
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder, expected the TOML file of the {what}")
     if not path.is_file():
         raise FileNotFoundError(f"{what} file {path} does not exist")
     checked_size(path, 4 * MOST_CHARACTERS)

@@ -121,7 +121,7 @@ def scene_cycles(scene: Scene) -> list[JointCycle]:
     """
     motion = dict(scene.motion)
     if not motion:
-        raise ValueError(f"scene {scene.name} has no [motion], expected it there or cycle files (--cycles)")
+        raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
     unknown = set(motion) - {"cycles", "duration_s", "deviation", "harmonics"}
     harmonics = motion.get("harmonics")
     if unknown or not isinstance(harmonics, Mapping) or not harmonics:

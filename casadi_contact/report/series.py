@@ -15,8 +15,11 @@ UNSEEN = "unseen motion"
 ROUNDING = 1e-6  # N or N·mm
 
 
-def draw_error_by_domain(front: Front) -> Any:
-    """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family."""
+def draw_error_by_domain(front: Front) -> Any | None:
+    """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family; None
+    where no model has one."""
+    if not any(point.domain_force_rms_n or point.domain_torque_rms_nmm for point in front.models):
+        return None
     note = "Dashed: cheapest of its family, solid: most accurate. An error of zero (D5) is not on a log axis."
     errors = errors_of(front)
     figure, axes = panels(

@@ -20,13 +20,18 @@ _SEAL = b"\nsha256 "
 _DIGITS = b"abcdefghijklmnop"  # CasADi writes each byte as two of these, the lower four bits first
 _FROM_HEX = bytes.maketrans(_DIGITS, b"0123456789abcdef")
 _NAMED_FIELDS = b"\x01"  # the byte after CasADi's magic number and version
+_CLASS = b"FunctionInternal::base_function"  # under it stands the kind of every function in the file
 _HEAD = 16
 _PLAIN = (b"MXFunction", b"SXFunction", b"Map")  # functions that are formulas and nothing else
+_BOUND_HERE = (b"External", b"CallbackInternal")  # a library in this user's cache folder, code of this process
 _FOREIGN = (b"ImporterInternal::type", b"FmuInternal::type", b"ResourceInternal::type", b"PluginInterface::plugin_name")
 
 
 def save_function(function: ca.Function, path: str | Path) -> None:
-    """Write a ``.casadi`` file that `load_function` (or casadi.Function.load) reads, derivatives included."""
+    """Write a ``.casadi`` file that `load_function` (or casadi.Function.load) reads, derivatives included.
+
+    Raises ValueError for a function that holds a compiled kernel or runs Python: no other computer could load the file.
+    """
     path = Path(path)
     with replacing(path) as beside:
         try:
@@ -34,6 +39,12 @@ def save_function(function: ca.Function, path: str | Path) -> None:
             content = beside.read_bytes()
         except RuntimeError as error:
             raise OSError(str(error).splitlines()[-1]) from None
+        kinds = _values_of(_fields(content), _CLASS)
+        if any(value.startswith(_text(kind)) for value in kinds for kind in _BOUND_HERE):
+            raise ValueError(
+                f"function {function.name()} holds a compiled kernel or runs Python, which no file carries, expected "
+                "formulas only: take a surrogate's function(compiled=False), and export_c or export_fmu of a foundation"
+            )
         beside.write_bytes(content + _seal(content))
 
 
@@ -79,13 +90,10 @@ def _check(path: Path, whole: bytes) -> None:
         raise ValueError(f"{path} is damaged (its digest does not match), expected what save_function wrote")
     if content.translate(None, _DIGITS) or len(content) % 2:
         raise ValueError(f"{path} is not a CasADi function, expected a file written by save_function")
-    digits = content.translate(_FROM_HEX)
-    swapped = bytearray(len(digits))
-    swapped[::2], swapped[1::2] = digits[1::2], digits[::2]
-    fields = bytes.fromhex(swapped.decode())
+    fields = _fields(content)
     if fields[_HEAD : _HEAD + 1] != _NAMED_FIELDS:
         raise ValueError(f"{path} lacks the names of its fields, expected a file written by save_function")
-    for value in _values_of(fields, b"FunctionInternal::base_function"):
+    for value in _values_of(fields, _CLASS):
         if not any(value.startswith(_text(kind)) for kind in _PLAIN):
             raise ValueError(
                 f"{path} holds a function that may run foreign code, expected formulas only: "
@@ -94,6 +102,14 @@ def _check(path: Path, whole: bytes) -> None:
     foreign = any(_text(name) in fields for name in _FOREIGN)
     if foreign or any(not value.startswith(b"b\0") for value in _values_of(fields, b"FunctionInternal::jit")):
         raise ValueError(f"{path} loads a plug-in or compiles C when it is read: allow_external=True if you trust it")
+
+
+def _fields(content: bytes) -> bytes:
+    """The bytes that CasADi wrote as pairs of letters."""
+    digits = content.translate(_FROM_HEX)
+    swapped = bytearray(len(digits))
+    swapped[::2], swapped[1::2] = digits[1::2], digits[::2]
+    return bytes.fromhex(swapped.decode())
 
 
 def _text(text: bytes) -> bytes:

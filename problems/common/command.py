@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import typer
 
-from casadi_contact.files import short
-from casadi_contact.terminal import printable
+from casadi_contact import command_line
 from casadi_contact.verification import Verdict
 
 RESULTS = Path("results")  # each problem writes into a folder of its own name in it
@@ -18,15 +18,12 @@ RESULTS = Path("results")  # each problem writes into a folder of its own name i
 
 def new_app() -> typer.Typer:
     """A command whose mistakes `run_command` reports."""
-    return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    return command_line.new_app(add_completion=False)
 
 
-def run_command(app: typer.Typer, name: str) -> None:
+def run_command(app: typer.Typer, name: str) -> NoReturn:
     """Run a problem's command: a user's mistake is one line on stderr and exit status 1, never a traceback."""
-    try:
-        app(prog_name=f"python -m problems.{name}")
-    except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
-        sys.exit(f"{name.rpartition('.')[2]}: {printable(short(str(error), 2000))}")
+    command_line.run_app(app, name.rpartition(".")[2], sys.argv[1:], f"python -m problems.{name}")
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:

@@ -1,15 +1,20 @@
 """Before anything is built, the shipped surrogates of a scene and their measured front serve it."""
 
 import re
+import subprocess
+import sys
 from importlib import import_module
 
 import casadi as ca
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact import pipeline
+from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.benchmark.kernel_speed import KernelSpeed, MachineLimit
+from casadi_contact.benchmark.shipped import __main__ as shipped
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.benchmark.walking import unseen_walking
@@ -114,3 +119,22 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     content = read_kernel_speed(speed_room.speed(project))
     assert timed == dict.fromkeys(("patch", "trunk", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)
+
+
+def test_measuring_again_says_what_was_measured_and_leaves_the_package_as_it_is(tmp_path, monkeypatch):
+    path, front = shipped_front(cc.load_scene("knee"))
+    before = path.read_bytes()
+    monkeypatch.setattr(shipped, "measured_front", lambda scene: front)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(shipped.app, ["knee"], catch_exceptions=False)
+    assert "knee: 0.569 µs, RMS 0.155 N, 5.3 N·mm" in done.output
+    assert read_front(tmp_path / "results" / "knee-front.csv") == front
+    assert path.read_bytes() == before
+
+
+def test_a_scene_that_is_not_there_is_told_in_one_line(tmp_path):
+    command = [sys.executable, "-m", "casadi_contact.benchmark.shipped", str(tmp_path / "none.toml")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "none.toml" in done.stderr

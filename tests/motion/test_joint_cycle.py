@@ -82,7 +82,7 @@ def test_loads_that_nothing_asks_for_are_no_part_of_a_cycle(tmp_path):
 
 
 def test_a_scene_without_motion_asks_for_cycles():
-    with pytest.raises(ValueError, match=r"has no \[motion\], expected it there or cycle files"):
+    with pytest.raises(ValueError, match=r"has no \[motion\], expected it there or a cycle file$"):
         scene_cycles(cc.load_scene("sphere_on_plane"))
 
 

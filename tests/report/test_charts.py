@@ -42,6 +42,14 @@ def test_charts_without_numbers_are_left_out(front, tmp_path):
     assert names == set(CHARTS) - {"error_by_samples", "error_by_training_time"}
 
 
+def test_a_front_without_errors_by_domain_has_no_empty_picture_of_them(front, tmp_path):
+    def without(point):
+        return replace(point, domain_force_rms_n={}, domain_torque_rms_nmm={})
+
+    no_domains = Front(front.header, tuple(without(point) for point in front.points))
+    assert "error_by_domain" not in {path.stem for path in draw_charts(no_domains, tmp_path)}
+
+
 def test_a_joint_of_one_patch_has_no_d4(front, tmp_path):
     def without(point):
         kept = {

@@ -69,13 +69,13 @@ def test_a_function_that_names_a_library_is_refused_and_its_library_never_loaded
         "double f_x; int f(const double **a, double **r, long long *i, double *w, int m) { return 0; }\n"
     )
     external = ca.external("f", str(shared_library(source)))
-    save_function(ca.Function("outer", [X], [external(X)] if external.n_in() else [X]), path)
-    save_function(external, tmp_path / "alone.casadi")
+    external.save(str(path), {"debug": True})
+    path.write_bytes(path.read_bytes() + _seal(path.read_bytes()))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ARMED", "1")
-        refused(tmp_path / "alone.casadi", "may run foreign code")
+        refused(path, "may run foreign code")
     assert not mark.exists()
-    assert load_function(tmp_path / "alone.casadi", allow_external=True).class_name() == "External"
+    assert load_function(path, allow_external=True).class_name() == "External"
 
 
 def test_functions_that_compile_or_load_plug_ins_are_refused(tmp_path):
@@ -100,3 +100,16 @@ def test_a_forged_digest_does_not_open_a_file_without_field_names(tmp_path):
     path.write_bytes(content + _seal(content))
     refused(path, "lacks the names of its fields")
     assert load_function(path, allow_external=True)(3.0) == 6.0
+
+
+@needs_compiler
+def test_a_compiled_function_is_not_written_since_no_other_computer_could_load_it(tmp_path):
+    """Neither alone nor inside of another; what lies at the path stays."""
+    path = tmp_path / "kernel.casadi"
+    path.write_text("before")
+    kernel = random_surrogate(load_scene("sphere_on_plane"), "patch").function(compiled=True)
+    pose = ca.MX.sym("pose", 6)
+    for function in (kernel, ca.Function("within", [pose], [2.0 * kernel(pose)])):
+        with pytest.raises(ValueError, match=r"holds a compiled kernel .* function\(compiled=False\)"):
+            save_function(function, path)
+    assert path.read_text() == "before"

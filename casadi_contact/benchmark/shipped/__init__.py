@@ -1,25 +1,25 @@
 """Measured fronts that come with the library: the shipped surrogates of a scene and what needs no training.
 
-``python -m casadi_contact.benchmark.shipped knee`` measures the one of the knee anew and writes it into this package.
+``python -m casadi_contact.benchmark.shipped knee`` measures the one of the knee anew; a maintainer puts the file into
+``casadi_contact/benchmark/ready``.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
-from casadi_contact.benchmark.front_file import Front, read_front, write_front
+from casadi_contact.benchmark.front_file import Front, read_front
 from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.project import reference_motion_cycles, shipped_surrogates
 from casadi_contact.sampling import SamplingSettings, reference_motion
-from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.scenes import Scene
 
-_FOLDER = Path(__file__).with_name("ready")
+_FOLDER = Path(__file__).parents[1] / "ready"
 
 
 def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
@@ -42,14 +42,3 @@ def _candidates(scene: Scene) -> Iterator[Candidate]:
     yield from untrained_candidates(scene)
     for name, surrogate in shipped_surrogates(scene).items():
         yield from surrogate_candidates(name, surrogate, graph=True)
-
-
-def main(scene: str) -> None:
-    """Measure and write the shipped front of a ready scene."""
-    path = _FOLDER / f"{scene}.csv"
-    write_front(path, measured_front(load_scene(scene)))
-    print(f"written {path}")
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -1,0 +1,46 @@
+"""How every command line of the project is made, runs and ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import typer
+
+from casadi_contact.files import short
+from casadi_contact.terminal import printable
+
+# An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+def new_app(**settings: Any) -> typer.Typer:
+    """A command line whose help shows texts as they are ([mm] is no markup), and whose mistakes `run_app` reports."""
+    return typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, **settings)
+
+
+def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: str | None = None) -> NoReturn:
+    """Run and end with its exit status: a user's mistake is one line on stderr, after name, and 1; never a traceback.
+
+    prog_name: how help names the program; as it was called if left out.
+    """
+    try:
+        _refuse_empty(arguments)
+        sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
+    except typer.Abort:
+        sys.exit(130)
+    except _UsageError as error:
+        said = error.format_message()  # type: ignore[attr-defined]
+    except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
+        said = str(error)
+    sys.exit(f"{name}: {printable(short(said, 2000))}")
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """ValueError naming the option or argument without a value: an empty path would be the folder of now."""
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        option, _, value = argument.partition("=")
+        if argument == "" or (option.startswith("--") and option != argument and not value):
+            named = option or (before if before.startswith("--") else "an argument")
+            raise ValueError(f"{named} is empty, expected a value (an option that is left out takes its default)")
