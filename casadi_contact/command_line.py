@@ -9,8 +9,9 @@ from typing import Any, NoReturn
 import typer
 
 from casadi_contact.files import short
-from casadi_contact.terminal import printable
+from casadi_contact.terminal import is_interrupt, printable
 
+_INTERRUPTED = 130  # exit status of what Ctrl-C ended
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -29,7 +30,11 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
         _refuse_empty(arguments)
         sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
     except typer.Abort:
-        sys.exit(130)
+        sys.exit(_INTERRUPTED)
+    except SystemError as error:
+        if not is_interrupt(error):
+            raise
+        sys.exit(_INTERRUPTED)
     except _UsageError as error:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:

@@ -9,6 +9,8 @@ from math import ceil
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from casadi_contact.terminal import is_interrupt
+
 
 @contextmanager
 def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str], None]]:
@@ -31,6 +33,7 @@ def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str
 
         try:
             yield update
-        except KeyboardInterrupt:
-            console.print("interrupted: run the same command again to go on")
+        except (KeyboardInterrupt, SystemError) as error:
+            if is_interrupt(error):
+                console.print("interrupted: run the same command again to go on")
             raise

@@ -1,15 +1,19 @@
 """The command line: versions, help and mistakes."""
 
+import io
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import casadi_contact
 from casadi_contact.cli import app
+from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.examples import _EXAMPLES
+from casadi_contact.progress import progress_bars
 
 ROOT = Path(__file__).parents[1]
 
@@ -132,3 +136,32 @@ def test_help_of_a_problem_shows_units_in_brackets():
     shown = " ".join(CliRunner().invoke(equilibrium, ["--help"], terminal_width=120).output.split())
     assert "medial force on the insert [N]" in shown
     assert "flexion angles [deg]" in shown
+
+
+@pytest.mark.parametrize("arrives_as", [KeyboardInterrupt, SystemError])
+def test_ctrl_c_ends_without_a_traceback_wherever_it_arrives(arrives_as):
+    """In a loop that numba compiled it arrives as a SystemError that a KeyboardInterrupt caused."""
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        with progress_bars(Console(file=io.StringIO())):
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as interrupt:
+                raise arrives_as from interrupt
+
+    with pytest.raises(SystemExit) as ended:
+        run_app(app, "work", [])
+    assert ended.value.code == 130
+
+
+def test_an_error_of_the_system_is_not_taken_for_ctrl_c():
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        raise SystemError("bad call")
+
+    with pytest.raises(SystemError, match="bad call"):
+        run_app(app, "work", [])

@@ -186,9 +186,9 @@ class CompiledFoundation(ContactFunctions, Exportable):
         return contact_callback(name, [("loads", len(names), wrenches)])
 
     @property
-    def export_name(self) -> str:
-        """Of the scene: "knee_foundation"."""
-        return f"{self.scene.name}_foundation"
+    def export_title(self) -> str:
+        """Of the scene: "knee foundation"."""
+        return f"{self.scene.name} foundation"
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads and root loads; raises ValueError for a pressure law without C."""

@@ -292,9 +292,9 @@ class Surrogate(SurrogateFunctions, Exportable):
         return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
 
     @property
-    def export_name(self) -> str:
-        """Of the scene: "knee_contact"."""
-        return f"{self.scene.name}_contact"
+    def export_title(self) -> str:
+        """Of the scene: "knee contact"."""
+        return f"{self.scene.name} contact"
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
+_NOT_FOR_NAMES = re.compile(r"[^A-Za-z0-9]+")
 _NOT_FOR_COMMENTS = re.compile(r"[^A-Za-z0-9 _.,;:()/+=<>-]")  # no * that could end one, no ?, \ or line break
 
 
@@ -13,6 +14,15 @@ def identifier(name: str) -> str:
     if not _IDENTIFIER.fullmatch(name):
         raise ValueError(f"{name!r} cannot be a name in C, expected up to 100 ASCII letters, digits and underscores")
     return name
+
+
+def c_name(text: str) -> str:
+    """Words, or the name of a file, as a name in C and CasADi: letters, digits and single underscores.
+
+    >>> c_name("my-knee.2 contact")
+    'my_knee_2_contact'
+    """
+    return identifier(_NOT_FOR_NAMES.sub("_", text))
 
 
 def comment_text(text: str) -> str:

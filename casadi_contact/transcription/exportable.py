@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from casadi_contact.transcription.c_names import c_name
 from casadi_contact.transcription.export_c import ExportedModel, export_c
 from casadi_contact.transcription.fmu import export_fmu
 
@@ -15,8 +16,13 @@ class Exportable(ABC):
 
     @property
     @abstractmethod
+    def export_title(self) -> str:
+        """Scene and kind in words: "knee contact"."""
+
+    @property
     def export_name(self) -> str:
-        """What files and functions are called that are given no other name."""
+        """What files and functions are called that are given no other name: the title as C and CasADi take names."""
+        return c_name(self.export_title)
 
     @abstractmethod
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:

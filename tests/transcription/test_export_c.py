@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes.scene import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
@@ -71,3 +71,13 @@ def test_bad_name_is_refused(tmp_path):
     with pytest.raises(ValueError, match="not usable"):
         surrogate.export_c(tmp_path, name="not-a-c-name")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["my-knee.2", "ball--on__plane-"])
+def test_what_is_exported_has_a_name_that_c_takes(name, tmp_path):
+    """Scenes may hold '-' and '.' in their names; what is built of them is exported long after."""
+    tables = {**load_scene("sphere_on_plane").tables, "name": name}
+    written = random_surrogate(Scene.from_tables(tables), "patch").export_c(tmp_path)
+    stem = next(path.stem for path in written if path.suffix == ".h")
+    assert stem.isidentifier()
+    assert "__" not in stem
