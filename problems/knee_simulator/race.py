@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from rich.console import Console
 from rich.progress import track
 
 from casadi_contact.contact import ElasticFoundation
@@ -52,7 +53,7 @@ def race(
     start = start_state(first)
     seconds: dict[tuple[str, float], list[float]] = {}
     last: dict[tuple[str, float], Simulation] = {}
-    for turn in track(range(repeats + 1), "race", refresh_per_second=1):  # the first warms up
+    for turn in track(range(repeats + 1), "race", console=Console(stderr=True), transient=True):  # the first warms up
         for name, simulator in simulators.items():
             for tolerance in tolerances:
                 last[name, tolerance] = solve(
