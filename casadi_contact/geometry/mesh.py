@@ -12,7 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh_checks import Box, check_manifold, check_orientation, check_outside
+from casadi_contact.geometry.mesh_checks import (
+    Box,
+    check_joined,
+    check_manifold,
+    check_orientation,
+    check_outside,
+)
 from casadi_contact.geometry.mesh_formats import read_by_trimesh
 from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
@@ -108,6 +114,7 @@ def checked_mesh(
             f"mesh {name}: {mesh.dropped} of {len(faces)} triangles are degenerate or repeated, expected "
             f"{_MOST_DROPPED:.0%} at most: the file was misread or is damaged, export it again"
         )
+    check_joined(mesh)
     check_manifold(mesh, contact)
     check_orientation(mesh)
     check_outside(mesh)

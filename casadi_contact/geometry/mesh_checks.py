@@ -1,4 +1,4 @@
-"""What a mesh must be for distances from it to have a sign: manifold, of one orientation, with its outside out."""
+"""What a mesh must be for distances from it to have a sign: joined, manifold, of one orientation, outside out."""
 
 from __future__ import annotations
 
@@ -11,8 +11,19 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, 
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 _MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices two edges away
+_FEW_PIECES = 20  # as single triangles: plates and marks
 _LEAST_THICKNESS_MM = 1e-6  # volume by area: what is flatter encloses nothing but rounding
 _BELOW_MM = 1e-3  # a triangle: where solid begins
+
+
+def check_joined(mesh: TriangleMesh) -> None:
+    """Triangles join to a surface: a piece of a mesh that has more than a few is more than two of them."""
+    pieces = int(mesh.pieces.max()) + 1
+    if pieces > _FEW_PIECES and 2 * pieces > len(mesh.faces):
+        raise ValueError(
+            f"mesh {mesh.name}: its {len(mesh.faces)} triangles are {pieces} pieces that share no edges, expected a "
+            "surface: are corners of neighbours written with different digits? Merge vertices that lie close together"
+        )
 
 
 def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:

@@ -13,7 +13,7 @@ from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from casadi_contact.scenes import load_scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
-from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
+from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
 
 TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -98,6 +98,18 @@ def test_a_mesh_of_which_most_triangles_are_dropped_is_refused():
         checked_mesh("t", vertices, np.vstack([faces, faces, faces[:1]]))
     with pytest.raises(ValueError, match="t: 3 of 4 triangles are degenerate or repeated"):
         checked_mesh("t", vertices, np.array([faces[0], [0, 0, 1], [1, 1, 2], [2, 3, 3]]))
+
+
+def test_triangles_that_do_not_join_are_no_surface():
+    """Corners of neighbours that differ in their fourth digit are different vertices; a few single plates may stand."""
+    vertices, triangles = ball_mesh(20.0, 5.0)
+    corners = vertices[triangles].reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    assert checked_mesh("ball", corners, faces).pieces.max() == 0
+    apart = corners + np.random.default_rng(0).uniform(-1e-3, 1e-3, corners.shape)
+    with pytest.raises(ValueError, match=rf"ball: its {len(faces)} triangles are {len(faces)} pieces.*Merge vertices"):
+        checked_mesh("ball", apart, faces)
+    assert checked_mesh("plates", apart[:9], faces[:3]).pieces.max() == 2
 
 
 def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
