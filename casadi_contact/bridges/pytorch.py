@@ -26,7 +26,7 @@ def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.
                 f"poses is {poses.dtype} on {poses.device}, expected torch.float64 on cpu: poses.double().cpu()"
             )
         flat: torch.Tensor = _Loads.apply(poses.reshape(-1, 6), model)
-        return flat.reshape(*poses.shape[:-1], -1)
+        return flat.reshape(*poses.shape[:-1], flat.shape[-1])
 
     return loads
 

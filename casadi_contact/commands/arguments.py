@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact.presets import PRESETS
-from casadi_contact.project import Project
+from casadi_contact.project import Project, shipped_surrogates
 from casadi_contact.sampling import MODELS
 from casadi_contact.scenes import ready_scenes
 from casadi_contact.structures import ready_surrogates
@@ -62,5 +62,5 @@ def check_html(out: Path) -> None:
 
 def say_shipped(project: Project, doing: str) -> None:
     """That a folder holds nothing yet, so that the scene's shipped surrogates are taken."""
-    if not project.begun:
+    if not project.begun and shipped_surrogates(project.scene):
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)

@@ -59,10 +59,14 @@ def report(
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
     for name, difference in off.items():
         found = int(np.isfinite(ef_poses[name][:, 0]).sum())
+        place = (
+            f"found in {found} rows, lies {moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away"
+            if found
+            else "was found in no row"
+        )
         console.print(
             f"EF {grids[name]} - {kind}, largest: force {difference[:, :3].max():.2g} N, "
-            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium, found in {found} rows, lies "
-            f"{moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away",
+            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium{',' if found else ''} {place}",
             highlight=False,
         )
     if starts is not None:

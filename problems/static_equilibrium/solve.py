@@ -77,9 +77,9 @@ def solve(
 def on_model(
     problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel, rows: np.ndarray | None = None
 ) -> Array:
-    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by SciPy's
-    Powell hybrid method with the model's Jacobian; NaN where none is found, and but for rows (n,), those solved if
-    left out."""
+    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's with that
+    model's Jacobian by Levenberg-Marquardt, which does not move what no load holds, or else from far by Powell's hybrid
+    method (both SciPy's); NaN where none is found, and but for rows (n,), those solved if left out."""
     columns, space = problem.columns, problem.model.scene.pose_space
     contact = wrench_function(model)
     residual = residual_function(contact, problem.free, problem.about, problem.stiffness, space)
@@ -88,14 +88,19 @@ def on_model(
     found = np.full_like(result.poses, np.nan)
     for row in np.flatnonzero(result.converged if rows is None else rows):
         given = (problem.loads[row], problem.rest[row])
-        answer = root(
-            lambda q, given=given: np.asarray(residual(q, *given)).ravel(),
-            result.poses[row, columns] / KNEE_STEPS[columns],
-            jac=lambda q, given=given: np.asarray(slope(q, *given)),
-        )
-        if np.abs(answer.fun).max() <= TOLERANCE_N:
-            found[row] = problem.rest[row]
-            found[row, columns] = answer.x * KNEE_STEPS[columns]
+        for method in ("lm", "hybr"):
+            answer = root(
+                lambda q, given=given: np.asarray(residual(q, *given)).ravel(),
+                result.poses[row, columns] / KNEE_STEPS[columns],
+                jac=lambda q, given=given: np.asarray(slope(q, *given)),
+                method=method,
+            )
+            if np.abs(answer.fun).max() <= TOLERANCE_N:
+                break
+        else:
+            continue
+        found[row] = problem.rest[row]
+        found[row, columns] = answer.x * KNEE_STEPS[columns]
     return space.onto(found)
 
 

@@ -52,3 +52,11 @@ def test_single_precision_other_shapes_and_third_derivatives_are_refused():
     (second,) = torch.autograd.grad(first.sum(), pose, create_graph=True)
     with pytest.raises(RuntimeError, match="no third derivatives"):
         torch.autograd.grad(second.sum(), pose)
+
+
+def test_no_poses_have_no_loads_and_no_gradient():
+    poses = torch.zeros((0, 6), dtype=torch.float64, requires_grad=True)
+    loads = contact_loads(SURROGATE)(poses)
+    assert loads.shape == (0, len(SURROGATE.load_names))
+    loads.sum().backward()
+    assert poses.grad.shape == (0, 6)
