@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -22,6 +23,9 @@ from casadi_contact.optimisation import (
     wrench_function,
 )
 from problems.static_equilibrium.problem import TOLERANCE_N, StaticEquilibrium, residual_function
+
+NEWTON_STEPS = 20
+HELD = 1e-6  # share of the stiffest direction's stiffness below which one counts as held by nothing
 
 
 @dataclass(frozen=True)
@@ -77,9 +81,9 @@ def solve(
 def on_model(
     problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel, rows: np.ndarray | None = None
 ) -> Array:
-    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's with that
-    model's Jacobian by Levenberg-Marquardt, which does not move what no load holds, or else from far by Powell's hybrid
-    method (both SciPy's); NaN where none is found, and but for rows (n,), those solved if left out."""
+    """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by Newton's
+    shortest steps, which leave alone what nothing holds (a ball's rotation), or else by SciPy's Powell hybrid method,
+    both with the model's Jacobian; NaN where none is found, and but for rows (n,), those solved if left out."""
     columns, space = problem.columns, problem.model.scene.pose_space
     contact = wrench_function(model)
     residual = residual_function(contact, problem.free, problem.about, problem.stiffness, space)
@@ -88,20 +92,31 @@ def on_model(
     found = np.full_like(result.poses, np.nan)
     for row in np.flatnonzero(result.converged if rows is None else rows):
         given = (problem.loads[row], problem.rest[row])
-        for method in ("lm", "hybr"):
-            answer = root(
-                lambda q, given=given: np.asarray(residual(q, *given)).ravel(),
-                result.poses[row, columns] / KNEE_STEPS[columns],
-                jac=lambda q, given=given: np.asarray(slope(q, *given)),
-                method=method,
-            )
-            if np.abs(answer.fun).max() <= TOLERANCE_N:
-                break
-        else:
-            continue
-        found[row] = problem.rest[row]
-        found[row, columns] = answer.x * KNEE_STEPS[columns]
+
+        def unbalanced(q: Array, given: tuple[Array, Array] = given) -> Array:
+            return np.asarray(residual(q, *given)).ravel()
+
+        def slopes(q: Array, given: tuple[Array, Array] = given) -> Array:
+            return np.asarray(slope(q, *given))
+
+        start = result.poses[row, columns] / KNEE_STEPS[columns]
+        answer = _nearby(unbalanced, slopes, start)
+        if answer is None:
+            answer = root(unbalanced, start, jac=slopes).x
+        if np.abs(unbalanced(answer)).max() <= TOLERANCE_N:
+            found[row] = problem.rest[row]
+            found[row, columns] = answer * KNEE_STEPS[columns]
     return space.onto(found)
+
+
+def _nearby(unbalanced: Callable[[Array], Array], slopes: Callable[[Array], Array], q: Array) -> Array | None:
+    """The root that Newton's shortest steps lead to; None if it takes more than NEWTON_STEPS."""
+    for _ in range(NEWTON_STEPS):
+        off = unbalanced(q)
+        if np.abs(off).max() <= TOLERANCE_N:
+            return q
+        q = q - np.linalg.lstsq(slopes(q), off, rcond=HELD)[0]
+    return None
 
 
 def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome) -> np.ndarray:

@@ -90,6 +90,19 @@ def test_the_elastic_foundation_has_its_equilibrium_close_by(knee, solved):
     assert np.degrees(off[3:].max()) < 0.03
 
 
+def test_another_model_does_not_turn_a_ball_that_nothing_keeps_from_turning():
+    model = cc.foundation("hip")
+    up = np.array([[-100.0, 1500.0, 400.0, 0.0, 0.0, 0.0]])
+    problem = static_equilibrium.build(model, up, rest=[model.scene.start_pose], about="moving")
+    result = static_equilibrium.solve(problem)
+    assert result.converged.all(), result.reason
+    off = np.abs(
+        static_equilibrium.on_model(problem, result, cc.ElasticFoundation(model.scene, (60, 60))) - result.poses
+    )
+    assert off[:, :3].max() < 0.01
+    assert np.degrees(off[:, 3:].max()) < 0.01
+
+
 def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
     loads = np.tile(LOADS, (3, 1))
     loads[0, WRENCH_NAMES.index("Fy")] = 50.0
