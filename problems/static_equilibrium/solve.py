@@ -84,11 +84,9 @@ def on_model(
     """The poses (n, 6) at which another contact model carries the same loads, found from the surrogate's by Newton's
     shortest steps, which leave alone what nothing holds (a ball's rotation), or else by SciPy's Powell hybrid method,
     both with the model's Jacobian; NaN where none is found, and but for rows (n,), those solved if left out."""
-    columns, space = problem.columns, problem.model.scene.pose_space
+    columns = problem.columns
     contact = wrench_function(model)
-    residual = residual_function(contact, problem.free, problem.about, problem.stiffness, space)
-    q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(columns)), ("loads", 6), ("rest", 6)))
-    slope = ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
+    residual, slope = _balance(problem, contact)
     found = np.full_like(result.poses, np.nan)
     for row in np.flatnonzero(result.converged if rows is None else rows):
         given = (problem.loads[row], problem.rest[row])
@@ -106,7 +104,27 @@ def on_model(
         if np.abs(unbalanced(answer)).max() <= TOLERANCE_N:
             found[row] = problem.rest[row]
             found[row, columns] = answer * KNEE_STEPS[columns]
-    return space.onto(found)
+    return problem.model.scene.pose_space.onto(found)
+
+
+def held_moves(problem: StaticEquilibrium, poses: Array, moves: Array) -> Array:
+    """Of moves (n, 6) away from poses (n, 6) the part that contact or springs hold: a ball may turn in its cup."""
+    columns, contact, held = problem.columns, wrench_function(problem.model), np.zeros_like(moves)
+    _, slope = _balance(problem, contact)
+    for row, (pose, move) in enumerate(zip(poses, moves, strict=True)):
+        stiffness = np.asarray(slope(pose[columns] / KNEE_STEPS[columns], problem.loads[row], problem.rest[row]))
+        moved = stiffness @ (move[columns] / KNEE_STEPS[columns])
+        held[row, columns] = np.linalg.lstsq(stiffness, moved, rcond=HELD)[0] * KNEE_STEPS[columns]
+    return held
+
+
+def _balance(problem: StaticEquilibrium, contact: ca.Function) -> tuple[ca.Function, ca.Function]:
+    """What is unbalanced by the free parameters in `KNEE_STEPS`, the loads and the rest pose, and its slope; the caller
+    keeps the contact's wrenches alive."""
+    space = problem.model.scene.pose_space
+    residual = residual_function(contact, problem.free, problem.about, problem.stiffness, space)
+    q, loads, rest = (ca.MX.sym(name, size) for name, size in (("q", len(problem.columns)), ("loads", 6), ("rest", 6)))
+    return residual, ca.Function("slope", [q, loads, rest], [ca.jacobian(residual(q, loads, rest), q)])
 
 
 def _nearby(unbalanced: Callable[[Array], Array], slopes: Callable[[Array], Array], q: Array) -> Array | None:

@@ -101,6 +101,7 @@ def test_another_model_does_not_turn_a_ball_that_nothing_keeps_from_turning():
     )
     assert off[:, :3].max() < 0.01
     assert np.degrees(off[:, 3:].max()) < 0.01
+    assert (solve_from_lifts(problem, result, 3, (2.0, -0.5)).shares == 1.0).all()  # turned, but in the same place
 
 
 def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
