@@ -17,7 +17,8 @@ def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm], for jit, vmap, grad, jacfwd, jacrev and hessian.
 
     Compiled programs call the model back on the CPU, in double precision: poses in single precision raise ValueError.
-    A third derivative raises JAX's error for callbacks.
+    A pose that is not finite has loads and derivatives NaN, as JAX's own functions do. A third derivative raises JAX's
+    error for callbacks.
     """
     count = len(model.load_names)
 
@@ -26,7 +27,11 @@ def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array
 
         def of_any(poses: Any) -> Array:
             array = np.asarray(poses, dtype=np.float64)
-            return evaluate(array.reshape(-1, 6)).reshape(*array.shape[:-1], *shape)
+            rows = array.reshape(-1, 6)
+            finite = np.isfinite(rows).all(axis=1)
+            result = np.full((len(rows), *shape), np.nan)
+            result[finite] = evaluate(rows[finite])
+            return result.reshape(*array.shape[:-1], *shape)
 
         def function(poses: jax.Array) -> jax.Array:
             result = jax.ShapeDtypeStruct((*poses.shape[:-1], *shape), jnp.float64)

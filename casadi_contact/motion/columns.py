@@ -73,14 +73,22 @@ class TextColumns:
         """A column (n,) of finite numbers; ValueError likewise, and naming line and column of anything else."""
         numbers = np.empty(len(self.rows))
         for k, cell in enumerate(self.text(name)):
-            where = f"{self.path} line {self.rows[k][0]}, {name}"
-            try:
-                numbers[k] = float(cell)
-            except ValueError:
-                raise ValueError(f"{where}: got {short(cell)!r}, expected a number") from None
-            if not math.isfinite(numbers[k]):
-                raise ValueError(f"{where}: got {cell}, expected a finite number")
+            numbers[k] = finite_number(cell, f"{self.path} line {self.rows[k][0]}, {name}")
         return numbers
+
+
+def finite_number(text: str, where: str) -> float:
+    """The number that a file's text stands for, ValueError beginning with `where` for anything else: also for what only
+    Python takes for a number (1_000, digits of other scripts)."""
+    try:
+        number = float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        number = None
+    if number is None:
+        raise ValueError(f"{where}: got {short(text)!r}, expected a number")
+    if not math.isfinite(number):
+        raise ValueError(f"{where}: got {text}, expected a finite number")
+    return number
 
 
 def read_columns(

@@ -43,6 +43,15 @@ def test_single_precision_and_other_shapes_are_refused():
         loads(POSES.astype("float32"))
 
 
+def test_a_pose_that_is_not_finite_has_no_loads_and_leaves_the_others_alone():
+    loads = contact_loads(SURROGATE)
+    poses = jax.numpy.asarray(POSES[:2]).at[0, 1].set(jax.numpy.nan)
+    for function in (loads, jax.vmap(jax.jacrev(loads))):
+        got = function(poses)
+        assert jax.numpy.isnan(got[0]).all()
+        close(got[1], function(jax.numpy.asarray(POSES[:2]))[1], 12)
+
+
 def test_a_third_derivative_is_refused():
     loads = contact_loads(SURROGATE)
     with pytest.raises(ValueError, match="callback"):

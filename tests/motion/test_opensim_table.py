@@ -85,6 +85,8 @@ HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
         (HEAD + "time\ta\n0\t1\n1\t1\n", r"walk.mot line 7: 2 labels, but nColumns=3"),
         (HEAD + "time\ta\tb\n0\t1\tnan\n1\t1\t2\n", r"walk.mot line 8, b: got nan, expected a finite number"),
         (HEAD + "time\ta\tb\n0\tx\t2\n1\t1\t2\n", r"walk.mot line 8, a: got 'x', expected a number"),
+        ("inDegrees=no\ninDegrees=yes\n" + HEAD, r"walk.mot line 2: inDegrees is 'no' and 'yes', expected one of them"),
+        (HEAD + "time\ta\tb\n0\t1_0\t2\n1\t1\t2\n", r"walk.mot line 8, a: got '1_0', expected a number"),
         (HEAD + "a\tb\ttime\n", r"walk.mot line 7: the first label is 'a', expected 'time'"),
         (HEAD, r"walk.mot ends after its header"),
         ("walk\nversion=1\ntime\ta\n", r"walk.mot has no line 'endheader'"),

@@ -9,7 +9,6 @@ time  label  label ...  tabs or spaces
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, replacing, short
+from casadi_contact.files import MOST_TEXT, checked_size, replacing
+from casadi_contact.motion.columns import finite_number
 
 TIME = "time"
 VERSIONS = (1, 2, 3)
@@ -106,7 +106,7 @@ def read_opensim_table(path: str | Path) -> Table:
     ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
     if not ends:
         raise ValueError(f"{path} has no line 'endheader', expected a .mot or .sto file")
-    name, header, notes = _read_header(lines[: ends[0]])
+    name, header, notes = _read_header(path, lines[: ends[0]])
     counts = {
         key: _whole_number(path, key, header.pop(key)) for key in ("version", "nRows", "nColumns") if key in header
     }
@@ -146,13 +146,19 @@ def write_table(table: Table, path: str | Path) -> None:
         beside.write_text("\n".join([*head, "endheader", *body, ""]), "utf-8")
 
 
-def _read_header(lines: list[str]) -> tuple[str, dict[str, str], tuple[str, ...]]:
+def _read_header(path: Path, lines: list[str]) -> tuple[str, dict[str, str], tuple[str, ...]]:
     """Name, key=value lines and other text of the lines before endheader."""
-    name, header, notes = "", {}, []
+    name, notes = "", []
+    header: dict[str, str] = {}
     for number, line in enumerate(text.strip() for text in lines):
         pair = _KEY_AND_VALUE.fullmatch(line)
         if pair:
-            header[_KNOWN_KEYS.get(pair[1].lower(), pair[1])] = pair[2]
+            key = _KNOWN_KEYS.get(pair[1].lower(), pair[1])
+            if key in _COUNTED and header.get(key, pair[2]) != pair[2]:
+                raise ValueError(
+                    f"{path} line {number + 1}: {key} is {header[key]!r} and {pair[2]!r}, expected one of them"
+                )
+            header[key] = pair[2]
         elif number == 0:
             name = line
         elif line:
@@ -181,13 +187,4 @@ def _read_row(path: Path, number: int, line: str, labels: list[str]) -> list[flo
     words = line.split()
     if len(words) != len(labels):
         raise ValueError(f"{path} line {number}: got {len(words)} values, expected {len(labels)}")
-    row = []
-    for label, word in zip(labels, words, strict=True):
-        try:
-            value = float(word)
-        except ValueError:
-            raise ValueError(f"{path} line {number}, {label}: got {short(word)!r}, expected a number") from None
-        if not math.isfinite(value):
-            raise ValueError(f"{path} line {number}, {label}: got {word}, expected a finite number")
-        row.append(value)
-    return row
+    return [finite_number(word, f"{path} line {number}, {label}") for label, word in zip(labels, words, strict=True)]
