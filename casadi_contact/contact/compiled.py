@@ -203,7 +203,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
             self.patch_names,
             patches,
             False,
-            "overlap of no more than the thickness of the layer",
+            "overlap of no more than the thickness of the layer, none from behind",
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,

@@ -115,7 +115,8 @@ def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_
 def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_bear(scene, tmp_path):
     # Cubic cells, which the sphere gets here, keep their tables in a file of their own.
     model = CellFoundation(cc.load_scene(scene)) if scene == "sphere_on_plane" else cc.foundation(scene)
-    away = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    pole = model.scene.geometry.get("cup_pole", (0.0, -1.0, 0.0))
+    away = np.array([*(np.negative(pole) / np.linalg.norm(pole)), 0.0, 0.0, 0.0])
     nearest = model.scene.start_pose + np.outer(np.linspace(30.0, -30.0, 601), away)
     pressed = nearest[np.flatnonzero(model.gaps(nearest).min(axis=1) < -0.1)[0]]
     exported = Exported(model, tmp_path, example_pose=pressed)
@@ -133,6 +134,17 @@ def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_be
         assert re.search(r"\d+ rays x \d points", exported.header)
         metres = [0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3]
         assert exported.all_of(metres)[0] == OUTSIDE, "the surfaces have passed through each other"
+    if scene == "hip":
+        for way in (-away[:3], np.array([1.0, 0.0, 0.0])):
+            behind = np.array([*(model.scene.geometry["cup_centre"] + 30.0 * way), 0.0, 0.0, 0.0])
+            assert -4.0 < model.gaps(behind)[0] < 0.0, "presses the cup from behind, and but a little"
+            assert exported.all_of(behind)[0] == OUTSIDE
+
+
+def test_an_exported_foundation_without_caps_compiles_without_warnings(tmp_path):
+    model = cc.foundation("patellofemoral")
+    start = model.scene.start_pose
+    close(Exported(model, tmp_path)("loads", start, (len(model.load_names),))[1], model(start), 8)
 
 
 def assert_pressures_are_python_s(exported, model, poses):

@@ -22,7 +22,6 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
     """Tables of the patches and `patch_loads`."""
     free, at_rim = ray_angles(rays.count), ray_angles(rays.at_rim)
     x, weight = np.polynomial.legendre.leggauss(rays.points)
-    fan = fan_angles(rays.in_caps)
     sizes = {
         "RAYS": rays.count,
         "RIM_RAYS": rays.at_rim,
@@ -54,11 +53,12 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "rim_sin[RIM_RAYS]": at_rim[1],
         "gauss_x[GAUSS]": 0.5 * (1.0 + x),
         "gauss_w[GAUSS]": 0.5 * weight,
-        "fan_cos[CAP_LINES]": fan[0],
-        "fan_sin[CAP_LINES]": fan[1],
-        "fan_weight[CAP_LINES]": fan[2],
         "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
     }
+    has_caps = len(patches[0].arcs) > 1
+    if has_caps:
+        fan = fan_angles(rays.in_caps)
+        tables |= {"fan_cos[CAP_LINES]": fan[0], "fan_sin[CAP_LINES]": fan[1], "fan_weight[CAP_LINES]": fan[2]}
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
@@ -70,7 +70,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             c_text("polar_middle.h", _C),
             c_text("polar_lines.h", _C),
             c_text("polar_rays.h", _C),
-            *([c_text("polar_caps.h", _C)] if len(patches[0].arcs) > 1 else []),
+            *([c_text("polar_caps.h", _C)] if has_caps else []),
             c_text("polar.h", _C),
             c_text("orders.h", _C),
         ]
