@@ -9,6 +9,7 @@ from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.shapes.mesh_bodies import body_mesh, body_surface
 
 MOST_BEYOND = 0.01  # of the load, from which on it is worth a word
+_CHUNK = 200  # poses whose pressed points are looked up at once: the mesh's tree is built anew by each look
 
 
 def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
@@ -22,14 +23,27 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
     if model.scene.shape != "mesh" or not len(body_mesh(model.scene.geometry, "moving").boundary_edges):
         return share
     surface = body_surface(model.scene.geometry, "moving")
-    for k, (pose, turned) in enumerate(zip(poses, rotation(poses[:, 3:]), strict=True)):
-        maps = model.pressure_maps(pose)
-        force = np.concatenate([each.pressures_mpa * each.areas_mm2 for each in maps])
-        if (pressed := force > 0.0).any():
-            points = np.concatenate([each.centres_mm for each in maps])[pressed]
-            beyond = surface.beyond_open_edges((points - pose[:3]) @ turned)
-            share[k] = force[pressed] @ beyond / force.sum()
+    turned = rotation(poses[:, 3:])
+    for first in range(0, len(poses), _CHUNK):
+        chunk = np.arange(first, min(first + _CHUNK, len(poses)))
+        pressed = [_pressed(model, poses[k]) for k in chunk]
+        at = np.repeat(chunk, [len(force) for _, force in pressed])
+        if not len(at):
+            continue
+        points, force = (np.concatenate(each) for each in zip(*pressed, strict=True))
+        beyond = surface.beyond_open_edges(np.einsum("ni,nij->nj", points - poses[at, :3], turned[at]))
+        total = np.bincount(at - first, force, len(chunk))
+        share[chunk] = np.divide(
+            np.bincount(at - first, force * beyond, len(chunk)), total, where=total > 0.0, out=total
+        )
     return share
+
+
+def _pressed(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
+    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
+    maps = model.pressure_maps(pose)
+    force = np.concatenate([each.pressures_mpa * each.areas_mm2 for each in maps])
+    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
 
 
 def words_beyond_open_edges(share: Array) -> str | None:
