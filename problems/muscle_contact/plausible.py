@@ -24,6 +24,15 @@ _MOVES_M = 0.002  # less travel tells nothing of velocity
 _FEWEST_FRAMES = 5  # to tell a rate from
 _ARM_M = 0.01  # less, and other coordinates move the muscle more
 _AGREES, _CONTRADICTS = 0.5, -0.8
+# Muscles as the usual leg models name them, by where they cross a right knee: their arms about this coordinate are
+# larger than those of the others.
+_SIDES = {
+    "knee_adduction": (
+        ("grac", "sar", "semimem", "semiten", "gasmed", "med_gas"),
+        ("bf", "bifem", "gaslat", "lat_gas", "tfl"),
+    ),
+    "knee_rotation": (("bf", "bifem"), ("semimem", "semiten", "grac")),
+}
 
 
 def check_lengths(what: str, names: Sequence[str], lengths_m: Array) -> None:
@@ -55,6 +64,22 @@ def check_arms(walk: str, names: Sequence[str], arms: Mapping[str, Array]) -> No
             f"walk {walk}: arms about knee_ty are {pull:+.2g} in the mean, expected negative ones: arm = "
             "-dlength/dcoordinate, and a femur that rises lengthens what crosses the knee; turn their sign"
         )
+
+
+def check_sides(walk: str, names: Sequence[str], arms: Mapping[str, Array]) -> None:
+    """ValueError where muscles known to cross the knee medially and laterally turn it as if they crossed on the other
+    side (arms (n, m) about adduction or rotation of the wrong sign, or of a left knee); other names tell nothing."""
+    for coordinate, groups in _SIDES.items():
+        known = [[k for k, name in enumerate(names) if name.lower().startswith(group)] for group in groups]
+        if coordinate not in arms or not all(known):
+            continue
+        more, less = (float(arms[coordinate][:, of].mean()) for of in known)
+        if more < less:
+            more_names, less_names = (", ".join(names[k] for k in of) for of in known)
+            raise ValueError(
+                f"walk {walk}: arms about {coordinate} are {more:+.2g} m in the mean of {more_names} and "
+                f"{less:+.2g} m of {less_names}, expected the first larger: turn their sign, or mirror a left knee"
+            )
 
 
 def check_loads(walk: str, loads: Mapping[str, Array]) -> None:

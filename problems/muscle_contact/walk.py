@@ -23,6 +23,7 @@ from problems.muscle_contact.plausible import (
     check_flexion_arms,
     check_lengths,
     check_loads,
+    check_sides,
     check_velocities,
 )
 from problems.muscle_contact.times import at_times, check_covers
@@ -80,6 +81,7 @@ class MuscleWalk:
         names = self.muscles.names
         check_lengths(f"walk {self.name}", names, self.lengths_m)
         check_arms(self.name, names, self.arms)
+        check_sides(self.name, names, self.arms)
         check_loads(self.name, self.loads)
         check_velocities(self.name, names, self.time_s, self.lengths_m, self.velocities_m_per_s)
         if "knee_flexion" in self.arms:

@@ -187,6 +187,11 @@ def scaled(field, factor, *names):
         (lambda: scaled("arms", -1.0, "knee_flexion"), "shorten that lengthen by their arms .* turn the sign"),
         (lambda: scaled("rz", -1.0), "shorten that lengthen by their arms .* or of rz"),
         (lambda: scaled("arms", -1.0, "knee_ty"), r"about knee_ty are \+0.96 in the mean, expected negative"),
+        (
+            lambda: scaled("arms", -1.0, "knee_adduction"),
+            "about knee_adduction are .* of .*grac.* and .* of bflh.*: turn their sign, or mirror a left knee",
+        ),
+        (lambda: scaled("arms", -1.0, "knee_rotation"), "about knee_rotation are .* in the mean of bflh, bfsh and"),
         (lambda: scaled("velocities_m_per_s", -1.0), r"of bflh are -1 times dlength/dt .* turn their sign"),
         (lambda: scaled("velocities_m_per_s", 1e3), "are 1e.03 times dlength/dt .* give m/s"),
         (lambda: scaled("lengths_m", 1e3), "expected more than 0 and at most 2 m: are lengths in mm"),
@@ -209,6 +214,18 @@ def scaled(field, factor, *names):
 def test_units_and_signs_that_no_knee_has_are_refused_with_the_cure(harm, said):
     with pytest.raises(ValueError, match=said):
         harm()
+
+
+def test_signs_of_adduction_arms_are_told_by_names_of_other_leg_models_and_by_no_others():
+    names = WALK.muscles.names
+    opensim = {"gasmed": "med_gas_r", "gaslat": "lat_gas_r", "bflh": "bifemlh_r", "bfsh": "bifemsh_r", "sart": "sar_r"}
+    others = [replace(WALK.muscles, names=tuple(opensim.get(name, name) for name in names))]
+    others.append(replace(WALK.muscles, names=tuple(f"muscle {k}" for k in range(len(names)))))
+    turned = {**WALK.arms, "knee_adduction": -WALK.arms["knee_adduction"]}
+    with pytest.raises(ValueError, match=r"mean of med_gas_r, .* of bifemlh_r"):
+        replace(WALK, arms=turned, muscles=others[0])
+    replace(WALK, muscles=others[0])
+    replace(WALK, arms=turned, muscles=others[1])
 
 
 def test_a_single_arm_against_its_muscle_s_lengths_is_doubted():

@@ -33,6 +33,9 @@ def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_on
     assert 0.2 < share[1] < 0.8, "half of the spot lies beyond, where the cap rounds off"
     assert "in 1 of 3 frames up to" in words_beyond_open_edges(share)
 
+    many = np.tile([upright, tilted, apart], (150, 1))  # more than are looked up at once
+    np.testing.assert_allclose(share_beyond_open_edges(model, many), np.tile(share, 150), rtol=1e-12)
+
 
 def test_a_closed_body_has_no_open_edges(folder):
     share = share_beyond_open_edges(model_of(folder, "ball"), np.array([[0.0, 19.9, 0.0, 0.5, 0.0, 0.0]]))
