@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import new_hdf5, one_line, open_hdf5
+from casadi_contact.files import existing_file, new_hdf5, one_line, open_hdf5
 from casadi_contact.scenes import Scene
 
 DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
@@ -147,11 +147,9 @@ def read_samples(path: str | Path) -> Samples:
     else, or was written by a newer version.
     """
     path = Path(path)
-    if not path.is_file():
-        if partial_folder(path).is_dir():
-            raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
-        raise FileNotFoundError(f"samples file {path} does not exist")
-    with open_hdf5(path) as file:
+    if not path.exists() and partial_folder(path).is_dir():
+        raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
+    with open_hdf5(existing_file(path, "samples file")) as file:
         if file.attrs.get("format") != FORMAT_NAME:
             raise ValueError(f"{path} is not a samples file of casadi_contact")
         version = file.attrs.get("format_version", 0)

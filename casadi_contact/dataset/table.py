@@ -21,7 +21,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset.gap_sign import refuse_wrong_gaps
 from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.files import open_hdf5, short
+from casadi_contact.files import existing_file, open_hdf5, short
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.scenes import Scene
@@ -96,9 +96,7 @@ def _read_csv(path: Path, required: list[str], optional: list[str]) -> dict[str,
 
 
 def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
-    if not path.is_file():
-        raise FileNotFoundError(f"file {path} does not exist")
-    with open_hdf5(path) as file:
+    with open_hdf5(existing_file(path)) as file:
         missing = [column for column in required if column not in file]
         if missing:
             raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")

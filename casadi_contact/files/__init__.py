@@ -1,5 +1,6 @@
 """Files that are never half written, and never trusted before they are checked."""
 
+from casadi_contact.files.existing import existing_file
 from casadi_contact.files.folder_lock import folder_lock
 from casadi_contact.files.hdf5 import new_hdf5, open_hdf5
 from casadi_contact.files.limits import MOST_MESH, MOST_TEXT, MOST_UNPACKED, checked_size, one_line, short
@@ -12,6 +13,7 @@ __all__ = [
     "MOST_TEXT",
     "MOST_UNPACKED",
     "checked_size",
+    "existing_file",
     "file_stem",
     "folder_lock",
     "new_hdf5",

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from casadi_contact.files.existing import existing_file
 from casadi_contact.files.limits import checked_size
 
 MOST_CHARACTERS = 1_000_000  # of a scene's or an assembly's text
@@ -15,9 +16,7 @@ def toml_text(path: Path, what: str) -> str:
     """The text of a file; raises FileNotFoundError, ValueError for a folder, one too large and for what is no text."""
     if path.is_dir():
         raise ValueError(f"{path} is a folder, expected the TOML file of the {what}")
-    if not path.is_file():
-        raise FileNotFoundError(f"{what} file {path} does not exist")
-    checked_size(path, 4 * MOST_CHARACTERS)
+    checked_size(existing_file(path, f"{what} file"), 4 * MOST_CHARACTERS)
     try:
         return path.read_text("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.files import existing_file
 from casadi_contact.geometry.mesh_checks import (
     Box,
     check_joined,
@@ -67,8 +68,7 @@ def load_mesh(
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"mesh {path} is a {path.suffix or 'nameless'} file, expected one of {', '.join(FORMATS)}")
-    if not path.is_file():
-        raise FileNotFoundError(f"mesh file {path} does not exist")
+    existing_file(path, "mesh file")
     vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else read_by_trimesh(path)
     return checked_mesh(path.name, vertices, faces, units, axes, contact, placement)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, replacing, short
+from casadi_contact.files import MOST_TEXT, checked_size, existing_file, replacing, short
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,7 @@ class TextColumns:
         Raises FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows
         and a file without rows.
         """
-        path = Path(path)
-        if not path.is_file():
-            why = "is a folder, expected a CSV file" if path.is_dir() else "does not exist"
-            raise FileNotFoundError(f"{what} {path} {why}")
+        path = existing_file(path, what, "a CSV file")
         checked_size(path, MOST_TEXT)
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:

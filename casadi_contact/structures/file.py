@@ -23,7 +23,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from casadi_contact.files import new_hdf5, one_line, open_hdf5
+from casadi_contact.files import existing_file, new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
@@ -99,9 +99,7 @@ def read_file(path: str | Path, *, trusted: bool = False) -> Content:
 
     Raises FileNotFoundError, or ValueError that says whether the file is foreign, newer or damaged.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"surrogate file {path} does not exist")
+    path = existing_file(path, "surrogate file", "a surrogate's .h5")
     with open_hdf5(path, trusted=trusted) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from casadi_contact.files import checked_size, replacing
+from casadi_contact.files import checked_size, existing_file, replacing
 from casadi_contact.files.limits import MOST_DATA
 
 _SEAL = b"\nsha256 "
@@ -55,9 +55,7 @@ def load_function(path: str | Path, *, allow_external: bool = False) -> ca.Funct
     trust such a file as you would a program. Raises FileNotFoundError if there is none, and ValueError for a file that
     is damaged, not a CasADi function, or needs allow_external.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"CasADi file {path} does not exist")
+    path = existing_file(path, "CasADi file")
     checked_size(path, MOST_DATA)
     content = path.read_bytes()
     if not allow_external:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, replacing
+from casadi_contact.files import MOST_TEXT, checked_size, existing_file, replacing
 from casadi_contact.motion.columns import finite_number
 
 TIME = "time"
@@ -94,10 +94,7 @@ def read_opensim_table(path: str | Path) -> Table:
     header without end, an unknown version, a label that is missing or there twice, a ragged row, NaN, text among the
     numbers, or fewer rows than the header promises.
     """
-    path = Path(path)
-    if not path.is_file():
-        what = "is a folder, expected a .mot or .sto file" if path.is_dir() else "does not exist"
-        raise FileNotFoundError(f"file {path} {what}")
+    path = existing_file(path, expected="a .mot or .sto file")
     checked_size(path, MOST_TEXT)
     try:
         lines = path.read_text("utf-8-sig").splitlines()
