@@ -203,7 +203,7 @@ def fit_surrogate(
 
     first = {name: chosen.sizes[0] for name, chosen in settings.items()}
     if onward is None:
-        starts = kind.starts(first, made or {})
+        starts = kind.starts(first, {structure: one.networks for structure, one in (made or {}).items()})
     else:
         starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
     fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, progress, starts)}

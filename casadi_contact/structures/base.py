@@ -1,4 +1,4 @@
-"""What surrogate structures share: named networks, CasADi functions, file and description."""
+"""A surrogate: named networks, CasADi functions, file and description, whatever its structure."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
-from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
 from casadi_contact.structures.distrust import OffSpace
 from casadi_contact.structures.file import Content, write_file
 from casadi_contact.structures.functions import SurrogateFunctions
 from casadi_contact.structures.info import SurrogateInfo, describe
+from casadi_contact.structures.structure import Structure
 from casadi_contact.structures.trust import Trust
 from casadi_contact.structures.trust_source import OWN_ROOTS
 from casadi_contact.structures.trusted_kernel import TrustedKernel
@@ -32,7 +32,7 @@ from casadi_contact.transcription.kernel import Kernel
 from casadi_contact.transcription.kernel.networks import Bundle
 
 
-class Surrogate(SurrogateFunctions, Exportable):
+class Surrogate(Structure, SurrogateFunctions, Exportable):
     """Networks and the scene they were trained for.
 
     networks: by name; record: what trained them (see `casadi_contact.structures.info`), plain JSON values; trust: what
@@ -40,12 +40,6 @@ class Surrogate(SurrogateFunctions, Exportable):
     ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
     or more go through a C kernel (see `casadi_contact.structures.arrays`), as `load_surrogate` wants it.
     """
-
-    structure: ClassVar[str]
-    title: ClassVar[str]
-    """What charts call it."""
-    budget_shares: ClassVar[Mapping[str, float]] = {}
-    """Share of a network's training time, by the start of its name; 1 for all others."""
 
     def __init__(
         self,
@@ -80,56 +74,6 @@ class Surrogate(SurrogateFunctions, Exportable):
                 f"networks {', '.join(networks) or '(none)'} are not enough for any load of scene "
                 f"{scene.name!r}, expected some of {', '.join(known)}"
             )
-
-    @staticmethod
-    def fits(scene: Scene) -> bool:
-        """True where this structure can stand for the scene's loads."""
-        return True
-
-    @classmethod
-    @abstractmethod
-    def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """Every network this structure can have for a scene, with its number of inputs."""
-
-    @classmethod
-    def network_outputs(cls, scene: Scene) -> dict[str, int]:
-        """The same networks, each with its number of outputs."""
-        return dict.fromkeys(cls.network_inputs(scene), 1)
-
-    @staticmethod
-    def gives_spots(name: str) -> bool:
-        """True for a network that may have several outputs, the root loads of as many spots."""
-        return False
-
-    @staticmethod
-    def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Surrogate]) -> dict[str, Network]:
-        """Networks to train from, of these hidden layers, where surrogates made of the same samples have what helps."""
-        return {}
-
-    @staticmethod
-    @abstractmethod
-    def regressions(samples: Samples) -> list[Regression]:
-        """The regressions, one for each network, that samples pose."""
-
-    @staticmethod
-    def parts_regressions(samples: Samples) -> list[PartsRegression]:
-        """What networks of root loads are fitted on to together, a patch that is cut into parts each."""
-        return []
-
-    @classmethod
-    def twins(cls, scene: Scene) -> dict[str, str]:
-        """Networks that need no training, each with the one that it is the mirror image of (`reflection`)."""
-        return {}
-
-    @staticmethod
-    def reflection(name: str, network: Network, scene: Scene) -> Network:
-        """The twin `name` of a network; raises ValueError for one that is not among `twins`."""
-        raise ValueError(f"network {name!r} is the mirror image of none, expected one of `twins`")
-
-    @classmethod
-    @abstractmethod
-    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """Names of the networks that the loads need; raises ValueError for an unknown load."""
 
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""

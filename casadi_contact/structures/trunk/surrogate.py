@@ -15,7 +15,6 @@ from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
@@ -68,10 +67,10 @@ class TrunkSurrogate(PatchSurrogate):
         return reflected(network, scene.pose_space.free, trunk_outputs(scene).get(name, (None,)))
 
     @staticmethod
-    def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Surrogate]) -> dict[str, Network]:
+    def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Mapping[str, Network]]) -> dict[str, Network]:
         """The root networks of a patch surrogate of the same samples, widened, where one was made and they fit."""
-        roots = made["patch"].networks if "patch" in made else {}
-        found = {name: root for name, root in roots.items() if name.startswith("root_") and name in hidden}
+        roots = made.get("patch", {}).items()
+        found = {name: root for name, root in roots if name.startswith("root_") and name in hidden}
         return {name: widen(root, hidden[name], seed=0) for name, root in found.items() if root.hidden <= hidden[name]}
 
     @staticmethod
