@@ -1,11 +1,11 @@
 """What README and docs show works as shown: Python runs, commands parse, links and pictures are there."""
 
+import ast
 import importlib
 import re
 import shlex
 from pathlib import Path
 
-import click
 import pytest
 from typer.main import get_command
 
@@ -23,6 +23,9 @@ NEEDS = {
     Path("docs/how-to/gpu.md"): ("torch",),
     Path("docs/how-to/pytorch-jax.md"): ("torch", "jax"),
 }
+_OPTION = re.compile(r"(?<![\w/-])--[a-z][a-z-]*[a-z]")
+# of dask, Octave, pip, a linker and compilers
+_OTHERS = "--scheduler-file --nworkers --nthreads --mex --no-build-isolation --export --version"
 _BLOCK = re.compile(r"(?:<!-- not run: (?P<reason>[^\n]+) -->\n)?```python\n(?P<code>.*?)```", re.S)
 
 
@@ -73,10 +76,36 @@ def test_few_python_blocks_are_not_run_and_each_says_why():
 def test_every_command_of_a_page_has_the_arguments_and_options_it_shows(page):
     for program, *arguments in commands_of(page):
         command = command_of(program)
-        if isinstance(command, click.Group) and arguments[:1] != ["--help"]:
+        if hasattr(command, "commands") and arguments[:1] != ["--help"]:
             assert arguments[0] in command.commands, f"{page}: {program} {arguments[0]}"
             command, arguments = command.commands[arguments[0]], arguments[1:]
         command.make_context(program, arguments)  # raises for what it does not know
+
+
+def options_of(command):
+    """Options of a command and of all commands below it."""
+    own = {option for each in command.params for option in (*each.opts, *each.secondary_opts)} | {"--help"}
+    return own.union(*(options_of(each) for each in getattr(command, "commands", {}).values()))
+
+
+def messages_with_options():
+    """Texts of the code that name options: messages, docstrings and help."""
+    for path in sorted([*(ROOT / "casadi_contact").rglob("*.py"), *(ROOT / "problems").rglob("*.py")]):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield from ((path.relative_to(ROOT), option) for option in _OPTION.findall(node.value))
+
+
+def test_options_named_in_pages_and_messages_are_those_of_some_command():
+    mains = [path.parent for path in (ROOT / "problems").glob("*/__main__.py")]
+    studies = [path.with_suffix("") for path in (ROOT / "problems" / "studies").glob("[a-z]*.py")]
+    programs = ["casadi-contact", *(".".join(path.relative_to(ROOT).parts) for path in (*mains, *studies))]
+    programs += ["problems.studies.pages", "problems.studies.stability"]
+    known = set().union(_OTHERS.split(), *(options_of(command_of(program)) for program in programs))
+    named = [(page, option) for page in PAGES for option in _OPTION.findall(text_of(page))]
+    unknown = {(str(where), option) for where, option in (*named, *messages_with_options()) if option not in known}
+    assert unknown == set()
+    assert {"--side", "--measured"} <= {option for _, option in named}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)
