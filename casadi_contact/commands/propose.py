@@ -24,7 +24,7 @@ from casadi_contact.show.scene_picture import draw_scene
 SIDES = ("right", "left")
 
 
-def _name_of(mesh: Path) -> str:
+def name_of_mesh(mesh: Path) -> str:
     """A scene's name made of a mesh file's; a ValueError says --out where it cannot be one."""
     try:
         return scene_name("_".join(mesh.stem.split()))
@@ -52,7 +52,7 @@ def scene(
     for option, (value, allowed) in {**given, "units": (units, MM_PER_UNIT)}.items():
         if value is not None and value not in tuple(allowed):
             raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
-    path = Path(f"{_name_of(fixed)}.toml") if out is None else out
+    path = Path(f"{name_of_mesh(fixed)}.toml") if out is None else out
     if path.suffix != ".toml":
         raise ValueError(f"--out is {path}, expected a scene file, for example my.toml")
     named: Sequence[str] | None = None if axes is None else [axis.strip() for axis in axes.split(",")]

@@ -1,9 +1,9 @@
 """From the mesh files of a joint to the poses of measured cycles, in one command and with nothing trained.
 
-The scene file names the meshes. The poses of each cycle are estimated in IPOPT (`problems.pose_estimation`) on the
-foundation of that scene (`cc.foundation`) and checked on its element grid. ``--surrogate`` puts networks in the
-foundation's place: they are sampled, trained, evaluated and exported into the same folder first (as ``casadi-contact
-build`` does; run again, it goes on from what is there).
+The scene file names the meshes; two meshes in its place have one proposed (`from_meshes`). The poses of each cycle are
+estimated in IPOPT (`problems.pose_estimation`) on the foundation of that scene (`cc.foundation`) and checked on its
+element grid. ``--surrogate`` puts networks in the foundation's place: they are sampled, trained, evaluated and exported
+into the same folder first (as ``casadi-contact build`` does; run again, it goes on from what is there).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact.commands.build import build as build_surrogates
+from casadi_contact.commands.propose import name_of_mesh
 from casadi_contact.contact import NotGoodEnoughError, foundation
 from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.fitting import structures_for_scene
@@ -27,6 +28,7 @@ from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
+from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build, wanted_loads
 from problems.pose_estimation.report import report
@@ -39,8 +41,11 @@ app = new_app()
 
 @app.command()
 def run(
-    scene: Annotated[Path, typer.Argument(help="scene file that names the meshes")],
-    cycles: Annotated[list[Path], typer.Argument(help="measured cycles (CSV) to find the poses of")],
+    scene: Annotated[Path, typer.Argument(help="scene file that names the meshes, or the moving body's mesh")],
+    cycles: Annotated[
+        list[Path],
+        typer.Argument(help="measured cycles (CSV) to find the poses of; after a mesh the fixed body's first"),
+    ],
     start: Annotated[Path | None, typer.Option(help="begin at these measured poses (CSV, .sto; tx ... rz)")] = None,
     starts: Annotated[int, typer.Option(min=0, help="also solve each cycle from this many random starts")] = 0,
     surrogate: Annotated[bool, typer.Option("--surrogate", help="train networks and solve on these")] = False,
@@ -49,10 +54,19 @@ def run(
 ) -> None:
     """Find the poses of measured cycles on the meshes of a joint.
 
+    Two meshes (STL, OBJ, PLY or VTP) in place of a scene file have one proposed first, as casadi-contact scene does:
+    look at its picture.
+
     Exit status 2: some frames are not solved, and are named with the reason; 3: all are, but the contact model of the
     meshes differs in some.
     """
+    fixed = None
+    if is_mesh(scene):
+        fixed, cycles = fixed_and_cycles(scene, cycles)
     _check_names(cycles)
+    if fixed is not None:
+        out = RESULTS / NAME / name_of_mesh(fixed) if out is None else out
+        scene = scene_of_meshes(scene, fixed, out)
     found = load_scene(scene)
     measured: Sequence[Cycle] = reference_motion_cycles(found, cycles)  # before minutes of training
     for cycle in measured:

@@ -16,10 +16,10 @@ from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle, reference_cycles
 from casadi_contact.presets import PRESETS, Effort, Preset
 from problems.common.contact import ContactSource
-from problems.implant import SCENE, __main__
+from problems.implant import SCENE, __main__, from_meshes
 from problems.implant.__main__ import app
 from problems.pose_estimation.starts import start_from_file
-from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
+from tests.support import meshes
 from tests.support.shared_data import shared_file
 
 COLUMNS = ("knee_ant_r", "knee_sup_r", "knee_lat_r", "knee_flex_r", "knee_add_r", "knee_rot_r")  # tx ... rz, m and rad
@@ -78,6 +78,36 @@ def test_a_mistake_is_one_line_before_any_work(tmp_path, scene, cycle, said):
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "results").exists()
+
+
+def test_two_meshes_in_place_of_a_scene_have_one_proposed_which_is_then_kept(tmp_path, monkeypatch):
+    for name, mesh in {"ball": meshes.ball_mesh(20.0, 3.0), "dish": meshes.sheet_mesh(40.0, 4.0)}.items():
+        meshes.write_obj(tmp_path / f"{name}.obj", *mesh)
+    write_cycle(reference_cycle(frames=5), tmp_path / "walk.csv")
+    ball, dish, walk, out = (tmp_path / name for name in ("ball.obj", "dish.obj", "walk.csv", "out"))
+    proposed = []
+
+    def propose(moving, fixed, out):
+        proposed.append((moving, fixed))
+        out.write_text(meshes.mesh_scene_text(moving, fixed) + "# looked at")
+
+    monkeypatch.setattr(from_meshes, "propose_scene", propose)
+    scene = from_meshes.scene_of_meshes(ball, dish, out)
+    assert proposed == [(ball, dish)]
+    assert from_meshes.scene_of_meshes(ball, dish, out) == scene == out / "dish.toml"
+    assert len(proposed) == 1
+    assert scene.read_text().endswith("# looked at")
+    for given, said in [
+        ([ball, walk], "expected the fixed body's mesh and measured cycles after it"),
+        ([ball, dish], "expected the fixed body's mesh and measured cycles after it"),
+        ([ball, dish, tmp_path / "none.csv"], "cycle file .*none.csv does not exist"),
+        ([dish, dish, walk], "dish.toml is there and names other meshes"),
+        ([ball, dish, walk, walk], "expected names that differ"),
+    ]:
+        done = CliRunner().invoke(app, [*map(str, given), "--out", str(out)])
+        assert isinstance(done.exception, ValueError | FileNotFoundError)
+        assert re.search(said, str(done.exception))
+    assert len(proposed) == 1
 
 
 @pytest.mark.parametrize("second", ["monday/walk.csv", "tuesday/walk.csv", "tuesday/WALK.csv"])
