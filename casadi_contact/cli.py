@@ -13,6 +13,7 @@ from casadi_contact.commands.arguments import console
 from casadi_contact.commands.build import build, calibrate, evaluate, export, sample, train
 from casadi_contact.commands.compare import chart, choose, speed
 from casadi_contact.commands.convert import cycle
+from casadi_contact.commands.cut import cut
 from casadi_contact.commands.examples import examples
 from casadi_contact.commands.live import page
 from casadi_contact.commands.look import info, report, show
@@ -37,7 +38,7 @@ def options(
 
 
 _PROJECT = (build, sample, train, calibrate, evaluate, export, chart, speed, choose)
-for command in (scene, *_PROJECT, info, report, cycle, show, page):
+for command in (scene, cut, *_PROJECT, info, report, cycle, show, page):
     whole_sentence = " ".join((command.__doc__ or "").split("\n\n")[0].split())  # else cut off in the list of commands
     app.command(epilog=examples(command.__name__), short_help=whole_sentence)(command)
 

@@ -43,6 +43,7 @@ from casadi_contact.sampling import (
     draw_samples,
     elastic_foundations,
     model_name_of,
+    model_pair,
     reference_motion,
 )
 from casadi_contact.sampling.chunk import WrenchModel
@@ -81,7 +82,7 @@ def build(
     *,
     cycles: Sequence[str | Path] = (),
     table: str | Path | None = None,
-    model: DrawnModel | None = None,
+    model: DrawnModel | str = "elements",
     folder: str | Path | None = None,
     progress: Update | None = None,
     executor: Executor | None = None,
@@ -90,15 +91,15 @@ def build(
     """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
-    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: samples are drawn from it,
-    in this process, instead of from the elastic foundation; it stands for the same scene. folder: of all results,
-    results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a torch device
+    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: what samples are drawn
+    from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder: of
+    all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a torch device
     ("cuda") that samples and trains in this process. Called again after an interruption it goes on where it stopped.
 
     Raises ValueError for input that cannot be used or a device that cannot be had, OSError for a folder that cannot be
     written or that another process works in.
     """
-    if table is not None and (cycles or model is not None):
+    if table is not None and (cycles or model != "elements"):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
     project = Project.open(scene, preset, None if folder is None else Path(folder))
     with folder_lock(project.folder):
@@ -116,19 +117,19 @@ def build(
 def _draw(
     project: Project,
     cycles: Sequence[Path],
-    model: DrawnModel | None,
+    model: DrawnModel | str,
     progress: Update | None,
     executor: Executor | None,
     device: str,
 ) -> None:
-    """Draw the samples of the scene's elastic foundation, or of another model."""
+    """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
 
     def tell(done: int, total: int) -> None:
         if progress is not None:
             progress("samples", done, total, "")
 
-    if model is None:
-        sample(project, cycles, tell, executor, device=device)
+    if isinstance(model, str):
+        sample(project, cycles, tell, executor, model_pair(model), device)
         return
     if model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
@@ -167,10 +168,13 @@ def sample(
     process; its samples are those of the processor to rounding, not to the last bit.
 
     Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` and for gaps of the wrong
-    sign (the file is kept), and for a device that cannot be had or does not know the models.
+    sign (the file is kept), and for a device that cannot be had, does not know the models, or has an executor beside it.
     """
     if device != "cpu":
-        models, executor = _on_device(models, device), ThreadPoolExecutor(1)
+        if executor is not None:
+            raise ValueError(f"got device {device!r} and an executor, expected one of them")
+        with ThreadPoolExecutor(1) as here:
+            return sample(project, cycle_files, progress, here, _on_device(models, device))
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)

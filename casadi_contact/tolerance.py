@@ -17,6 +17,7 @@ from pathlib import Path
 from casadi_contact.benchmark.choose import Tolerance
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
+from casadi_contact.files import replacing
 from casadi_contact.fitting import build_command, fit_surrogate, moved_samples
 from casadi_contact.pipeline import sample
 from casadi_contact.presets import Effort, Preset, effort_for
@@ -121,7 +122,8 @@ def train_to_tolerance(
         _log.warning("round %d misses %s", k + 1, "; ".join(missed[:3]))
         efforts = {name: _further(effort_for(efforts, name), net.hidden) for name, net in surrogate.networks.items()}
     for name in (this.samples_path.name, this.motion_path.name):
-        shutil.copyfile(this.folder / name, project.folder / name)
+        with replacing(project.folder / name) as beside:
+            shutil.copyfile(this.folder / name, beside)
     trusted = with_trust(surrogate, samples, moved_samples(samples))
     trusted.save(project.surrogate_path(STRUCTURE))
     if missed:

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager
 
-from loky import ProcessPoolExecutor
+from loky import ProcessPoolExecutor, cpu_count
 
 
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
-    """The caller's executor, left open, or one process per core of our own.
+    """The caller's executor, left open, or one process of our own per core that this process may use.
 
     Our own processes are started afresh, not forked (a fork of a process whose OpenMP threads have run is unsafe), and
     do not run the user's script again, which so needs no ``if __name__ == "__main__"``. They end at once where the
@@ -25,7 +25,7 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
         if executor is not None:
             yield executor
             return
-        pool = ProcessPoolExecutor(os.cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
+        pool = ProcessPoolExecutor(cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
         try:
             yield pool
         except BaseException:

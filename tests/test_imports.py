@@ -68,6 +68,13 @@ def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
         assert not later, f"{path} imports from {later}, which comes after {room}"
 
 
+def test_the_table_of_rooms_in_the_docs_is_in_the_order_of_imports():
+    page = (PACKAGE.parent / "docs/architecture.md").read_text("utf-8")
+    first_cells = (line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
+    told = [name.strip(" `") for cell in first_cells for name in cell.split(",")]
+    assert told == [room for room in ROOMS if room != "__main__"]
+
+
 def module_imports(folder: Path) -> dict[str, set[str]]:
     """Modules of a package, each with those of the same package that it imports, anywhere in it, type checking aside.
 

@@ -11,6 +11,7 @@ _EXAMPLES = {
         "scene femur.stl insert.stl --side right --out my_knee.toml",
         "scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage",
     ),
+    "cut": ("cut my_knee.toml --to my_knee_parts.toml",),
     "build": (
         "build knee",
         "build knee --preset standard --cycles walk1.csv walk2.csv",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,8 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     kept = scene.material.law in C_LAWS  # of any other law the scene holds but a name
     record = kept_record(scene) if kept else None
     if record is not None:
-        return _as_recorded(scene, record, compiled=compiled)
+        with suppress(KeyError, TypeError, ValueError):  # not as such a record is written: as good as absent
+            return _as_recorded(scene, record, compiled=compiled)
     model = _CHOICES[scene.shape](scene, compiled=compiled)
     if kept:
         keep_record(scene, model.record)

@@ -1,8 +1,8 @@
 """Choices of contact models kept on disc, so that a scene's convergence test runs once.
 
 A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content,
-its tolerances and the code that chooses: a scene or a library that differs finds none. What cannot be read, or is not
-as written, is as good as absent, and where the folder cannot be written nothing is kept.
+its tolerances and the library's code: a scene or a library that differs finds none. What cannot be read, is not as
+written, or could be another user's is as good as absent, and where the folder cannot be written nothing is kept.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from typing import Any
 
 from casadi_contact.files import write_bytes
 from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel.compiler import cache_folder
+from casadi_contact.transcription.kernel.compiler import cache_folder, check_private, is_private
 
 _MOST_BYTES = 100_000
 _PACKAGE = Path(__file__).parents[1]
-_ROOMS = ("contact", "geometry", "shapes", "scenes")  # what a choice comes from
 
 
 def kept_record(scene: Scene) -> dict[str, Any] | None:
     """The record of the choice made for a scene; None where there is none."""
     path = _path(scene)
     with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-        if path.stat().st_size <= _MOST_BYTES:
+        check_private(path.parent)
+        if path.stat().st_size <= _MOST_BYTES and is_private(path):
             content = json.loads(path.read_bytes())
             if content["sha256"] == _digest(content["record"]):
                 return dict(content["record"])
@@ -40,6 +40,7 @@ def keep_record(scene: Scene, record: Mapping[str, Any]) -> None:
     path = _path(scene)
     with suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        check_private(path.parent)
         write_bytes(path, json.dumps({"sha256": _digest(record), "record": record}).encode())
 
 
@@ -55,5 +56,5 @@ def _digest(record: object) -> str:
 
 @cache
 def _code_digest() -> str:
-    paths = sorted(path for room in _ROOMS for path in (_PACKAGE / room).rglob("*.py"))
+    paths = sorted(path for ending in ("py", "h") for path in _PACKAGE.rglob(f"*.{ending}"))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in paths)).hexdigest()

@@ -85,7 +85,7 @@ class CallableModel:
     patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
     patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
     loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
-    magnitude of a force) needs gaps.
+    magnitude of a force) needs gaps. Raises ValueError for steps and a reach that are not finite and above 0.
     """
 
     def __init__(
@@ -99,6 +99,10 @@ class CallableModel:
         approach_mm: float = 0.25,
         reach_mm: float = 15.0,
     ) -> None:
+        lengths = {"step_mm": step_mm, "step_rad": step_rad, "approach_mm": approach_mm, "reach_mm": reach_mm}
+        for name, length in lengths.items():
+            if not 0.0 < length < np.inf:
+                raise ValueError(f"{name} is {length}, expected a finite number above 0")
         self.scene = scene
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
@@ -126,7 +130,7 @@ class CallableModel:
     def _wrench_slopes(self, poses: Array) -> Array:
         moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
         shifted = (poses[:, None, :] + moves).reshape(-1, 6)
-        plus, minus = np.split(self.wrenches(shifted).reshape(len(poses), 12, -1, 6), 2, axis=1)
+        plus, minus = np.split(self.wrenches(shifted).reshape(len(poses), 12, len(self.patch_names), 6), 2, axis=1)
         return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None, None]), 1, -1)
 
     @pose_or_poses
@@ -169,10 +173,10 @@ class CallableModel:
         far = np.zeros(len(rows))
         searching = np.arange(len(rows))
         while len(searching):
-            far[searching] += self._approach_mm
+            far[searching] = np.minimum(far[searching] + self._approach_mm, self._reach_mm)
             on = ~carries_load(searching, far[searching]) & (far[searching] < self._reach_mm)
             searching = searching[on]
-        near, all_of_them = far - self._approach_mm, np.arange(len(rows))
+        near, all_of_them = np.maximum(far - self._approach_mm, 0.0), np.arange(len(rows))
         for _ in range(_BISECTIONS if len(rows) else 0):
             middle = 0.5 * (near + far)
             touching = carries_load(all_of_them, middle)
@@ -220,7 +224,7 @@ class CallableModel:
         if self._gaps is not None:
             moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
             shifted = self.gaps((poses[:, None, :] + moves).reshape(-1, 6))
-            plus, minus = np.split(shifted.reshape(len(poses), 12, -1), 2, axis=1)
+            plus, minus = np.split(shifted.reshape(len(poses), 12, len(self.patch_names)), 2, axis=1)
             return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None]), 1, -1)
         slopes = np.zeros((len(poses), len(self.patch_names), 6))
         turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])

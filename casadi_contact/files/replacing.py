@@ -11,6 +11,7 @@ import re
 import shutil
 import socket
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -76,12 +77,12 @@ def scratch_folder(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _beside(name: str) -> str:
-    return f".{os.getpid()}@{_HOST}~{name}"
+    return f".{os.getpid()}-{threading.get_ident()}@{_HOST}~{name}"
 
 
 def _clear_leftovers(folder: Path, name: str) -> None:
     """Remove what processes of this machine that are no more left beside `name`; those of others may be at work."""
-    pattern = re.compile(rf"\.(\d+)@{re.escape(_HOST)}~{re.escape(name)}(~.*)?")
+    pattern = re.compile(rf"\.(\d+)(?:-\d+)?@{re.escape(_HOST)}~{re.escape(name)}(~.*)?")
     with suppress(OSError):
         for there in os.listdir(folder):
             match = pattern.fullmatch(there)

@@ -1,6 +1,5 @@
 """Contact in optimisation problems: variables, starts and constraints that IPOPT gets along with, and its settings."""
 
-from casadi_contact.optimisation.contact_callback import ContactCallback, wrench_function
 from casadi_contact.optimisation.contact_frames import ContactFrames, pose_in_space
 from casadi_contact.optimisation.contact_in_opti import ContactInOpti
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
@@ -14,11 +13,10 @@ from casadi_contact.optimisation.starts import (
     start_or_default,
     touching,
 )
-from casadi_contact.optimisation.total_wrench import total_selection
+from casadi_contact.optimisation.total_wrench import total_selection, wrench_function
 
 __all__ = [
     "KNEE_STEPS",
-    "ContactCallback",
     "ContactFrames",
     "ContactInOpti",
     "IpoptOutcome",

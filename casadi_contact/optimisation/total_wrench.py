@@ -1,11 +1,13 @@
-"""The whole wrench of a contact from its named loads."""
+"""The whole wrench of a contact from its named loads, as numbers and as a CasADi function."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
+from casadi_contact.contact import ContactModel, symbolic
 from casadi_contact.conventions import WRENCH_NAMES, Array
 
 
@@ -19,3 +21,16 @@ def total_selection(load_names: Sequence[str]) -> Array:
             f"expected all of {', '.join(WRENCH_NAMES)} in total or per patch"
         )
     return np.array([[float(component == of) for of in components] for component in WRENCH_NAMES])
+
+
+def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
+    """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
+
+    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
+    back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
+    wrench.
+    """
+    total = ca.sparsify(ca.DM(total_selection(model.load_names)))
+    pose = ca.MX.sym("pose", 6)
+    loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
+    return ca.Function(name, [pose], [ca.mtimes(total, loads)])

@@ -1,17 +1,20 @@
-"""A proposed scene as a commented .toml, and as lines for a terminal."""
+"""A scene that was proposed, or cut, as a commented .toml and as lines for a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from casadi_contact.proposal.cuts import PatchCuts
 from casadi_contact.proposal.propose import Proposal
 from casadi_contact.proposal.tables import relative
+from casadi_contact.scenes import Scene
 
-_COMMENTS = {
+_CUT = {"split_z": "cuts along z [mm] between parts, which networks learn apart"}
+_PROPOSED = {
     "[geometry]": "Where the meshes are, relative to this file, and how they lie",
     "moving": "its frame is what a pose moves",
     "fixed": "loads act on it, about the origin of its frame: centres of pressure refer to that",
@@ -42,19 +45,41 @@ _COMMENTS = {
 
 def scene_text(proposal: Proposal, folder: Path) -> str:
     """The scene file for a folder; meshes are named relative to it."""
-    scene = proposal.scene
+    geometry = proposal.scene.geometry
+    head = [
+        f"Proposed from {Path(geometry['moving']).name} (moving) and {Path(geometry['fixed']).name} (fixed):",
+        *(f"- {line}" for line in proposal.told),
+        f"- {len(proposal.poses)} of {proposal.frames} frames of the reference motion settle",
+        "Not told by the meshes:",
+        *(f"- {line}" for line in proposal.untold),
+    ]
+    return _commented(head, proposal.scene, folder, _PROPOSED)
+
+
+def cut_text(scene: Scene, found: Sequence[PatchCuts], command: str, folder: Path) -> str:
+    """The scene file, for a folder, of a scene whose patches were cut by a command."""
+    head = [f"Cut into parts by {command}:", *(f"- {line}" for line in cut_lines(found))]
+    return _commented(head, scene, folder, _CUT)
+
+
+def cut_lines(found: Sequence[PatchCuts]) -> list[str]:
+    """How many parts each patch is cut into, and what for."""
+    return [
+        f"patch {cuts.patch}: {len(cuts.cuts_mm) + 1} parts, on which small networks err by {cuts.parts_n:.3g} N "
+        f"(by {cuts.whole_n:.3g} N on the whole patch)"
+        if cuts.cuts_mm
+        else f"patch {cuts.patch} stays whole: small networks err by {cuts.whole_n:.3g} N, little less on parts"
+        for cuts in found
+    ]
+
+
+def _commented(head: Sequence[str], scene: Scene, folder: Path, comments: Mapping[str, str]) -> str:
+    """The file of a mesh scene, its meshes named relative to a folder: remarks first, comments beside keys."""
     geometry = dict(scene.tables["geometry"])
     for body in ("moving", "fixed"):
         geometry[body] = relative(Path(geometry[body]), folder)
-    head = [
-        f"# Proposed from {Path(geometry['moving']).name} (moving) and {Path(geometry['fixed']).name} (fixed):",
-        *(f"# - {line}" for line in proposal.told),
-        f"# - {len(proposal.poses)} of {proposal.frames} frames of the reference motion settle",
-        "# Not told by the meshes:",
-        *(f"# - {line}" for line in proposal.untold),
-    ]
     tables = {**scene.tables, "geometry": geometry}
-    return "\n".join([*head, "", *_lines("", tables)]) + "\n"
+    return "\n".join([*(f"# {line}" for line in head), "", *_lines("", tables, comments)]) + "\n"
 
 
 def proposal_lines(proposal: Proposal) -> list[str]:
@@ -77,18 +102,18 @@ def _one_line(value: Any) -> str:
     return tomli_w.dumps({"_": value}).strip().partition(" = ")[2]
 
 
-def _lines(path: str, table: Mapping[str, Any]) -> list[str]:
+def _lines(path: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> list[str]:
     """The table's own values, one a line with its comment, then its tables."""
     lines = []
     for key, value in table.items():
         if not isinstance(value, Mapping):
             one_line = f"{tomli_w.dumps({key: 0}).partition(' = ')[0]} = {_one_line(value)}"
-            lines.append(f"{one_line:<46} # {_COMMENTS[key]}" if key in _COMMENTS else one_line)
+            lines.append(f"{one_line:<46} # {comments[key]}" if key in comments else one_line)
     for key, value in table.items():
         if isinstance(value, Mapping):
             name = f"{path}{key}"
-            comment = _COMMENTS.get(f"[{name}]")
-            inner = _lines(f"{name}.", value)
+            comment = comments.get(f"[{name}]")
+            inner = _lines(f"{name}.", value, comments)
             has_values = any(not isinstance(each, Mapping) for each in value.values())
             head = [f"[{name}]" + (f"  # {comment}" if comment else "")] if has_values else []
             lines += [*([""] if head else []), *head, *inner]

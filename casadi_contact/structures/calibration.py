@@ -13,8 +13,9 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, eye, hstack
 from scipy.spatial import cKDTree
 
-from casadi_contact.conventions import Array, pose_index
+from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
@@ -76,6 +77,13 @@ def with_trust(surrogate: Surrogate, samples: Samples, around: Samples | None = 
     return kind(surrogate.scene, surrogate.networks, record, trust)
 
 
+def state_columns(scene: Scene) -> list[int]:
+    """Columns of the pose that tell the state of a contact beside its root loads, which stand for as many sensitive
+    parameters. Of a ball in a cup, whose three are told by one root load, all six do."""
+    told = len(scene.sensitive_pose) <= len(scene.patch_names)
+    return [pose_index(name) for name in (scene.insensitive_pose if told else POSE_NAMES)]
+
+
 def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
     """What validity needs of the samples themselves; error levels and shares are still zero."""
     scene, loads = surrogate.scene, training.loads(surrogate.load_names)
@@ -89,7 +97,7 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
     centres, dense = _centres(_thinned(points), CENTRES), _centres(points, DENSE_CENTRES)
     distance = soft_distance(held_out.poses / scales, centres, BANDWIDTH)
     patches, count = len(surrogate.patch_names), len(surrogate.load_names)
-    free = [pose_index(name) for name in scene.insensitive_pose if not scene.pose_space.bound(name)]
+    free = [column for column in state_columns(scene) if column in scene.pose_space.free]
     box = training.poses[:, free]
     # A parameter that never varies is far from both of its bounds, or many of them would cost validity together.
     constant = np.where(np.ptp(box, axis=0) == 0.0, _LEAST_RANGE, 0.0)
@@ -133,7 +141,7 @@ def _with_border(trust: Trust, surrogate: Surrogate, known: Samples, around: Sam
     everything = np.concatenate(poses)
     if len(everything) - count < _LEAST_DROPPED:
         return trust
-    columns = [pose_index(name) for name in surrogate.scene.insensitive_pose]
+    columns = state_columns(surrogate.scene)
     x = np.column_stack([everything[:, columns], surrogate.trust_roots(everything)])
     centre, scale = x[:count].mean(axis=0), np.maximum(x[:count].std(axis=0), _LEAST_RANGE)
     # A pose far off says nothing of the border, and its cube would outweigh all others.
@@ -234,8 +242,7 @@ def quantile_of_unseen(ratios: Array) -> float:
 
 def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
     """Centres spread over the states of the known poses, and around each the quantile of the nearest ones' errors."""
-    scene, names = surrogate.scene, surrogate.load_names
-    columns = [pose_index(name) for name in scene.insensitive_pose]
+    scene, names, columns = surrogate.scene, surrogate.load_names, state_columns(surrogate.scene)
     sqrt_12 = np.sqrt(12.0)  # range over deviation of an even spread
     states = States(
         columns=np.array(columns, dtype=float),

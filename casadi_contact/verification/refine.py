@@ -14,6 +14,7 @@ from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.sampling import SamplePoint, SamplingSettings
+from casadi_contact.sampling.around import samples_around
 from casadi_contact.sampling.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
@@ -87,7 +88,7 @@ def refine(
         rng = np.random.default_rng([seed, number])
         new = _drawn_around(result.surrogate, result.verifications[-1], model, point, per_frame, rng)
         tell(f"round {number}: {len(new)} new samples")
-        better = _trained_on(result.surrogate, result.samples, new, gflop, rng)
+        better = _trained_on(result.surrogate, result.samples, new, model, gflop, rng)
         spent = time.perf_counter() - began
         check = _verified(better, solve, model)
         result = Refinement(
@@ -142,10 +143,10 @@ def _drawn_around(
 
 
 def _trained_on(
-    surrogate: Surrogate, known: Samples, new: Samples, gflop: float, rng: np.random.Generator
+    surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
-    calibrated on all."""
+    calibrated on all, and on the model around them."""
     count = max(KNOWN_PER_NEW * len(new), _LEAST_KNOWN)
     kept = np.sort(rng.permutation(len(known))[:count])
     some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS})
@@ -160,4 +161,4 @@ def _trained_on(
     record = {**surrogate.record, **samples_record(everything), "training_errors": errors}
     record["refined"] = int(record.get("refined", 0)) + 1
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
-    return with_trust(kind(surrogate.scene, networks, record), everything)
+    return with_trust(kind(surrogate.scene, networks, record), everything, samples_around(everything, model))

@@ -6,9 +6,21 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.conventions import WRENCH_NAMES, rotation
-from casadi_contact.optimisation import ContactCallback, generalised_forces, total_selection, wrench_function
+from casadi_contact.optimisation import generalised_forces, total_selection, wrench_function
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
+
+
+class Bare:
+    """A model without CasADi functions of its own."""
+
+    def __init__(self, model):
+        self.scene, self.load_names, self.patch_names = model.scene, model.load_names, model.patch_names
+        self.wrenches, self.jacobian, self.root_loads = model.wrenches, model.jacobian, model.root_loads
+        self._model = model
+
+    def __call__(self, poses):
+        return self._model(poses)
 
 
 def forces_of(pose, wrench, about):
@@ -37,21 +49,29 @@ def test_generalised_forces_do_the_work_of_forces_on_the_body(about):
 
 
 def test_a_called_back_foundation_gives_its_wrench_and_analytic_jacobian():
-    knee = cc.load_surrogate("knee")
-    foundation = cc.ElasticFoundation(knee.scene, (40, 30))
-    callback = ContactCallback(foundation)
-    x = ca.MX.sym("x", 6)
-    slope = ca.Function("slope", [x], [ca.jacobian(callback(x), x)])
+    foundation = cc.ElasticFoundation(cc.load_scene("knee"), (40, 30))
+    called, x = wrench_function(foundation), ca.MX.sym("x", 6)
+    slope = ca.Function("slope", [x], [ca.jacobian(called(x), x)])
     pick = total_selection(foundation.load_names)
     wrench, jacobian = foundation.jacobian(POSE[None])
-    np.testing.assert_allclose(np.asarray(callback(POSE)).ravel(), pick @ wrench[0], rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(called(POSE)).ravel(), pick @ wrench[0], rtol=1e-12)
     np.testing.assert_allclose(np.asarray(slope(POSE)), pick @ jacobian[0], rtol=1e-12)
-    assert (callback.values, callback.jacobians) == (1, 1)
+
+
+def test_a_called_back_model_has_second_derivatives_and_no_wrench_where_there_is_no_pose():
+    model = cc.foundation("knee")
+    own, called = (wrench_function(each, "wrench") for each in (model, Bare(model)))
+    x, weights = ca.MX.sym("x", 6), np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
+    exact, differenced = (
+        ca.Function("h", [x], [ca.hessian(ca.dot(ca.DM(weights), f(x)), x)[0]])(POSE).full() for f in (own, called)
+    )
+    np.testing.assert_allclose(differenced, exact, rtol=1e-3, atol=1e-3 * np.abs(exact).max())
+    assert np.isnan(called(np.full(6, np.nan)).full()).all()
 
 
 def test_a_called_back_surrogate_equals_its_own_function():
     knee = cc.load_surrogate("knee")
-    own, called = wrench_function(knee), ContactCallback(knee)
+    own, called = wrench_function(knee), wrench_function(Bare(knee))
     np.testing.assert_allclose(np.asarray(own(POSE)), np.asarray(called(POSE)), rtol=1e-10, atol=1e-9)
 
 

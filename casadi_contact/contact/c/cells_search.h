@@ -35,6 +35,7 @@ typedef struct {
   int nodes, ids[MOST_NODES + BLOCK]; /* looked at: a slot each in what follows */
   unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */
   int groups[MOST_GROUPS];
+  unsigned touched[MOST_GROUPS + MOST_BLOCKS];
   int near, near_cells[MOST_CELLS + BLOCK]; /* cells that may touch, */
   int corners[MOST_CELLS + BLOCK][4];          /* the slots of their corners, */
   int cells, full, chosen[MOST_CELLS + BLOCK]; /* and which of these cells matter */
@@ -91,15 +92,19 @@ FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame,
   int groups = 0, near = 0, nodes = 0;
   begin_turn(s);
   KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
-    const unsigned some = may_touch(p->block_boxes + b / BOXES, pose, frame, &place);
-    KEEP_LOOP for (unsigned left = some; left; left &= left - 1) {
+    s->touched[b / BOXES] = may_touch(p->block_boxes + b / BOXES, pose, frame, &place);
+  }
+  KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
+    KEEP_LOOP for (unsigned left = s->touched[b / BOXES]; left; left &= left - 1) {
       const Block *block = p->blocks + b + first_bit(left);
       for (int k = block->first; k < block->last; k++) s->groups[groups++] = k;
     }
   }
   KEEP_LOOP for (int g = 0; g < groups; g++) {
-    const unsigned some = may_touch(p->cell_boxes + s->groups[g], pose, frame, &place);
-    KEEP_LOOP for (unsigned left = some; left; left &= left - 1) {
+    s->touched[g] = may_touch(p->cell_boxes + s->groups[g], pose, frame, &place);
+  }
+  KEEP_LOOP for (int g = 0; g < groups; g++) {
+    KEEP_LOOP for (unsigned left = s->touched[g]; left; left &= left - 1) {
       const int cell = BOXES * s->groups[g] + first_bit(left);
       nodes = take_slots(s, p->cells + cell, nodes, s->corners[near]);
       s->near_cells[near++] = cell;

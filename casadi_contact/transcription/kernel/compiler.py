@@ -112,7 +112,7 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         folder = _process_folder()
-    _check_private(folder)
+    check_private(folder)
     if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
         folder = _process_folder()
         found = _intact(folder, key)
@@ -153,8 +153,8 @@ def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path
     return folder / library
 
 
-def _check_private(folder: Path) -> None:
-    """Raise CompilerError where another user could put a library into the folder, or another folder in its place."""
+def check_private(folder: Path) -> None:
+    """Raise CompilerError where another user could put a file into the folder, or another folder in its place."""
     if not hasattr(os, "geteuid"):
         return
     _check_owner(folder)
@@ -169,12 +169,20 @@ def _check_private(folder: Path) -> None:
             )
 
 
+def is_private(path: Path) -> bool:
+    """Whether the file is this user's, or root's, and nobody else may write to it."""
+    return _owned(path) and not _writable_by_others(path)
+
+
+def _owned(path: Path) -> bool:
+    return not hasattr(os, "geteuid") or path.lstat().st_uid in (0, os.geteuid())
+
+
 def _check_owner(path: Path) -> None:
     """Raise CompilerError for what another user made: it may be their code."""
-    owner = path.lstat().st_uid
-    if hasattr(os, "geteuid") and owner not in (0, os.geteuid()):
+    if not _owned(path):
         raise CompilerError(
-            f"the kernel cache {path} belongs to user {owner}, expected your own: "
+            f"the kernel cache {path} belongs to user {path.lstat().st_uid}, expected your own: "
             f"choose another folder by ${CACHE_VARIABLE}"
         )
 

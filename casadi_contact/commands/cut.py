@@ -1,0 +1,52 @@
+"""``casadi-contact cut``: a mesh scene whose patches are cut into parts that networks learn apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact import pipeline
+from casadi_contact.commands.arguments import Cycles, Out, PresetName, console
+from casadi_contact.files import writable_folder, write_text
+from casadi_contact.progress import progress_bars
+from casadi_contact.project import Project
+from casadi_contact.proposal.cuts import cut_scene, find_cuts
+from casadi_contact.proposal.text import cut_lines, cut_text
+from casadi_contact.sampling import foundations
+
+
+def cut(
+    scene: Annotated[str, typer.Argument(help="the path of a mesh scene's .toml, its patches whole")],
+    to: Annotated[Path | None, typer.Option(help="file of the cut scene; SCENE_parts.toml if left out")] = None,
+    cycles: Cycles = None,
+    preset: PresetName = "quick",
+    out: Out = None,
+    force: Annotated[bool, typer.Option("--force", help="replace a scene file that is there")] = False,
+) -> None:
+    """Find where to cut the patches of a mesh scene into parts, from samples of its contact model without training.
+
+    Samples are drawn where the folder holds none.
+    """
+    given = Path(scene)
+    path = given.with_name(f"{given.stem}_parts.toml") if to is None else to
+    if path.suffix != ".toml":
+        raise ValueError(f"--to is {path}, expected a scene file, for example my_parts.toml")
+    if path.exists() and not force:
+        raise ValueError(f"{path} would be replaced: give another --to, or --force")
+    project = Project.open(scene, preset, out)
+    writable_folder(path.parent)  # before minutes of sampling
+    with progress_bars(console) as update:
+        samples, _ = pipeline.sample(
+            project, cycles or [], lambda done, total: update("samples", done, total, ""), models=foundations
+        )
+        found = find_cuts(project.scene, samples, update)
+    whole = project.scene
+    parts = cut_scene(whole, [cuts.cuts_mm for cuts in found], [cuts.bounds_mm for cuts in found])
+    write_text(path, cut_text(parts, found, project.command("cut"), path.parent))
+    console.print(*cut_lines(found), sep="\n", highlight=False, soft_wrap=True)
+    console.print(f"scene in {path}", highlight=False, soft_wrap=True)
+    if len(parts.parts) > len(whole.parts):
+        build = f"casadi-contact build {path} --preset parts --model foundation"
+        console.print(f"its networks: {build}", highlight=False, soft_wrap=True)

@@ -1,0 +1,169 @@
+"""Where to cut the patches of a mesh into parts (`scenes.parts`): found from samples, by what small networks can learn.
+
+A patch is laid out in narrow strips along z, and a small network learns the root load of every run of strips from i to
+j for a fixed amount of work. Its mean square error on validation rows, e²(i, j) [N²], tells how simple the contact of
+that run is. Errors of neighbouring parts are nearly independent, so that the K - 1 cuts with the least Σ e² are a
+shortest path from the first strip to the last in K steps, found for every K by dynamic programming.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact import CellFoundation, foundation
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Regression
+from casadi_contact.project import Update
+from casadi_contact.scenes import Scene
+from casadi_contact.structures.patch.local_pose import local_poses
+from casadi_contact.structures.patch.targets import GAP_WEIGHT, root_target, root_weight
+from casadi_contact.structures.sample_rows import fitted_rows
+from casadi_contact.training import TrainingSettings, fit
+from casadi_contact.workers import worker_pool
+
+STRIPS = 20  # of a patch
+ROWS = 4_000  # samples that a network learns from and is judged by, at most
+WORTH = 0.1  # of the error that one more part must take off
+_HIDDEN, _GFLOP = (10, 10), 2.0  # of a trial: enough to tell simple contact from contact in several places
+_FEWEST = 30  # rows in contact that a network is fitted to
+_OUTLIERS = 0.01  # of the validation rows, the worst, left out: what a short fit does there says little
+
+
+@dataclass(frozen=True)
+class PatchCuts:
+    """Where a patch is best cut: its bounds (low, high) along z [mm], the cuts between them, and the validation error
+    [N] that small networks reach on the patch as a whole and on the parts together."""
+
+    patch: str
+    bounds_mm: tuple[float, float]
+    cuts_mm: tuple[float, ...]
+    whole_n: float
+    parts_n: float
+
+
+def find_cuts(
+    scene: Scene, samples: Samples, update: Update | None = None, executor: Executor | None = None
+) -> list[PatchCuts]:
+    """The cuts of each patch, as few as are worth it: one more part takes less than `WORTH` of the error off.
+
+    samples: of the scene with whole patches; their test rows are not looked at. Loads of the strips are those of
+    `contact.foundation` in the samples' poses. Raises ValueError for a scene that is cut already or is no mesh, and for
+    samples without contact.
+    """
+    model = foundation(scene)
+    if not isinstance(model, CellFoundation):
+        raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")
+    if len(scene.parts) > len(scene.patch_names) or any(part.spots > 1 for part in scene.parts):
+        raise ValueError(f"scene {scene.name} has a split_z or spots, expected whole patches: take these lines out")
+    reach = [_reach_mm(scene, p) for p in range(len(scene.patch_names))]
+    edges = [np.linspace(*ends, STRIPS + 1) for ends in reach]
+    strips = CellFoundation(cut_scene(scene, [tuple(each[1:-1]) for each in edges], reach), model.cells)
+    rows, validation = fitted_rows(samples)
+    chosen = np.random.default_rng(0).permutation(np.flatnonzero(rows))[:ROWS]
+    poses, validation = samples.poses[chosen], validation[np.searchsorted(np.flatnonzero(rows), chosen)]
+    wrenches, gaps_mm = strips.part_wrenches(poses), strips.part_gaps(poses)
+    normal = np.stack([part.normal.of(wrenches[:, k]) for k, part in enumerate(strips.scene.parts)], axis=1)
+    runs = list(itertools.combinations(range(STRIPS + 1), 2))
+    misfit = np.full((len(reach), STRIPS + 1, STRIPS + 1), np.inf)
+    with worker_pool(executor) as workers:
+        futures = {}
+        for p, (i, j) in itertools.product(range(len(reach)), runs):
+            own = slice(STRIPS * p + i, STRIPS * p + j)
+            anchor = scene.anchors_mm[p].copy()
+            anchor[2] = 0.5 * (edges[p][i] + edges[p][j])
+            local = local_poses(poses, anchor)[:, list(scene.pose_space.free)]
+            loads = np.maximum(normal[:, own], 0.0).sum(axis=1)
+            run = (scene, local, loads, gaps_mm[:, own].min(axis=1), validation)
+            futures[workers.submit(mean_square_error, *run)] = p, i, j
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                misfit[futures[future]] = future.result()
+                if update is not None:
+                    update("parts tried", done, len(futures), "")
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            raise
+    found = []
+    for p, patch in enumerate(scene.patch_names):
+        if misfit[p, 0, -1] == 0.0:
+            raise ValueError(f"samples: patch {patch!r} never bears, expected samples in contact")
+        cuts, parts_n = worthwhile(best_cuts(misfit[p]))
+        cuts_mm = tuple(float(round(edges[p][k], 2)) for k in cuts)
+        given = scene.geometry["patches"][patch].get("z", reach[p])
+        bounds_mm = (float(given[0]), float(given[1]))
+        found.append(PatchCuts(patch, bounds_mm, cuts_mm, math.sqrt(misfit[p, 0, -1]), parts_n))
+    return found
+
+
+def cut_scene(scene: Scene, cuts_mm: Sequence[Sequence[float]], bounds_mm: Sequence[tuple[float, float]]) -> Scene:
+    """The scene with these cuts in each patch, between its bounds along z."""
+    geometry = scene.tables["geometry"]
+    patches: dict[str, Any] = {name: dict(table) for name, table in geometry["patches"].items()}
+    for patch, cuts, bounds in zip(scene.patch_names, cuts_mm, bounds_mm, strict=True):
+        if cuts:
+            patches[patch] |= {"z": list(bounds), "split_z": [float(cut) for cut in cuts]}
+    return Scene.from_tables({**scene.tables, "geometry": {**geometry, "patches": patches}})
+
+
+def mean_square_error(scene: Scene, local: Array, loads_n: Array, gaps_mm: Array, validation: np.ndarray) -> float:
+    """e² [N²] of a small network of one part's root load (`patch.targets`) on validation rows, without the worst.
+
+    local (n, k): poses of the part; loads_n, gaps_mm (n,). A part that hardly ever bears is as wrong as its load is.
+    """
+    contact = loads_n > 0.0
+    if (contact & ~validation).sum() < _FEWEST:
+        return _without_outliers(loads_n[validation] ** 2)
+    target = root_target(loads_n, gaps_mm, scene)
+    weight, false_load = root_weight(target, scene, GAP_WEIGHT), np.where(contact, 0.0, scene.reference_load)
+    part = Regression("part", local, target, weight, validation, tolerance=0.0, false_load=false_load)
+    network = fit(part, TrainingSettings(sizes=(_HIDDEN,), max_gflop=_GFLOP, restarts=0)).network
+    found_n = scene.reference_load * np.maximum(network.value(local[validation]), 0.0) ** 2
+    return _without_outliers((found_n - loads_n[validation]) ** 2)
+
+
+def _without_outliers(squares: Array) -> float:
+    kept = len(squares) - int(_OUTLIERS * len(squares))
+    return float(np.sort(squares)[:kept].mean()) if kept else 0.0
+
+
+def best_cuts(misfit: Array) -> list[tuple[float, tuple[int, ...]]]:
+    """For K = 1, 2, ... parts the least √Σ misfit and the cuts that reach it, of n strips.
+
+    misfit (n + 1, n + 1): of a part from edge i to edge j > i. A shortest path from edge 0 to edge n in K steps.
+    """
+    last = len(misfit) - 1
+    reached: dict[int, tuple[float, tuple[int, ...]]] = {0: (0.0, ())}
+    found = []
+    for _ in range(last):
+        steps = {
+            j: [(sum_before + misfit[i, j], (*path, i)) for i, (sum_before, path) in reached.items() if i < j]
+            for j in range(1, last + 1)
+        }
+        reached = {j: min(ways) for j, ways in steps.items() if ways}
+        total, path = reached[last]
+        found.append((math.sqrt(total), path[1:]))
+    return found
+
+
+def worthwhile(by_count: Sequence[tuple[float, tuple[int, ...]]]) -> tuple[tuple[int, ...], float]:
+    """The cuts into so many parts that one more takes less than `WORTH` of the error off; and their error."""
+    for (error, cuts), (next_error, _) in itertools.pairwise(by_count):
+        if next_error > (1.0 - WORTH) * error:
+            return cuts, error
+    return by_count[-1][1], by_count[-1][0]
+
+
+def _reach_mm(scene: Scene, patch: int) -> tuple[float, float]:
+    """How far the patch's elements reach along z, in whole millimetres; no farther than the scene says."""
+    z = scene.elements(scene.grids["teacher"])[patch].centres_mm[:, 2]
+    low, high = scene.geometry["patches"][scene.patch_names[patch]].get("z", (-np.inf, np.inf))
+    return float(max(np.floor(z.min()), low)), float(min(np.ceil(z.max()), high))
