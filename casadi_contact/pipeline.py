@@ -92,9 +92,10 @@ def build(
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
     contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: what samples are drawn
-    from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder: of
-    all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a torch device
-    ("cuda") that samples and trains in this process. Called again after an interruption it goes on where it stopped.
+    from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder:
+    of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a
+    torch device ("cuda") that samples and trains in this process. Called again after an interruption it goes on where
+    it stopped.
 
     Raises ValueError for input that cannot be used or a device that cannot be had, OSError for a folder that cannot be
     written or that another process works in.
@@ -168,7 +169,8 @@ def sample(
     process; its samples are those of the processor to rounding, not to the last bit.
 
     Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` and for gaps of the wrong
-    sign (the file is kept), and for a device that cannot be had, does not know the models, or has an executor beside it.
+    sign (the file is kept), and for a device that cannot be had, does not know the models, or has an executor beside
+    it.
     """
     if device != "cpu":
         if executor is not None:
