@@ -21,6 +21,7 @@ from casadi_contact.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project import Project, Update, alone, cycle_files, has_motion, read_motion, surrogates_made
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
+from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line, samples_record
 from casadi_contact.training import TrainingSettings, fit_all, fit_all_parts
@@ -60,12 +61,14 @@ def train(
     *,
     structure: str | None = None,
     device: str = "cpu",
+    teacher: WrenchModel | None = None,
 ) -> list[Path]:
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
-    device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). Goes on from
-    checkpoints where an earlier run stopped. Raises ValueError for a structure that the preset does not train or that
-    cannot stand for the scene's loads, and for active rounds on samples of another model than the library's.
+    device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). teacher: the
+    user's own contact model that the samples come from, for `moved_samples`. Goes on from checkpoints where an earlier
+    run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for the scene's
+    loads, and for active rounds on samples of another model than the library's.
     """
     structures = structures_for_scene(project)
     if structure is not None and structure not in structures:
@@ -76,7 +79,7 @@ def train(
     samples = project.samples()
     if project.preset.active:
         models_to_ask(project, samples)  # refused here, not after hours of training
-    around = moved_samples(samples)
+    around = moved_samples(samples, teacher, update)
     command = build_command(project, samples)
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     paths, made = [], surrogates_made(project)
@@ -140,13 +143,21 @@ def _active_rounds(
     return surrogate
 
 
-def moved_samples(samples: Samples) -> Samples | None:
+def moved_samples(samples: Samples, own: WrenchModel | None = None, update: Update | None = None) -> Samples | None:
     """`samples_around` on the model that the samples were evaluated on: a surrogate's trust is calibrated on them too.
 
-    None for samples of a user's own contact model, or from a table.
+    own: the user's own contact model, which may be slow: a third as many poses as there are samples. None for samples
+    from a table, and of a user's own model that is not given.
     """
-    teacher = teacher_of(samples)
-    return None if teacher is None else samples_around(samples, teacher)
+    teacher = teacher_of(samples) if own is None else own
+    if teacher is None:
+        return None
+
+    def tell(done: int, total: int) -> None:
+        if update is not None:
+            update("poses around the samples", done, total, "")
+
+    return samples_around(samples, teacher, count=None if own is None else len(samples) // 3, progress=tell)
 
 
 def fit_surrogate(

@@ -21,7 +21,7 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ContactModel, ElasticFoundation, foundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
-from casadi_contact.dataset.gap_sign import refuse_wrong_gaps
+from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_npz, write_text
 from casadi_contact.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.presets import PRESETS
@@ -35,6 +35,7 @@ from casadi_contact.project import (
     read_motion,
     reference_motion_cycles,
     surrogates_at_hand,
+    surrogates_made,
 )
 from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import (
@@ -108,7 +109,7 @@ def build(
             take_table(project, Path(table))
         else:
             _draw(project, [Path(path) for path in cycles], model, progress, executor, device)
-        train(project, progress, executor, device=device)
+        train(project, progress, executor, device=device, teacher=None if isinstance(model, str) else model)
         evaluate(project)
         export(project)
         report(project)
@@ -212,13 +213,18 @@ def _on_device(models: ModelPair, device: str) -> ModelPair:
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
-    Raises ValueError for a table that cannot serve, or a folder that holds other samples.
+    Raises ValueError for a table that cannot serve the preset's structures, and for a folder in which other samples are
+    drawn or learned already.
     """
     samples = read_sample_table(table, project.scene)
+    if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
+        refuse_missing_gaps(samples, str(table))
     if project.samples_path.is_file():
-        there = project.samples().provenance.get("table_digest")
-        if there != samples.provenance["table_digest"]:
-            raise ValueError(f"{project.samples_path} was not made from {table}: choose another --out")
+        there = project.samples().provenance
+        learned = (project.folder / "training").exists() or surrogates_made(project)
+        if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
+            changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
+            raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
     write_samples(project.samples_path, samples)
     return samples
 

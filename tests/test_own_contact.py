@@ -13,6 +13,7 @@ from casadi_contact import pipeline
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.sampling import model_name_of
 from tests.support import own_contact
 
 SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effort(((6, 6),), 6.0)}})
@@ -126,8 +127,54 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name
             str(project.folder),
         ]
     )
-    with pytest.raises(ValueError, match="was not made from"):
+    with pytest.raises(ValueError, match="is of others: choose another --out"):
         pipeline.take_table(project, write(tmp_path / f"other-{name}", table_rows(50)))
+    with pytest.raises(ValueError, match=f"was made from {table} as it was before"):
+        pipeline.take_table(project, write(table, table_rows(50)))
+
+
+def test_a_table_that_was_mended_replaces_one_that_nothing_was_learned_from(scene_file, tmp_path):
+    columns, table = table_rows(60), tmp_path / "t.csv"
+    gaps = columns.pop("gap")
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    with pytest.raises(ValueError, match=r"t\.csv, row \d+: contact does not press and has no gap"):
+        pipeline.take_table(project, write_csv(table, columns))
+    pipeline.take_table(project, write_csv(table, table_rows(50)))
+    mended = pipeline.take_table(project, write_csv(table, columns | {"gap": gaps}))
+    assert len(project.samples()) == len(mended) == 60
+
+
+def test_a_named_model_is_drawn_from(tmp_path):
+    with pytest.raises(ValueError, match="model is 'foundations', expected one of elements, foundation"):
+        cc.build("hip", "small", model="foundations", folder=tmp_path / "out")
+    cc.build("hip", "small", model="foundation", folder=tmp_path / "out")
+    project = pipeline.Project.open("hip", "small", tmp_path / "out")
+    assert model_name_of(project.samples()) == "foundation"
+
+
+def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_path):
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    (surrogate,) = cc.build(scene_file, "small", model=model, folder=tmp_path / "out").values()
+    assert set(surrogate.record["coverage"]) & {"around", "edge", "outside"}
+
+
+@pytest.mark.parametrize("name", ["step_mm", "step_rad", "approach_mm", "reach_mm"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_lengths_that_would_never_end_a_search_are_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name} is .*, expected a finite number above 0"):
+        cc.CallableModel(own_contact.SCENE, own_contact.wrenches, **{name: value})
+
+
+def test_a_gap_is_never_beyond_the_reach():
+    scene = cc.load_scene("sphere_on_plane")
+    model = cc.CallableModel(scene, lambda poses: np.zeros((len(poses), 1, 6)), approach_mm=0.4, reach_mm=1.0)
+    np.testing.assert_allclose(model.gaps(scene.start_pose), 1.0)
+
+
+def test_no_poses_have_no_derivatives():
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    values, slopes = model.jacobian(np.zeros((0, 6)))
+    assert (values.shape, slopes.shape) == ((0, 6), (0, 6, 6))
 
 
 def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):

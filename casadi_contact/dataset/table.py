@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
-from casadi_contact.dataset.gap_sign import refuse_wrong_gaps
+from casadi_contact.dataset.gaps import refuse_wrong_gaps
 from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import existing_file, open_hdf5, short
 from casadi_contact.motion.columns import read_columns
@@ -41,7 +41,7 @@ def read_sample_table(
 
     Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, angles too large
     for radians, columns of different length, too few rows, a role without rows, gaps of the wrong sign
-    (`gap_sign.refuse_wrong_gaps`) and fractions outside 0..0.5.
+    (`gaps.refuse_wrong_gaps`) and fractions outside 0..0.5.
     """
     for name, fraction in (("validation_fraction", validation_fraction), ("test_fraction", test_fraction)):
         if not 0.0 < fraction <= 0.5:
@@ -66,13 +66,14 @@ def read_sample_table(
         [np.stack([table.get(column, zero) for column in columns], axis=1) for columns in wrench_columns], axis=1
     )
     role = table.get("role")
+    poses = np.stack([table[name] for name in POSE_NAMES], axis=1)
     samples = Samples(
         scene,
-        poses=np.stack([table[name] for name in POSE_NAMES], axis=1),
+        poses=poses,
         wrenches=wrenches,
         gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count))),
-        role=_split(count, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
+        role=_split(poses, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
         provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
@@ -118,12 +119,14 @@ def _whole(path: Path, name: str, column: Array) -> np.ndarray:
     return column.astype(np.uint8)
 
 
-def _split(count: int, validation_fraction: float, test_fraction: float, seed: int) -> np.ndarray:
-    """Roles (count,) drawn at random, at least one row of each."""
-    order = np.random.default_rng(seed).permutation(count)
-    test = max(1, round(test_fraction * count))
-    validation = max(1, round(validation_fraction * count))
-    role = np.full(count, TRAIN, dtype=np.uint8)
+def _split(poses: Array, validation_fraction: float, test_fraction: float, seed: int) -> np.ndarray:
+    """Roles (n,) of poses (n, 6) drawn at random, at least one pose of each; repeated poses have the same role, or
+    networks would be judged by what they learned."""
+    distinct, pose_of_row = np.unique(poses, axis=0, return_inverse=True)
+    order = np.random.default_rng(seed).permutation(len(distinct))
+    test = max(1, round(test_fraction * len(distinct)))
+    validation = max(1, round(validation_fraction * len(distinct)))
+    role = np.full(len(distinct), TRAIN, dtype=np.uint8)
     role[order[:test]] = TEST
     role[order[test : test + validation]] = VALIDATION
-    return role
+    return np.asarray(role[pose_of_row.ravel()])

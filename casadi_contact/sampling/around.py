@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from casadi_contact.conventions import Array
@@ -10,13 +12,22 @@ from casadi_contact.sampling.chunk import WrenchModel, evaluated
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
 AROUND_COUNTS = (4000, 40_000)  # at least, at most; in between a third as many as the samples
+_AT_ONCE = 1000  # poses
 
 
-def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = None, seed: int = 12) -> Samples:
+def samples_around(
+    samples: Samples,
+    model: WrenchModel,
+    *,
+    count: int | None = None,
+    seed: int = 12,
+    progress: Callable[[int, int], None] | None = None,
+) -> Samples:
     """Poses of D1 moved by up to 1 mm and 2° in every parameter, and the model's loads there; count by the samples'.
 
     Half of the moves are uniform, half normal with these deviations, and a quarter of all are shortened at random;
-    rows are validation and test in turn. Poses whose contact runs off the elements are among the dropped ones.
+    rows are validation and test in turn. Poses whose contact runs off the elements, and those where the model gives no
+    number, are among the dropped ones. progress(done, all) is called as the model is evaluated.
     """
     rng = np.random.default_rng(seed)
     if count is None:
@@ -29,8 +40,14 @@ def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = 
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
     poses = samples.scene.pose_space.onto(poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3))
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
-    wrenches, gaps, edge = evaluated(model, poses, len(samples.scene.parts))
-    kept, domain = ~edge, np.ones(count, dtype=np.uint8)
+    parts = []
+    for first in range(0, count, _AT_ONCE):
+        parts.append(evaluated(model, poses[first : first + _AT_ONCE], len(samples.scene.parts)))
+        if progress is not None:
+            progress(min(first + _AT_ONCE, count), count)
+    wrenches, gaps, edge = (np.concatenate(column) for column in zip(*parts, strict=True))
+    kept = ~edge & np.isfinite(wrenches).all(axis=(1, 2))
+    domain = np.ones(count, dtype=np.uint8)
     return Samples(
         samples.scene,
         poses[kept],
@@ -38,5 +55,5 @@ def samples_around(samples: Samples, model: WrenchModel, *, count: int | None = 
         gaps[kept],
         domain[kept],
         role[kept],
-        dropped=Dropped(poses[edge], domain[edge]),
+        dropped=Dropped(poses[~kept], domain[~kept]),
     )

@@ -20,6 +20,13 @@ def test_rows_come_back_by_name_in_any_order(tmp_path, name, write):
     np.testing.assert_array_equal(read_sample_table(tmp_path / name, SCENE).role, samples.role)
 
 
+def test_rows_of_one_pose_have_one_role(tmp_path):
+    columns = {name: np.repeat(column, 5) for name, column in table_rows(40).items()}
+    samples = read_sample_table(write_csv(tmp_path / "t.csv", columns), SCENE)
+    assert (samples.role.reshape(40, 5) == samples.role[::5, None]).all()
+    assert [int((samples.role == role).sum()) for role in (TRAIN, VALIDATION, TEST)] == [160, 20, 20]
+
+
 def test_roles_and_domains_of_the_table_are_kept(tmp_path):
     columns = table_rows(40)
     columns |= {"role": np.arange(40) % 3, "domain": 1 + np.arange(40) % 7}

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate, with_trust
-from casadi_contact.structures.calibration import FITTED, quantile_of_unseen
+from casadi_contact.structures.calibration import FITTED, quantile_of_unseen, state_columns
 from casadi_contact.structures.distrust import Confirmation
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
@@ -72,6 +72,18 @@ def test_the_quantile_of_a_few_leaves_room_for_errors_not_seen_yet():
     assert np.mean(1.0 - np.exp(-np.quantile(few, FITTED, axis=1))) < FITTED - 0.02
 
 
+def test_loads_that_few_unseen_samples_carry_may_be_as_wrong_as_they_are_large(surrogate):
+    """Networks that know their few training rows by heart err by nothing there: that tells of no other pose."""
+    samples = made_up_samples(surrogate, count=60, noise=0.0)
+    few = with_trust(surrogate, samples)
+    unseen = made_up_samples(surrogate, count=2000, noise=0.3, seed=5)
+    off = np.abs(surrogate(unseen.poses) - unseen.loads(surrogate.load_names))
+    expected = few.expected_error(unseen.poses)
+    usual = np.sqrt(np.mean(samples.select(role=TRAIN).loads(surrogate.load_names) ** 2, axis=0))
+    assert (expected >= 0.999 * usual).all()
+    assert (off <= expected).mean() > 0.95
+
+
 def test_each_domain_has_its_share_and_not_their_mean_alone(surrogate):
     """A tenth of the samples, anywhere among the others, errs three times as much."""
     samples = made_up_samples(surrogate, count=20_000)
@@ -120,6 +132,14 @@ def test_what_cannot_be_calibrated_is_named(surrogate):
     other = random_surrogate(load_scene("sphere_on_plane", radius=20.0), "patch")
     with pytest.raises(ValueError, match="another scene"):
         with_trust(other, samples)
+
+
+@pytest.mark.parametrize(
+    ("name", "columns"), [("knee", [0, 2, 4, 5]), ("hip", [0, 1, 2, 3, 4, 5]), ("sphere_on_plane", [0, 2, 3, 4, 5])]
+)
+def test_parameters_that_no_root_load_stands_for_tell_the_state_themselves(name, columns):
+    """One root load does not say where in its cup a ball lies, which three sensitive parameters do."""
+    assert state_columns(load_scene(name)) == columns
 
 
 def test_nothing_is_valid_where_samples_were_dropped(surrogate):

@@ -1,4 +1,4 @@
-"""Gaps of the wrong sign: a negative one where a patch carries no load would be learned as contact."""
+"""Gaps that cannot be learned: of the wrong sign, where a negative one would be learned as contact, or missing."""
 
 from __future__ import annotations
 
@@ -6,8 +6,22 @@ import numpy as np
 
 from casadi_contact.contact.model import overlaps_without_load
 from casadi_contact.dataset.samples import Samples
+from casadi_contact.scenes.normal_load import normal_forces
 
 _ROUNDING_MM = 1e-6
+
+
+def refuse_missing_gaps(samples: Samples, what: str) -> None:
+    """ValueError, naming the first row, for samples of which a part does not press and has no gap: root loads learn it
+    there. what names the samples in the message."""
+    pressed = normal_forces([part.normal for part in samples.scene.parts], samples.wrenches) > 0.0
+    missing = ~pressed & np.isnan(samples.gaps)
+    if missing.any():
+        row, part = np.argwhere(missing)[0]
+        raise ValueError(
+            f"{what}, row {row + 1}: {samples.scene.parts[part].name} does not press and has no gap, expected one "
+            f"above 0 mm out of contact ({int(missing.any(axis=1).sum())} such rows): add a column of gaps"
+        )
 
 
 def refuse_wrong_gaps(samples: Samples, what: str, cure: str) -> None:
