@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from casadi_contact import pipeline
-from casadi_contact.commands.arguments import Cycles, Out, PresetName, console
+from casadi_contact.commands.arguments import Cycles, ModelName, Out, PresetName, console
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project
 from casadi_contact.proposal.cuts import cut_scene, find_cuts
 from casadi_contact.proposal.text import cut_lines, cut_text
-from casadi_contact.sampling import foundations
+from casadi_contact.sampling import model_pair
 
 
 def cut(
@@ -22,6 +22,7 @@ def cut(
     to: Annotated[Path | None, typer.Option(help="file of the cut scene; SCENE_parts.toml if left out")] = None,
     cycles: Cycles = None,
     preset: PresetName = "quick",
+    model: ModelName = "foundation",
     out: Out = None,
     force: Annotated[bool, typer.Option("--force", help="replace a scene file that is there")] = False,
 ) -> None:
@@ -39,7 +40,7 @@ def cut(
     writable_folder(path.parent)  # before minutes of sampling
     with progress_bars(console) as update:
         samples, _ = pipeline.sample(
-            project, cycles or [], lambda done, total: update("samples", done, total, ""), models=foundations
+            project, cycles or [], lambda done, total: update("samples", done, total, ""), models=model_pair(model)
         )
         found = find_cuts(project.scene, samples, update)
     whole = project.scene
@@ -48,5 +49,5 @@ def cut(
     console.print(*cut_lines(found), sep="\n", highlight=False, soft_wrap=True)
     console.print(f"scene in {path}", highlight=False, soft_wrap=True)
     if len(parts.parts) > len(whole.parts):
-        build = f"casadi-contact build {path} --preset parts --model foundation"
+        build = f"casadi-contact build {path} --preset parts --model {model}"
         console.print(f"its networks: {build}", highlight=False, soft_wrap=True)

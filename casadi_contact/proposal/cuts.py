@@ -17,11 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import CellFoundation, foundation
+from casadi_contact.contact import CellFoundation
+from casadi_contact.contact.cells.choice import cell_sizes_mm, square_cells
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.project import Update
+from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.patch.targets import GAP_WEIGHT, root_target, root_weight
@@ -33,6 +35,7 @@ STRIPS = 20  # of a patch
 ROWS = 4_000  # samples that a network learns from and is judged by, at most
 WORTH = 0.1  # of the error that one more part must take off
 _HIDDEN, _GFLOP = (10, 10), 2.0  # of a trial: enough to tell simple contact from contact in several places
+_CELLS = 2  # of the sizes that a foundation may have, from large to small
 _FEWEST = 30  # rows in contact that a network is fitted to
 _OUTLIERS = 0.01  # of the validation rows, the worst, left out: what a short fit does there says little
 
@@ -52,20 +55,21 @@ class PatchCuts:
 def find_cuts(
     scene: Scene, samples: Samples, update: Update | None = None, executor: Executor | None = None
 ) -> list[PatchCuts]:
-    """The cuts of each patch, as few as are worth it: one more part takes less than `WORTH` of the error off.
+    """The cuts of each patch, as few as are worth it: small networks meet the scene's least tolerance of a force, or
+    one more part takes less than `WORTH` of the error off.
 
-    samples: of the scene with whole patches; their test rows are not looked at. Loads of the strips are those of
-    `contact.foundation` in the samples' poses. Raises ValueError for a scene that is cut already or is no mesh, and for
-    samples without contact.
+    samples: of the scene with whole patches; their test rows are not looked at. Loads of the strips are those of a
+    foundation in cells of middling size in the samples' poses. Raises ValueError for a scene that is cut already or is
+    no mesh, and for samples without contact.
     """
-    model = foundation(scene)
-    if not isinstance(model, CellFoundation):
+    if scene.shape != "mesh":
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")
     if len(scene.parts) > len(scene.patch_names) or any(part.spots > 1 for part in scene.parts):
         raise ValueError(f"scene {scene.name} has a split_z or spots, expected whole patches: take these lines out")
+    cells = square_cells(cell_sizes_mm(scene)[_CELLS])
     reach = [_reach_mm(scene, p) for p in range(len(scene.patch_names))]
     edges = [np.linspace(*ends, STRIPS + 1) for ends in reach]
-    strips = CellFoundation(cut_scene(scene, [tuple(each[1:-1]) for each in edges], reach), model.cells)
+    strips = CellFoundation(cut_scene(scene, [tuple(each[1:-1]) for each in edges], reach), cells)
     rows, validation = fitted_rows(samples)
     chosen = np.random.default_rng(0).permutation(np.flatnonzero(rows))[:ROWS]
     poses, validation = samples.poses[chosen], validation[np.searchsorted(np.flatnonzero(rows), chosen)]
@@ -92,11 +96,12 @@ def find_cuts(
             for future in futures:
                 future.cancel()
             raise
+    enough_n = min(scene.tolerances[name] for name in of_kind(scene.load_names, FORCE))
     found = []
     for p, patch in enumerate(scene.patch_names):
         if misfit[p, 0, -1] == 0.0:
             raise ValueError(f"samples: patch {patch!r} never bears, expected samples in contact")
-        cuts, parts_n = worthwhile(best_cuts(misfit[p]))
+        cuts, parts_n = worthwhile(best_cuts(misfit[p]), enough_n)
         cuts_mm = tuple(float(round(edges[p][k], 2)) for k in cuts)
         given = scene.geometry["patches"][patch].get("z", reach[p])
         bounds_mm = (float(given[0]), float(given[1]))
@@ -154,10 +159,11 @@ def best_cuts(misfit: Array) -> list[tuple[float, tuple[int, ...]]]:
     return found
 
 
-def worthwhile(by_count: Sequence[tuple[float, tuple[int, ...]]]) -> tuple[tuple[int, ...], float]:
-    """The cuts into so many parts that one more takes less than `WORTH` of the error off; and their error."""
+def worthwhile(by_count: Sequence[tuple[float, tuple[int, ...]]], enough: float) -> tuple[tuple[int, ...], float]:
+    """The cuts into so many parts that their error is small enough, or that one more takes less than `WORTH` of it off;
+    and that error."""
     for (error, cuts), (next_error, _) in itertools.pairwise(by_count):
-        if next_error > (1.0 - WORTH) * error:
+        if error <= enough or next_error > (1.0 - WORTH) * error:
             return cuts, error
     return by_count[-1][1], by_count[-1][0]
 
