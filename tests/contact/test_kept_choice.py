@@ -1,12 +1,13 @@
 """The choice of a contact model is made once for a scene, and made again where what is kept is not as written."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import choice
+from casadi_contact.contact import choice, kept
 
 
 @pytest.fixture
@@ -61,7 +62,19 @@ def too_deep(content):
     return b"[" * 50_000
 
 
-@pytest.mark.parametrize("damage", [no_json, another_size, too_deep])
+def too_long(content):
+    return content + b" " * kept._MOST_BYTES
+
+
+def signed(record):
+    return json.dumps({"sha256": kept._digest(record), "record": record}).encode()
+
+
+def too_little(content):
+    return signed({"model": "of nothing"})
+
+
+@pytest.mark.parametrize("damage", [no_json, another_size, too_deep, too_long, too_little])
 def test_a_file_that_is_not_as_written_is_replaced(folder, tests_run, damage):
     first = cc.foundation("sphere_on_plane", compiled=False)
     (path,) = folder.glob("choice-*.json")
@@ -71,6 +84,31 @@ def test_a_file_that_is_not_as_written_is_replaced(folder, tests_run, damage):
     assert len(tests_run) == 2
     assert again.record == first.record
     assert path.read_bytes() == whole
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions as POSIX has them")
+def test_what_another_user_could_have_written_is_not_taken(folder, tests_run):
+    first = cc.foundation("sphere_on_plane", compiled=False)
+    (path,) = folder.glob("choice-*.json")
+    planted = first.record | {"rays": 99}
+    path.write_bytes(signed(planted))
+    assert cc.foundation("sphere_on_plane", compiled=False).record == planted, "what others must not be able to do"
+    for private, open_to_all in ((path, 0o666), (folder, 0o777)):
+        path.write_bytes(signed(planted))
+        before = private.stat().st_mode
+        private.chmod(open_to_all)
+        assert cc.foundation("sphere_on_plane", compiled=False).record == first.record
+        private.chmod(before)
+
+
+def test_other_code_in_python_or_c_makes_another_choice(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept, "_PACKAGE", tmp_path)
+    (tmp_path / "room").mkdir()
+    digests = set()
+    for name, text in (("law.py", "p = 1"), ("law.py", "p = 2"), ("room/rays.h", "1"), ("room/rays.h", "2")):
+        (tmp_path / name).write_text(text)
+        digests.add(kept._code_digest.__wrapped__())
+    assert len(digests) == 4
 
 
 def test_without_a_folder_to_write_in_each_model_is_tested(tests_run, tmp_path, monkeypatch):
