@@ -90,7 +90,7 @@ def test_a_file_that_is_not_as_written_is_replaced(folder, tests_run, damage):
 def test_what_another_user_could_have_written_is_not_taken(folder, tests_run):
     first = cc.foundation("sphere_on_plane", compiled=False)
     (path,) = folder.glob("choice-*.json")
-    planted = first.record | {"rays": 99}
+    planted = first.record | {"rays": 2 * first.record["rays"]}
     path.write_bytes(signed(planted))
     assert cc.foundation("sphere_on_plane", compiled=False).record == planted, "what others must not be able to do"
     for private, open_to_all in ((path, 0o666), (folder, 0o777)):
