@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring
-from casadi_contact.assembly.frames import placed, relative_pose, rotation
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, total_selection
 from casadi_contact.shapes.checks import identifier
+from casadi_contact.transcription.frames import placed, relative_pose, rotation
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.scenes import Material
+from casadi_contact.transcription.frames import relative_pose, rotation
 
 PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)
 PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)
@@ -51,8 +52,12 @@ def parametric_function(
     value = dict(zip(parameters, ca.vertsplit(given), strict=True))
     placed = any(key in value for key in PLACEMENT)
     place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
-    turn, shift = _rotation(place[3:]), place[:3]
-    forces = ca.reshape(wrenches(_relative(pose, turn, shift) if placed else pose), 6, selection.shape[1])
+    turn, shift = rotation(place[3:]), place[:3]
+    forces = ca.reshape(
+        wrenches(relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose),
+        6,
+        selection.shape[1],
+    )
     parts = []
     for p in range(selection.shape[1]):
         force, torque = forces[:3, p], forces[3:, p]
@@ -74,23 +79,6 @@ def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
     for name in (name for name in names if name in value):
         ratio = ca.if_else(bounds[name], ratio, np.nan)
     return ratio
-
-
-def _rotation(angles: ca.MX) -> ca.MX:
-    """Rx·Ry·Rz, see `conventions.rotation`."""
-    (sx, sy, sz), (cx, cy, cz) = (ca.vertsplit(function(angles)) for function in (ca.sin, ca.cos))
-    return ca.vertcat(
-        ca.horzcat(cy * cz, -cy * sz, sy),
-        ca.horzcat(cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy),
-        ca.horzcat(sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy),
-    )
-
-
-def _relative(pose: ca.MX, turn: ca.MX, shift: ca.MX) -> ca.MX:
-    """The moving body's pose in the frame of a body that is turned and shifted itself."""
-    R = turn.T @ _rotation(pose[3:])
-    angles = (ca.atan2(-R[1, 2], R[2, 2]), ca.asin(R[0, 2]), ca.atan2(-R[0, 1], R[0, 0]))
-    return ca.vertcat(turn.T @ (pose[:3] - shift), *angles)
 
 
 def wrench_names(patch_names: Sequence[str]) -> list[str]:

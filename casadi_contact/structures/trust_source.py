@@ -11,7 +11,7 @@ from casadi_contact.scenes.pose_space import OFF_SPACE
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import STEEPNESS
 from casadi_contact.structures.trust import Trust
-from casadi_contact.transcription.kernel.networks import padded
+from casadi_contact.transcription.kernel.networks import filled_up
 from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import table
 
@@ -64,7 +64,7 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "trust_scales": trust.scales,
         "centres": _by_coordinate(trust.centres),
         "dense_centres": _by_coordinate(trust.dense_centres),
-        "trust_levels": _filled_up(picked(trust.levels.T)),
+        "trust_levels": filled_up(picked(trust.levels.T)),
         "trust_shares": picked(trust.shares),
         "growth_loads": picked(trust.growth_loads),
         **{name: getattr(trust, name) for name in ("root_low", "root_high", "margin_low", "margin_high")},
@@ -122,10 +122,5 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
             )
 
 
-def _filled_up(rows: Array) -> Array:
-    """Rows filled up with zeros, as vectors of the kernel want them."""
-    return np.pad(rows, ((0, 0), (0, padded(rows.shape[1]) - rows.shape[1])))
-
-
 def _by_coordinate(centres: Array) -> Array:
-    return _filled_up(np.asarray(centres).T)
+    return filled_up(np.asarray(centres).T)

@@ -9,7 +9,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly.frames import placed
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT
@@ -17,6 +16,7 @@ from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import settle_in_range
+from casadi_contact.transcription.frames import placed, pose_of, relative_pose
 from problems.common.knee_scene import SIDES, check_knee
 from problems.common.records import load_columns, pose_columns
 
@@ -142,7 +142,5 @@ def in_fixed_body(poses: Array, place: Array) -> Array:
 def _composed(poses: Array, place: Array, *, inverse: bool) -> Array:
     pose, at = ca.SX.sym("pose", 6), ca.SX.sym("at", 6)
     (t, R), (s, turn) = placed(ca.SX.zeros(6), pose), placed(ca.SX.zeros(6), at)
-    found = (turn.T @ (t - s), turn.T @ R) if inverse else (s + turn @ t, turn @ R)
-    angles = (ca.atan2(-found[1][1, 2], found[1][2, 2]), ca.asin(found[1][0, 2]))
-    out = ca.vertcat(found[0], *angles, ca.atan2(-found[1][0, 1], found[1][0, 0]))
+    out = relative_pose((s, turn), (t, R)) if inverse else pose_of(s + turn @ t, turn @ R)
     return np.asarray(ca.Function("composed", [pose, at], [out]).map(len(poses))(poses.T, place)).T

@@ -23,6 +23,7 @@ from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.culling import STEEPEST_FIELD
 from casadi_contact.contact.kernels import point_distances
 from casadi_contact.contact.pressure import pressure, pressure_slopes
+from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
 from casadi_contact.geometry import MovingSurface
 from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
@@ -66,7 +67,7 @@ class Quadrature:
         distance = point_distances(self.body.family, self.body.parameters, p.c, R, t)
         nearest = int(np.argmin(np.where(p.known, distance, np.inf)))
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
-        gap_slope = -_twist(R @ slope[0], p.c[nearest] - t)
+        gap_slope = -twist(R @ slope[0], p.c[nearest] - t)
         touch = self._touch(R, t, distance)
         total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.slopes(touch)[0]
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
@@ -182,7 +183,7 @@ class Quadrature:
 
         late = (d - nodes.start) * m_slope
         total = m + late * nodes.moves * np.einsum("ij,ij->i", n, bent_n)
-        by_d = (_twist(G, rho) + late[:, None] * along(n)[1]) / total[:, None]
+        by_d = (twist(G, rho) + late[:, None] * along(n)[1]) / total[:, None]
         by_sigma = -moving(n)[1]
         by_m = m_slope[:, None] * by_sigma
         near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
@@ -257,8 +258,3 @@ def _pressures(law: tuple[int, float, float], depths: Array) -> tuple[Array, Arr
         np.where(below, stiffness * depths + 0.5 * bend * depths**2, p),
         np.where(below, stiffness + bend * depths, slope),
     )
-
-
-def _twist(force: Array, arm: Array) -> Array:
-    """(f, arm × f): the product of a force with the velocities of a twist."""
-    return np.concatenate([force, np.cross(arm, force)], -1)

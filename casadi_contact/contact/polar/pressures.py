@@ -12,10 +12,11 @@ from casadi_contact.contact.polar.ends import LEAST_RISE, Ends, ray_ends, rise
 from casadi_contact.contact.polar.middle import middle
 from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.quadrature import Integration, integration, twist
+from casadi_contact.contact.polar.quadrature import Integration, integration
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.contact.pressure_outputs import MOMENTS
+from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
 
 

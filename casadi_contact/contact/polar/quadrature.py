@@ -24,6 +24,7 @@ from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.rays import Rays, rays_from
 from casadi_contact.contact.pressure import pressure_slopes
+from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
 
 
@@ -81,8 +82,3 @@ def integration(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -
     r, weight = lines.points(rays.points)
     u, v = lines.at(r)
     return Integration(lines, cut, u, v, weight, ray_ends(patch, R, t, u, v, arc=lines.arc[..., None]))
-
-
-def twist(force: Array, arm: Array) -> Array:
-    """(f, arm × f): the product of a force with the velocities of a twist."""
-    return np.concatenate([force, np.cross(arm, force)], -1)

@@ -21,7 +21,7 @@ def padded(count: int) -> int:
     return -(-count // WIDTH) * WIDTH
 
 
-def _widened(rows: Array) -> Array:
+def filled_up(rows: Array) -> Array:
     """Rows filled up with zeros to a multiple of WIDTH."""
     return np.pad(rows, ((0, 0), (0, padded(rows.shape[1]) - rows.shape[1])))
 
@@ -104,15 +104,15 @@ class Group:
     def packed(self) -> Array:
         """The weights as `Shape` describes them; input and output scales are folded in."""
         nets = self.networks
-        first = [_widened(np.vstack([net.biases[0], (net.weights[0] / net.input_scale).T])) for net in nets]
+        first = [filled_up(np.vstack([net.biases[0], (net.weights[0] / net.input_scale).T])) for net in nets]
         parts = [nets[0].input_shift, np.hstack(first)]
         for layer in range(1, len(self.shape.hidden)):
-            parts += [_widened(np.vstack([net.biases[layer], net.weights[layer].T])) for net in nets]
+            parts += [filled_up(np.vstack([net.biases[layer], net.weights[layer].T])) for net in nets]
         if self.shape.outputs > 1:
             (net,) = nets
-            parts.append(_widened(net.output_scale * np.vstack([net.biases[-1], net.weights[-1].T])))
+            parts.append(filled_up(net.output_scale * np.vstack([net.biases[-1], net.weights[-1].T])))
         else:
-            parts += [_widened(net.output_scale * net.weights[-1]) for net in nets]
+            parts += [filled_up(net.output_scale * net.weights[-1]) for net in nets]
             parts.append(np.array([net.output_scale * net.biases[-1][0] for net in nets]))
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
 

@@ -34,6 +34,9 @@ def placed(pose: Any, frame: Any) -> tuple[Any, Any]:
 def relative_pose(fixed: tuple[Any, Any], moving: tuple[Any, Any]) -> Any:
     """Pose (6) of the moving frame in the fixed one, each an origin and a rotation as from `placed`."""
     (t_f, R_f), (t_m, R_m) = fixed, moving
-    R = ca.mtimes(R_f.T, R_m)
-    angles = (ca.atan2(-R[1, 2], R[2, 2]), ca.asin(R[0, 2]), ca.atan2(-R[0, 1], R[0, 0]))
-    return ca.vertcat(ca.mtimes(R_f.T, t_m - t_f), *angles)
+    return pose_of(ca.mtimes(R_f.T, t_m - t_f), ca.mtimes(R_f.T, R_m))
+
+
+def pose_of(t: Any, R: Any) -> Any:
+    """Pose (6) of a frame with origin t (3) and rotation R (3 x 3)."""
+    return ca.vertcat(t, ca.atan2(-R[1, 2], R[2, 2]), ca.asin(R[0, 2]), ca.atan2(-R[0, 1], R[0, 0]))
