@@ -231,12 +231,22 @@ def take_table(project: Project, table: Path) -> Samples:
 
 @alone
 def calibrate(project: Project) -> list[Path]:
-    """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too."""
+    """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too.
+
+    Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
+    """
     samples = project.samples()
     around = moved_samples(samples)
-    for structure, surrogate in project_surrogates(project).items():
+    surrogates = project_surrogates(project)
+    for structure, surrogate in surrogates.items():
+        if around is None and "around" in surrogate.record.get("coverage", {}):
+            raise ValueError(
+                f"the {structure} surrogate was calibrated on the contact model that its samples come from, which is "
+                "not here: build again with that model"
+            )
+    for structure, surrogate in surrogates.items():
         with_trust(surrogate, samples, around).save(project.surrogate_path(structure))
-    return [project.surrogate_path(structure) for structure in project_surrogates(project)]
+    return [project.surrogate_path(structure) for structure in surrogates]
 
 
 @alone

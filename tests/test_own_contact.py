@@ -156,6 +156,8 @@ def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
     (surrogate,) = cc.build(scene_file, "small", model=model, folder=tmp_path / "out").values()
     assert set(surrogate.record["coverage"]) & {"around", "edge", "outside"}
+    with pytest.raises(ValueError, match=r"calibrated on the contact model .* which is not here: build again"):
+        pipeline.calibrate(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
 
 
 @pytest.mark.parametrize("name", ["step_mm", "step_rad", "approach_mm", "reach_mm"])

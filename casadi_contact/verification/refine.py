@@ -161,4 +161,5 @@ def _trained_on(
     record = {**surrogate.record, **samples_record(everything), "training_errors": errors}
     record["refined"] = int(record.get("refined", 0)) + 1
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
-    return with_trust(kind(surrogate.scene, networks, record), everything, samples_around(everything, model))
+    around = samples_around(everything, model, count=len(everything) // 3)
+    return with_trust(kind(surrogate.scene, networks, record), everything, around)
