@@ -126,6 +126,16 @@ def test_the_contact_model_says_whether_an_unsolved_row_lies_outside_of_what_was
     assert diagnose(problem, result, "none at hand") is result
 
 
+def test_a_flexion_held_beyond_what_was_learned_is_named_whatever_the_contact_model_finds(knee, rest):
+    bent = rest.copy()
+    bent[1, 5] = knee.record["pose_range"]["rz"][0] - 0.7
+    problem = static_equilibrium.build(knee, np.tile(LOADS, (3, 1)), rest=bent, about="moving")
+    result = static_equilibrium.solve(problem)
+    assert result.converged.tolist() == [True, False, True]
+    for told in (result, diagnose(problem, result, own_model(knee.scene))):
+        assert told.reason[1].startswith("held outside the learned range (rz by 0.7 rad): at the nearest ")
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
