@@ -14,7 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
-from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.columns import TextColumns, read_columns
+from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
@@ -126,14 +127,11 @@ def read_walk(
 
     Raises FileNotFoundError for no file and ValueError, naming file, line, column or muscle, for what cannot be used.
     """
-    turns, dynamics = _table(rotations), _table(inverse_dynamics).columns
+    turns = _table(rotations, required=[item.column for item in maps])
+    labels = {label: name for name in COORDINATES for label in (name, f"{name}_{coordinate_unit(name)}")}
+    dynamics = _table(inverse_dynamics, optional=list(labels)).columns
     time_s = dynamics["time"]
-    loads = {
-        name: dynamics[label]
-        for name in COORDINATES
-        for label in (name, f"{name}_{coordinate_unit(name)}")
-        if label in dynamics
-    }
+    loads = {name: dynamics[label] for label, name in labels.items() if label in dynamics}
     if not loads:
         raise ValueError(f"{inverse_dynamics} has none of the columns {', '.join(COORDINATES)}")
     known = _parameters(parameters)
@@ -144,6 +142,9 @@ def read_walk(
         raise ValueError(f"{rotations}: {error}") from None
     if not {"rz", "ry"} <= set(curves):
         raise ValueError(f"{rotations} is mapped to {', '.join(curves)}, expected columns for rz and ry")
+    for item in maps:
+        if item.name in ("rz", "ry"):
+            check_radians(str(rotations), item.column, curves[item.name])
     turned = np.column_stack([curves["rz"], curves["ry"]])
     rz, ry = at_times(str(rotations), curves["time"], turned, time_s).T
     shared = [name for name in COORDINATES if name in loads and name in arms]
@@ -180,14 +181,12 @@ def read_length_range(path: Path, names: Sequence[str]) -> Array:
     return lengths
 
 
-def _table(path: Path) -> Table:
-    """A CSV or OpenSim file as a table whose time [s] rises."""
+def _table(path: Path, required: Sequence[str] = (), optional: Sequence[str] = ()) -> Table:
+    """These columns of a CSV file, or a whole OpenSim file, as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
         table = read_opensim_table(path)
     else:
-        text = TextColumns.read(path)
-        text.require("time_s")
-        columns = {name: text.numbers(name) for name in text.header}
+        columns = read_columns(path, required=("time_s", *required), optional=optional)
         table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
     if np.any(np.diff(table.column("time")) <= 0.0):
         raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
@@ -209,6 +208,12 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
     table.require("length_m")
     table.require("velocity_m_per_s")
     muscle, frame = table.text("muscle"), table.numbers("frame")
+    odd = np.flatnonzero((frame < 0.0) | (frame != np.floor(frame)))
+    if len(odd):
+        raise ValueError(
+            f"{path} line {table.rows[odd[0]][0]}: frame is {frame[odd[0]]:g}, expected a whole number of 0 or more: "
+            "the row of inverse dynamics, counted from 0"
+        )
     place: dict[tuple[int, str], int] = {}
     for k, key in enumerate(zip(frame.astype(int), muscle, strict=True)):
         if key in place:
