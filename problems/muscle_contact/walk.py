@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
 from casadi_contact.motion.columns import TextColumns, read_columns
-from casadi_contact.motion.load_cycle import check_radians
+from casadi_contact.motion.load_cycle import OverTime, check_radians
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
@@ -35,7 +35,7 @@ PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_
 
 
 @dataclass(frozen=True)
-class MuscleWalk:
+class MuscleWalk(OverTime):
     """One cycle of n frames and m muscles: time_s, rz, ry (n,); loads (n,) [N, N·m] and arms (n, m) by coordinate;
     lengths_m and velocities_m_per_s (n, m) of the musculotendons; the muscles' parameters.
 
@@ -88,9 +88,6 @@ class MuscleWalk:
         if "knee_flexion" in self.arms:
             check_flexion_arms(self.name, names, self.time_s, self.rz, self.lengths_m, self.arms["knee_flexion"])
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
     def check_has(self, coordinates: Sequence[str], cure: str = "") -> None:
         """ValueError for coordinates of which the walk has no loads and arms; cure: what else would do."""
         missing = [name for name in coordinates if name not in self.loads]
@@ -103,11 +100,6 @@ class MuscleWalk:
                 f"walk {self.name} has no loads and arms of {', '.join(missing)}; it has {', '.join(self.loads)}"
                 + (f": {', or '.join(cures)}" if cures else "")
             )
-
-    @property
-    def percent(self) -> Array:
-        """Percentage of the cycle (n,), 0 to 100."""
-        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
 
 def read_walk(
