@@ -32,8 +32,22 @@ def check_radians(where: str, column: str, angles: Array) -> None:
         raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
 
 
+class OverTime:
+    """One cycle of n frames over time_s (n,) [s]."""
+
+    time_s: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+
 @dataclass(frozen=True)
-class LoadCycle:
+class LoadCycle(OverTime):
     """Loads and measured rotations over one cycle, each (n,): time_s [s]; rz (flexion is negative) and ry [rad];
     fy_med, fy_lat [N], compression negative; centre of pressure cop_ap_mm = Tz/Fy, cop_ml_mm = -Tx/Fy."""
 
@@ -69,14 +83,6 @@ class LoadCycle:
             check_radians(f"cycle {self.name}", COLUMNS[key], getattr(self, key))
         if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
             raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    @property
-    def percent(self) -> Array:
-        """Percentage of the cycle (n,), 0 to 100."""
-        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
     def targets(self) -> dict[str, Array]:
         """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""

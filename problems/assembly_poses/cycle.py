@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.columns import TextColumns
-from casadi_contact.motion.load_cycle import check_radians
+from casadi_contact.motion.load_cycle import OverTime, check_radians
 from casadi_contact.quantities import quantity
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -20,7 +20,7 @@ CENTRES = ("cop_ap", "cop_ml", "cop_x", "cop_y", "cop_z")
 
 
 @dataclass(frozen=True)
-class AssemblyCycle:
+class AssemblyCycle(OverTime):
     """Curves (n,) over time_s [s], by name.
 
     pose: measured pose parameters [mm, rad] by body; contact, loads: the contact whose loads [N, N·mm] and centres of
@@ -35,14 +35,6 @@ class AssemblyCycle:
     loads: Mapping[str, Array] = field(default_factory=dict)
     tensions: Mapping[str, Array] = field(default_factory=dict)
     applied: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    @property
-    def percent(self) -> Array:
-        """Percentage of the cycle (n,), 0 to 100."""
-        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
     def frames(self, rows: np.ndarray) -> AssemblyCycle:
         """The same of these frames alone."""

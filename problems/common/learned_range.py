@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from casadi_contact.contact import ContactModel
+from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.structures import Surrogate
@@ -22,10 +24,26 @@ def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
     excess = np.maximum(low - poses, poses - high)
     validity = model.validity(poses)
     for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
-        named = [f"{POSE_NAMES[i]} by {excess[k, i]:.2g} {POSE_UNITS[i]}" for i in np.flatnonzero(excess[k] > 0.0)]
-        named += _loads_beyond(model, poses[k])
-        words[k] = f"outside the learned range ({', '.join([*named, f'validity {validity[k]:.2g}'])})"
+        named = [*_parameters_beyond(excess[k]), *_loads_beyond(model, poses[k]), f"validity {validity[k]:.2g}"]
+        words[k] = f"outside the learned range ({', '.join(named)})"
     return words
+
+
+def held_beyond(model: SymbolicContact, poses: Array, free: Sequence[int]) -> np.ndarray:
+    """By how much what a problem holds in poses (n, 6), all but its free columns, lies outside of the range that a
+    surrogate has learned (n,); "" inside, and for a model that learned nothing."""
+    words = np.full(len(poses), "", dtype=object)
+    low, high = pose_bounds(model)
+    excess = np.maximum(low - poses, poses - high)
+    excess[:, free] = 0.0
+    for k in np.flatnonzero((excess > 0.0).any(axis=1)):
+        words[k] = f"held outside the learned range ({', '.join(_parameters_beyond(excess[k]))})"
+    return words
+
+
+def _parameters_beyond(excess: Array) -> list[str]:
+    """The pose parameters with an excess (6,) above 0, and how large it is."""
+    return [f"{POSE_NAMES[i]} by {excess[i]:.2g} {POSE_UNITS[i]}" for i in np.flatnonzero(excess > 0.0)]
 
 
 def _loads_beyond(model: Surrogate, pose: Array) -> list[str]:

@@ -83,7 +83,7 @@ def run(
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for path, problem, first in zip(cycles, problems, poses, strict=True):
-        for doubt in unit_doubts(problem.wanted):
+        for doubt in unit_doubts(problem.wanted, elements):
             typer.echo(f"{NAME}: {path}: {doubt}", err=True)
         result = solve_and_complete(problem, first, elements)
         loads = problem.wanted.load_names

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
-from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.columns import TextColumns, read_columns
+from casadi_contact.motion.load_cycle import OverTime, check_radians
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
@@ -34,7 +35,7 @@ PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_
 
 
 @dataclass(frozen=True)
-class MuscleWalk:
+class MuscleWalk(OverTime):
     """One cycle of n frames and m muscles: time_s, rz, ry (n,); loads (n,) [N, N·m] and arms (n, m) by coordinate;
     lengths_m and velocities_m_per_s (n, m) of the musculotendons; the muscles' parameters.
 
@@ -87,9 +88,6 @@ class MuscleWalk:
         if "knee_flexion" in self.arms:
             check_flexion_arms(self.name, names, self.time_s, self.rz, self.lengths_m, self.arms["knee_flexion"])
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
     def check_has(self, coordinates: Sequence[str], cure: str = "") -> None:
         """ValueError for coordinates of which the walk has no loads and arms; cure: what else would do."""
         missing = [name for name in coordinates if name not in self.loads]
@@ -102,11 +100,6 @@ class MuscleWalk:
                 f"walk {self.name} has no loads and arms of {', '.join(missing)}; it has {', '.join(self.loads)}"
                 + (f": {', or '.join(cures)}" if cures else "")
             )
-
-    @property
-    def percent(self) -> Array:
-        """Percentage of the cycle (n,), 0 to 100."""
-        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
 
 
 def read_walk(
@@ -126,14 +119,11 @@ def read_walk(
 
     Raises FileNotFoundError for no file and ValueError, naming file, line, column or muscle, for what cannot be used.
     """
-    turns, dynamics = _table(rotations), _table(inverse_dynamics).columns
+    turns = _table(rotations, required=[item.column for item in maps])
+    labels = {label: name for name in COORDINATES for label in (name, f"{name}_{coordinate_unit(name)}")}
+    dynamics = _table(inverse_dynamics, optional=list(labels)).columns
     time_s = dynamics["time"]
-    loads = {
-        name: dynamics[label]
-        for name in COORDINATES
-        for label in (name, f"{name}_{coordinate_unit(name)}")
-        if label in dynamics
-    }
+    loads = {name: dynamics[label] for label, name in labels.items() if label in dynamics}
     if not loads:
         raise ValueError(f"{inverse_dynamics} has none of the columns {', '.join(COORDINATES)}")
     known = _parameters(parameters)
@@ -144,6 +134,9 @@ def read_walk(
         raise ValueError(f"{rotations}: {error}") from None
     if not {"rz", "ry"} <= set(curves):
         raise ValueError(f"{rotations} is mapped to {', '.join(curves)}, expected columns for rz and ry")
+    for item in maps:
+        if item.name in ("rz", "ry"):
+            check_radians(str(rotations), item.column, curves[item.name])
     turned = np.column_stack([curves["rz"], curves["ry"]])
     rz, ry = at_times(str(rotations), curves["time"], turned, time_s).T
     shared = [name for name in COORDINATES if name in loads and name in arms]
@@ -180,14 +173,12 @@ def read_length_range(path: Path, names: Sequence[str]) -> Array:
     return lengths
 
 
-def _table(path: Path) -> Table:
-    """A CSV or OpenSim file as a table whose time [s] rises."""
+def _table(path: Path, required: Sequence[str] = (), optional: Sequence[str] = ()) -> Table:
+    """These columns of a CSV file, or a whole OpenSim file, as a table whose time [s] rises."""
     if path.suffix.lower() in (".sto", ".mot"):
         table = read_opensim_table(path)
     else:
-        text = TextColumns.read(path)
-        text.require("time_s")
-        columns = {name: text.numbers(name) for name in text.header}
+        columns = read_columns(path, required=("time_s", *required), optional=optional)
         table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
     if np.any(np.diff(table.column("time")) <= 0.0):
         raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
@@ -209,6 +200,12 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
     table.require("length_m")
     table.require("velocity_m_per_s")
     muscle, frame = table.text("muscle"), table.numbers("frame")
+    odd = np.flatnonzero((frame < 0.0) | (frame != np.floor(frame)))
+    if len(odd):
+        raise ValueError(
+            f"{path} line {table.rows[odd[0]][0]}: frame is {frame[odd[0]]:g}, expected a whole number of 0 or more: "
+            "the row of inverse dynamics, counted from 0"
+        )
     place: dict[tuple[int, str], int] = {}
     for k, key in enumerate(zip(frame.astype(int), muscle, strict=True)):
         if key in place:

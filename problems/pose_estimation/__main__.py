@@ -20,6 +20,7 @@ from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.solve import solve
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
+from problems.pose_estimation.unit_doubts import unit_doubts
 
 NAME = "pose_estimation"
 app = new_app()
@@ -59,6 +60,8 @@ def run(
     if warm is not None:
         poses = solve(build(ContactSource(surrogate=warm).load(), measured)).poses
     model = own_model(problem.model.scene)
+    for doubt in unit_doubts(problem.wanted, model):
+        typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
     result = solve_and_complete(problem, poses, model)
     names = problem.wanted.load_names
     verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)

@@ -26,7 +26,7 @@ from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.search import Found, search
 from problems.pose_estimation.solve import PoseResult, frame_solver, solve
-from problems.pose_estimation.wanted import COP_TOLERANCE_MM
+from problems.pose_estimation.wanted import COP_TOLERANCE_MM, off_by
 
 
 def solve_and_complete(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> PoseResult:
@@ -56,17 +56,19 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     # Without load there is no centre of pressure to look for.
     left = ~result.converged & (reach <= COP_TOLERANCE_MM) & wanted.loaded
     found = _searched(problem, result, model, left)
-    on_model = left & found.found
-    poses, reason = result.poses.copy(), result.reason.copy()
+    settled = left & found.found
+    poses, loads, reason = result.poses.copy(), result.loads.copy(), result.reason.copy()
+    loads[settled] = loads_on(model, found.poses[settled], wanted.load_names)
+    on_it = wanted.errors(loads)
+    on_model = settled & wanted.carried(on_it)
     poses[on_model] = found.poses[on_model]
     beyond = beyond_learned(problem.model, poses)
     again, iterations = _again(problem, poses, on_model & (beyond == ""))
     on_model &= ~again
-    loads = problem.model(poses, wanted.load_names)
-    loads[on_model] = loads_on(model, poses[on_model], wanted.load_names)
+    loads[~on_model] = problem.model(poses[~on_model], wanted.load_names)
     errors = wanted.errors(loads)
     on_rim = on_model & (model.at_edge(poses).any(axis=1) if hasattr(model, "at_edge") else False)
-    for k in np.flatnonzero(~result.converged & (left | (reach > 0.0))):
+    for k in np.flatnonzero(~result.converged & wanted.loaded):
         if not left[k]:
             reason[k] = f"infeasible: {reach[k]:.3g} mm beyond any centre of pressure that contact can have"
         elif again[k]:
@@ -80,13 +82,14 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
             )
             reason[k] = f"on the contact model, {where}: {why}"
         else:
-            reason[k] = f"no equilibrium on the contact model, from {found.starts[k]} starts: {found.reason[k]}"
+            why = f"at the nearest {off_by(wanted.values, on_it[k])}" if settled[k] else found.reason[k]
+            reason[k] = f"no equilibrium on the contact model, from {found.starts[k]} starts: {why}"
     return replace(
         result,
         poses=poses,
         loads=loads,
         errors=errors,
-        converged=wanted.carried(errors) & (result.converged | again | on_model),
+        converged=result.converged | again | on_model,
         on_model=on_model,
         on_rim=on_rim,
         reason=reason,
@@ -135,21 +138,25 @@ def _searched(problem: PoseEstimation, result: PoseResult, model: ContactModel, 
         return search(model, problem, result.poses, result.converged, left, middle)
     # Grids differ little in where a pose lies, and much in time.
     coarse = ElasticFoundation(model.scene, model.scene.grids["settle"])
-    near = search(coarse, problem, result.poses, result.converged, left, middle)
+    near = search(coarse, problem, result.poses, result.converged, left, middle, roughly=True)
     fine = search(model, problem, near.poses, result.converged, left, None)
     return replace(fine, starts=near.starts + fine.starts)
 
 
 def _again(problem: PoseEstimation, poses: Array, rows: np.ndarray) -> tuple[np.ndarray, int]:
-    """Solve frames alone on the surrogate from their poses, changed in place: which are solved, and iterations."""
+    """Solve frames alone on the surrogate from their poses, changed in place where these carry what is wanted: which
+    are solved, and iterations."""
     again, iterations = np.zeros(len(poses), dtype=bool), 0
     if not rows.any():
         return again, iterations
     solver, wanted, columns, steps = frame_solver(problem), problem.parameters, problem.contact.columns, problem.steps
     lower, upper = (bounds[: len(columns)] for bounds in (problem.contact.lower, problem.contact.upper))
+    tried = poses.copy()
     for k in np.flatnonzero(rows):
         answer, spent = solve_alone(solver, poses[k, columns] / steps, wanted[k], lower, upper)
         iterations += spent
         if answer is not None:
-            poses[[k]], again[k] = problem.contact.moved(poses[[k]], answer), True
+            tried[[k]], again[k] = problem.contact.moved(poses[[k]], answer), True
+    again &= problem.wanted.carried(problem.wanted.errors(problem.model(tried, problem.wanted.load_names)))
+    poses[again] = tried[again]
     return again, iterations

@@ -16,8 +16,8 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.statics import settle
 from problems.pose_estimation.problem import PoseEstimation
+from problems.pose_estimation.wanted import ROUGHLY_N
 
-_TOLERANCE_N = 0.01  # torques over 25 mm
 _STEP_ITERATIONS = 30
 _SMALLEST_STEP = 0.125  # of the way from a neighbour
 
@@ -39,14 +39,17 @@ def search(
     solved: np.ndarray,
     wanted: np.ndarray,
     middle: Array | None,
+    *,
+    roughly: bool = False,
 ) -> Found:
     """Find poses of the wanted frames (n,) of a problem's cycle, beginning at poses (n, 6).
 
     Frames not found are followed from each neighbour that is solved (n,) or found, outwards; then they begin at middle
     poses (n, 6), pressed together first, if there are any, and outwards again. Frames stay as they are where centres of
-    pressure are wanted without the forces that they belong to.
+    pressure are wanted without the forces that they belong to. roughly: to `ROUGHLY_N` under any load.
     """
-    attempts = _Attempts(model, problem, poses, solved, wanted)
+    settled_n = np.full(len(poses), ROUGHLY_N) if roughly else problem.wanted.settled_n
+    attempts = _Attempts(model, problem, poses, solved, wanted, settled_n)
     attempts.settle(np.flatnonzero(wanted), poses)
     attempts.outwards()
     left = np.flatnonzero(wanted & ~attempts.found)
@@ -64,26 +67,35 @@ class _Attempts:
     """What was tried for each frame so far, as in `Found`."""
 
     def __init__(
-        self, model: ContactModel, problem: PoseEstimation, poses: Array, solved: np.ndarray, wanted: np.ndarray
+        self,
+        model: ContactModel,
+        problem: PoseEstimation,
+        poses: Array,
+        solved: np.ndarray,
+        wanted: np.ndarray,
+        settled_n: Array,
     ) -> None:
         self.poses, self.found = poses.copy(), solved.copy()
         self.starts = np.zeros(len(poses), dtype=int)
         self.reason = np.full(len(poses), "", dtype=object)
         self._model, self._free, self._targets = model, problem.free, problem.wanted.targets()
         self._wanted = wanted if self._targets else np.zeros(len(poses), dtype=bool)
+        self._settled_n = settled_n
         self._measured = {pose_index(name): curve for name, curve in problem.measured.items()}
         self._tried: set[tuple[int, int]] = set()
 
     def settle(self, rows: np.ndarray, begin: Array) -> None:
         """Settle frames from their rows of begin (n, 6)."""
         rows = rows[self._wanted[rows]]
-        if not len(rows):
-            return
+        for settled_n in np.unique(self._settled_n[rows]):
+            self._settle(rows[self._settled_n[rows] == settled_n], begin, settled_n)
+
+    def _settle(self, rows: np.ndarray, begin: Array, settled_n: float) -> None:
         start = begin[rows]
         for column, curve in self._measured.items():
             start[:, column] = curve[rows]
         targets = {name: curve[rows] for name, curve in (self._targets or {}).items()}
-        poses, report = settle(self._model, start, self._free, targets, tolerance=_TOLERANCE_N)
+        poses, report = settle(self._model, start, self._free, targets, tolerance=settled_n)
         good = report.converged
         self.poses[rows[good]], self.found[rows[good]] = poses[good], True
         self.starts[rows] += 1
@@ -113,7 +125,12 @@ class _Attempts:
                 name: (1.0 - ahead) * v[neighbour] + ahead * v[frame] for name, v in (self._targets or {}).items()
             }
             tried, report = settle(
-                self._model, pose[None], self._free, targets, tolerance=_TOLERANCE_N, max_iterations=_STEP_ITERATIONS
+                self._model,
+                pose[None],
+                self._free,
+                targets,
+                tolerance=self._settled_n[frame],
+                max_iterations=_STEP_ITERATIONS,
             )
             if report.converged[0]:
                 pose, share = tried[0], ahead

@@ -14,6 +14,8 @@ from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of
 
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1
+ROUGHLY_N = 0.01  # how closely the search settles loads, torques over 25 mm; closer where they are light
+_NO_LOAD = 1e-6  # of a scene's boundary load: less is zero, rounded
 NO_LOAD = "no load: any pose out of contact carries it"  # why a frame is not `WantedLoads.loaded`
 TOLERANCES = {FORCE: FORCE_TOLERANCE_N, TORQUE: FORCE_TOLERANCE_N * LEVER_MM, LENGTH: COP_TOLERANCE_MM}
 
@@ -61,13 +63,14 @@ class WantedLoads:
     def loaded(self) -> np.ndarray:
         """True (n,) where something presses: without load there is neither a centre of pressure nor a pose to find.
 
-        A centre of pressure may belong to a force that is not wanted: then that may press in any frame.
+        A force below a millionth of the scene's boundary load is none. A centre of pressure may belong to a force that
+        is not wanted: then that may press in any frame.
         """
         forces = [curve for name, curve in self.values.items() if quantity(name).kind == FORCE]
         all_known = all(set(normal.loads) <= set(self.values) for normal in self.scene.normal_loads)
         if not forces or (self.centres and not all_known):
             return np.ones(len(next(iter(self.values.values()))), dtype=bool)
-        return np.any(np.array(forces) != 0.0, axis=0)
+        return np.any(np.abs(forces) > _NO_LOAD * self.scene.boundary_load, axis=0)
 
     @property
     def pressing(self) -> dict[str, Array]:
@@ -92,12 +95,29 @@ class WantedLoads:
         """The same as named loads alone, as `settle` takes them; None where a centre's force is not wanted itself."""
         targets = {name: curve for name, curve in self.values.items() if name not in self.centres}
         for name, centre in self.centres.items():
-            parts = [load for load in self.scene.load_names if load.partition("_")[0] == centre.force]
-            if centre.torque not in self.scene.load_names or not set(parts) <= set(targets):
+            if centre.torque not in self.scene.load_names or not set(self._parts(centre)) <= set(targets):
                 return None
-            force = np.sum([self.values[part] for part in parts], axis=0)
-            targets[centre.torque] = centre.sign * self.values[name] * force
+            targets[centre.torque] = centre.sign * self.values[name] * self._force(centre)
         return targets
+
+    @property
+    def settled_n(self) -> Array:
+        """How closely (n,) [N, torques over LEVER_MM] `targets` are to be settled, in decades: so that centres of
+        pressure end well within their tolerance, at most `ROUGHLY_N`."""
+        forces = [np.abs(self._force(centre)) for centre in self.centres.values()]
+        least = np.min(forces, axis=0) if forces else np.full(len(self.loaded), np.inf)
+        least = np.maximum(least, _NO_LOAD * self.scene.boundary_load)
+        closely = np.minimum(least * COP_TOLERANCE_MM / LEVER_MM, ROUGHLY_N)
+        return np.asarray(10.0 ** np.floor(np.log10(closely)))
+
+    def _parts(self, centre: CentreOfPressure) -> list[str]:
+        """The loads of the scene that the force of a centre of pressure is made of."""
+        return [load for load in self.scene.load_names if load.partition("_")[0] == centre.force]
+
+    def _force(self, centre: CentreOfPressure) -> Array:
+        """The wanted force (n,) of a centre of pressure."""
+        zero = np.zeros(len(next(iter(self.values.values()))))
+        return np.asarray(sum((self.values.get(part, zero) for part in self._parts(centre)), zero))
 
     def _one(self, name: str, loads: Array) -> Array:
         if name not in self.centres:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +33,16 @@ def report(
     kind: str = "surrogate",
 ) -> None:
     """Print the table and write static_equilibrium.csv, .json and .png in the folder out; kind: what to call
-    the model there."""
+    the model there. All torques are about the origin that the problem's loads are about."""
     writable_folder(out)
     scene = problem.model.scene
     foundations = models_on_grids(scene)
     grids = grids_in_words(foundations)
+    total = total_selection(scene.load_names).T
+    result = replace(result, wrenches=_about(problem, result.poses, result.wrenches))
     ef = {
-        name: foundation(result.poses) @ total_selection(scene.load_names).T for name, foundation in foundations.items()
+        name: _about(problem, result.poses, foundation(result.poses) @ total)
+        for name, foundation in foundations.items()
     }
     ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
     console = PlainConsole()
@@ -96,6 +100,14 @@ def report(
     write_summary(out / "static_equilibrium.json", summary)
     draw(result, ef_poses.get("fine"), ef.get("fine"), kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _about(problem: StaticEquilibrium, poses: Array, wrenches: Array) -> Array:
+    """Wrenches (n, 6) about the fixed origin, at poses (n, 6), about the origin of the problem's loads."""
+    if problem.about == "fixed":
+        return wrenches
+    shift = np.cross(poses[:, :3], wrenches[:, :3])
+    return np.column_stack([wrenches[:, :3], wrenches[:, 3:] - shift])
 
 
 def _largest(moves: Array) -> Array:

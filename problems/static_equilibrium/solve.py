@@ -22,6 +22,7 @@ from casadi_contact.optimisation import (
     total_selection,
     wrench_function,
 )
+from problems.common.learned_range import held_beyond
 from problems.static_equilibrium.problem import TOLERANCE_N, StaticEquilibrium, residual_function
 
 NEWTON_STEPS = 20
@@ -71,7 +72,7 @@ def solve(
         wrenches=problem.model(poses) @ total_selection(problem.model.load_names).T,
         misfit_n=misfit,
         converged=converged,
-        reason=_reasons(problem, misfit, converged, outcome),
+        reason=_reasons(problem, poses, misfit, converged, outcome),
         ipopt_status=outcome.status,
         iterations=outcome.iterations,
         seconds=time.perf_counter() - began,
@@ -137,7 +138,10 @@ def _nearby(unbalanced: Callable[[Array], Array], slopes: Callable[[Array], Arra
     return None
 
 
-def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome) -> np.ndarray:
+def _reasons(
+    problem: StaticEquilibrium, poses: Array, misfit: Array, converged: np.ndarray, outcome: IpoptOutcome
+) -> np.ndarray:
+    held = held_beyond(problem.model, poses, problem.columns)
     reason = np.full(len(misfit), "", dtype=object)
     from_above = {(normal.component, normal.sign) for normal in problem.model.scene.normal_loads} == {("Fy", -1.0)}
     for row in np.flatnonzero(~converged):
@@ -145,6 +149,8 @@ def _reasons(problem: StaticEquilibrium, misfit: Array, converged: np.ndarray, o
         left = f"{problem.free[worst]} is unbalanced by {misfit[row, worst]:.3g} N (torques over {LEVER_MM:g} mm)"
         if from_above and problem.loads[row, WRENCH_NAMES.index("Fy")] >= 0.0:
             reason[row] = f"Fy does not press the bodies together (compression is negative); {left}"
+        elif held[row]:
+            reason[row] = f"{held[row]}: at the nearest {left}"
         elif not outcome.solved:
             reason[row] = f"IPOPT stopped: {outcome.status}; {left}"
         else:

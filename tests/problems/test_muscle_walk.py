@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.opensim import ColumnMap, Table, write_table
 from casadi_contact.motion.walking import reference_cycle
@@ -117,12 +118,26 @@ def swap(path, old, new):
     [
         ("muscles", lambda p: drop(p, "3,semimem"), r"muscles.csv lacks muscle semimem at frame 3 of 41"),
         ("muscles", lambda p: swap(p, "\n40,vasmed", "\n39,vasmed"), "muscle vasmed at frame 39 is there twice"),
+        (
+            "muscles",
+            lambda p: swap(p, "\n40,vasmed", "\n40.4,vasmed"),
+            "frame is 40.4, expected a whole number",
+        ),
+        (
+            "muscles",
+            lambda p: swap(p, "\n0,", "\n-1,"),
+            "muscles.csv line 2: frame is -1, expected",
+        ),
         ("muscles", lambda p: swap(p, "length_m", "length"), "lacks the column length_m; it has frame, muscle, length"),
         ("muscles", lambda p: p.write_text(p.read_text() + "0,x\n"), r"line 535: got 2 values, expected \d+"),
         ("inverse_dynamics", lambda p: p.write_text(p.read_text().replace("knee", "hip")), "has none of the columns"),
         ("inverse_dynamics", lambda p: swap(p, "\n0.0,", "\n0.0,nan,#"), "line 2"),
         ("inverse_dynamics", lambda p: swap(p, "time_s", "t"), "lacks the column time_s"),
-        ("rotations", lambda p: swap(p, "flexion_rz_rad", "flexion"), "has no column 'flexion_rz_rad'; it has time"),
+        (
+            "rotations",
+            lambda p: swap(p, "flexion_rz_rad", "flexion"),
+            "lacks the columns flexion_rz_rad; it has",
+        ),
         ("rotations", lambda p: swap(p, "\n0.0,", "\n9.0,"), "time does not rise, expected rows sorted by time"),
         ("parameters", lambda p: swap(p, "grac,140.0", "grac,-140.0"), "parameters.csv: max_isometric_force_n of grac"),
         ("parameters", lambda p: swap(p, "grac,140.0", "grac,x"), "max_isometric_force_N: got 'x', expected a number"),
@@ -133,6 +148,20 @@ def swap(path, old, new):
 def test_a_fault_is_named(files, which, harm, said):
     harm(files[which])
     with pytest.raises((ValueError, FileNotFoundError), match=said):
+        read_walk(**files)
+
+
+def test_columns_that_are_not_asked_for_may_hold_text(files):
+    for which in ("rotations", "inverse_dynamics"):
+        header, *rows = files[which].read_text().splitlines()
+        files[which].write_text("\n".join([f"{header},remark", *(f"{row},left leg" for row in rows)]) + "\n")
+    assert_same(read_walk(**files), rtol=0.0)
+
+
+def test_rotations_in_degrees_are_told(files):
+    turns = {"time_s": WALK.time_s, "flexion_rz_rad": np.degrees(WALK.rz), "rotation_ry_rad": np.degrees(WALK.ry)}
+    write_columns(files["rotations"], turns)
+    with pytest.raises(ValueError, match=r"flexion_rz_rad reaches \S+, expected radians: is it in degrees\?"):
         read_walk(**files)
 
 

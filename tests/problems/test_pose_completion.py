@@ -172,3 +172,46 @@ def test_smoothness_couples_frames_and_leaves_the_result_as_it_is(knee, foundati
     problem = pose_estimation.build(knee, reference_cycle(frames=5), smoothness=1e6)
     result = pose_estimation.solve(problem)
     assert complete(problem, result, foundation) is result
+
+
+def light(force_n):
+    """Five frames of one flexion with 300 N on the medial side, but so many in the inner three; and which these are."""
+    inner = np.array([False, True, True, True, False])
+    medial = np.where(inner, -force_n, -300.0)
+    at = {"ry": 0.03, "rz": -0.4, "cop_ap_mm": 1.0, "cop_ml_mm": 2.0}
+    curves = {name: np.full(5, value) for name, value in at.items()}
+    return replace(reference_cycle(frames=5), **curves, fy_med=medial, fy_lat=0.6 * medial), inner
+
+
+@pytest.mark.parametrize("force_n", [0.1, 0.02])
+def test_light_frames_have_their_centre_of_pressure_on_the_contact_model(knee, force_n):
+    cycle, inner = light(force_n)
+    problem, teacher = pose_estimation.build(knee, cycle), cc.ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
+    result = solve_and_complete(problem, None, teacher)
+    assert result.converged.all(), result.reason
+    assert result.on_model[inner].any()
+    assert np.abs(result.errors[:, 2:]).max() <= 0.1  # mm
+
+
+def test_a_frame_is_on_the_contact_model_only_where_it_carries_what_is_wanted(knee, foundation, monkeypatch):
+    """Settled to 0.01 N alone, a tenth of a newton is a few tenths of a millimetre beside its place."""
+    monkeypatch.setattr(WantedLoads, "settled_n", np.full(5, 0.01), raising=False)
+    cycle, inner = light(0.1)
+    problem = pose_estimation.build(knee, cycle)
+    missed = pose_estimation.solve(problem, alone=False)
+    result = complete(problem, missed, foundation)
+    left = inner & ~result.converged
+    assert left.any()
+    assert not result.on_model[left].any()
+    for frame in np.flatnonzero(left):
+        assert result.reason[frame].startswith("no equilibrium on the contact model, from ")
+        assert "at the nearest forces off by" in result.reason[frame]
+    np.testing.assert_array_equal(result.poses[left], missed.poses[left])
+
+
+def test_a_load_that_is_zero_but_for_rounding_is_no_load(knee, foundation):
+    cycle, inner = light(1e-13)
+    problem = pose_estimation.build(knee, cycle)
+    result = solve_and_complete(problem, None, foundation)
+    np.testing.assert_array_equal(result.converged, ~inner)
+    assert set(result.reason[inner]) == {"no load: any pose out of contact carries it"}

@@ -126,6 +126,16 @@ def test_the_contact_model_says_whether_an_unsolved_row_lies_outside_of_what_was
     assert diagnose(problem, result, "none at hand") is result
 
 
+def test_a_flexion_held_beyond_what_was_learned_is_named_whatever_the_contact_model_finds(knee, rest):
+    bent = rest.copy()
+    bent[1, 5] = knee.record["pose_range"]["rz"][0] - 0.7
+    problem = static_equilibrium.build(knee, np.tile(LOADS, (3, 1)), rest=bent, about="moving")
+    result = static_equilibrium.solve(problem)
+    assert result.converged.tolist() == [True, False, True]
+    for told in (result, diagnose(problem, result, own_model(knee.scene))):
+        assert told.reason[1].startswith("held outside the learned range (rz by 0.7 rad): at the nearest ")
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -157,6 +167,12 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
     assert "2 of 2 in equilibrium" in capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "static_equilibrium.csv").open(encoding="utf-8")))
     assert [round(float(row["Fy_contact_N"])) for row in rows] == [-1500, -1500]
+    # Along what is free the contact carries the wanted torques, about the same origin; rz is held.
+    for row in rows:
+        left = [float(row[f"T{axis}_contact_Nmm"]) - float(row[f"T{axis}_wanted_Nmm"]) for axis in "xyz"]
+        turned = angular_velocity_map(np.array([float(row[f"{name}_rad"]) for name in POSE_NAMES[3:]])).T @ left
+        np.testing.assert_allclose(turned[:2], 0.0, atol=1.0)
+        assert abs(float(row["Tx_ef_Nmm"]) - float(row["Tx_contact_Nmm"])) < 100.0
     assert json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))["converged"] == 2
     assert (tmp_path / "static_equilibrium.png").read_bytes().startswith(b"\x89PNG")
 

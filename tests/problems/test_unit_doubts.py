@@ -1,9 +1,15 @@
-"""A cycle in body weights or metres is doubted, one in N and mm is not, nor one without load."""
+"""A cycle in kN, body weights or metres is doubted, one in N and mm is not, nor one without load."""
+
+import sys
+from dataclasses import replace
 
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.verification import own_model
+from problems.pose_estimation import __main__
 from problems.pose_estimation.unit_doubts import unit_doubts
 from problems.pose_estimation.wanted import WantedLoads
 
@@ -12,14 +18,30 @@ from problems.pose_estimation.wanted import WantedLoads
     ("force", "centre", "doubted"),
     [
         (1.0, 1.0, []),
-        (1.0 / 750.0, 1.0, ["are forces in N, or in body weights?"]),
+        (1.0 / 750.0, 1.0, ["are forces in N, or in kN or body weights?"]),
+        (1e-3, 1.0, ["are forces in N, or in kN or body weights?"]),
         (1.0, 1e-3, ["are they in mm, or in m?"]),
-        (1.0 / 750.0, 1e-3, ["are forces in N, or in body weights?", "are they in mm, or in m?"]),
+        (1.0 / 750.0, 1e-3, ["are forces in N, or in kN or body weights?", "are they in mm, or in m?"]),
         (0.0, 0.0, []),
     ],
 )
 def test_walking_in_other_units_is_doubted(force, centre, doubted):
     scale = {"F": force, "c": centre}
     walking = reference_cycle(frames=11).wanted()
-    wanted = WantedLoads.of(cc.load_scene("knee"), {name: scale[name[0]] * curve for name, curve in walking.items()})
-    assert [line.partition(": ")[2] for line in unit_doubts(wanted)] == doubted
+    scene = cc.load_scene("knee")
+    wanted = WantedLoads.of(scene, {name: scale[name[0]] * curve for name, curve in walking.items()})
+    assert [line.partition(": ")[2] for line in unit_doubts(wanted, own_model(scene))] == doubted
+    forces = [line for line in doubted if "forces" in line]
+    assert [line.partition(": ")[2] for line in unit_doubts(wanted, "none at hand")] == forces
+
+
+def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):
+    walking = reference_cycle(frames=3)
+    write_cycle(replace(walking, fy_med=1e-3 * walking.fy_med, fy_lat=1e-3 * walking.fy_lat), tmp_path / "light.csv")
+    asked = []
+    monkeypatch.setattr(__main__, "solve_and_complete", lambda *_: asked.append(capsys.readouterr().err) or sys.exit(7))
+    monkeypatch.setattr(sys, "argv", ["pose", "--cycle", str(tmp_path / "light.csv"), "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match="7"):
+        __main__.main()
+    assert asked[0].startswith("pose_estimation: light: the largest force is ")
+    assert asked[0].count("\n") == 1

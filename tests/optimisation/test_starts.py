@@ -1,0 +1,43 @@
+"""Where optimisation begins: in the middle of what was learned, with every side of the joint in contact."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.optimisation import middle_pose, press_together
+
+SIDES = ("Fy_med", "Fy_lat")
+FREE = ("tx", "ty", "tz", "rx")
+DOWN_N = 1000.0
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.load_surrogate("knee")
+
+
+@pytest.mark.parametrize("tx_nmm", [-90_000.0, 90_000.0], ids=["beyond one condyle", "beyond the other"])
+@pytest.mark.parametrize("down_n", [DOWN_N, 30.0])
+def test_a_force_beyond_both_condyles_leaves_each_side_its_least_force(knee, tx_nmm, down_n):
+    loads = np.array([[0.0, -down_n, 0.0, tx_nmm, 0.0, 0.0]])
+    rest = middle_pose(knee)[None]
+    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
+    least_n = min(20.0, 0.5 * down_n)
+    np.testing.assert_allclose(np.sort(got), [least_n, down_n - least_n], atol=2.0)
+
+
+def test_a_force_between_the_condyles_is_shared_by_its_place(knee):
+    medial, lateral = knee.scene.anchors_mm[:, 2]
+    place_mm = 0.7 * medial + 0.3 * lateral
+    loads = np.array([[0.0, -DOWN_N, 0.0, place_mm * DOWN_N, 0.0, 0.0]])
+    rest = middle_pose(knee)[None]
+    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
+    np.testing.assert_allclose(got, [0.7 * DOWN_N, 0.3 * DOWN_N], atol=2.0)
+
+
+def test_the_middle_pose_is_as_far_from_either_end_of_what_was_learned(knee):
+    ends = np.array([knee.record["pose_range"][name] for name in POSE_NAMES])
+    assert (ends[:, 0] < ends[:, 1]).all()
+    middle = middle_pose(knee)
+    np.testing.assert_allclose(middle - ends[:, 0], ends[:, 1] - middle)
