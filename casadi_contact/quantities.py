@@ -94,6 +94,13 @@ def of_kind(names: Sequence[str], kind: Kind) -> list[str]:
     return [name for name in names if quantity(name).kind == kind]
 
 
+def beside(value: float, limit: float) -> str:
+    """A number in three digits, or in as many as tell one above a limit from the limit, which `:g` prints."""
+    texts = [f"{value:.{digits}g}" for digits in range(3, 18)]
+    told = (text for text in texts if not value > limit or (float(text) > limit and text != f"{limit:g}"))
+    return next(told, texts[-1])
+
+
 def newton_scales(names: Sequence[str], lever_mm: float) -> NDArray[np.float64]:
     """What loads (n,) are divided by to be compared in N: 1 for a force, the lever for a torque.
 

@@ -11,7 +11,7 @@ from casadi_contact.dataset.errors import load_errors, rms_by_kind
 from casadi_contact.motion.joint_cycle import column_names
 from casadi_contact.motion.opensim import ColumnMap
 from casadi_contact.motion.opensim.mapping import loads_table
-from casadi_contact.quantities import AREA, FORCE, KINDS, PRESSURE, TORQUE, newton_scales, of_kind, quantity
+from casadi_contact.quantities import AREA, FORCE, KINDS, PRESSURE, TORQUE, beside, newton_scales, of_kind, quantity
 from casadi_contact.report.tables import evaluation_tables
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
@@ -116,3 +116,11 @@ def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
     assert ColumnMap("peak_pressure_med", "peak_pressure_med").curve(table)[0] == pytest.approx(2.0)
     with pytest.raises(ValueError, match="unit 'N' does not suit contact_area, expected one of m2, mm2"):
         ColumnMap("area", "contact_area", unit="N")
+
+
+@pytest.mark.parametrize(("value", "limit", "text"), [
+    (2.0, 1.5, "2"), (1.50342, 1.5, "1.503"), (1.5000001, 1.5, "1.5000001"), (1234.6, 1234.5, "1235"),
+    (1.50342, 2.0, "1.5"), (1.5, 1.5, "1.5"), (math.inf, 1.5, "inf"), (math.nan, 1.5, "nan"),
+])  # fmt: skip
+def test_a_number_above_a_limit_is_told_from_it(value, limit, text):
+    assert beside(value, limit) == text

@@ -20,7 +20,7 @@ from casadi_contact.conventions import Array, angular_velocity_map, load_selecti
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
-from casadi_contact.transcription.contact_functions import ContactFunctions
+from casadi_contact.transcription.contact_functions import ContactFunctions, checked_batch
 from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
@@ -163,9 +163,9 @@ class CompiledFoundation(ContactFunctions, Exportable):
         Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences.
         parameters: some of `parameters.PARAMETERS`, a second input (m) in their order: the layer's material, and where
         the fixed body lies in the scene's frame, which pose and loads then refer to. Raises ValueError for a load that
-        is not the scene's, and like `check_parameters`.
+        is not the scene's, for a batch that is no whole number of 1 or more, and like `check_parameters`.
         """
-        wanted = check_parameters(parameters, self.scene.material)
+        wanted, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
         if not wanted:
             return super().function(loads, name, compiled=compiled, batch=batch)
         wrenches = self._wrench_function(compiled is not False)

@@ -10,6 +10,7 @@ import numpy as np
 
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.conventions import Array, load_unit
+from casadi_contact.quantities import beside
 from casadi_contact.scenes import Scene
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
@@ -64,7 +65,7 @@ class Errors:
             found, kind = self.loads[self._judged][n, load], ""
             allowed = found / single[n, load]
         name = self.scene.load_names[load]
-        return f"{found:.3g} {load_unit(name)} in {name}{kind}, expected {allowed:.3g} at most"
+        return f"{beside(found, allowed)} {load_unit(name)} in {name}{kind}, expected {allowed:g} at most"
 
     def record(self, **said: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,

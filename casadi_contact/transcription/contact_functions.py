@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from numbers import Integral
 from typing import ClassVar
 
 import casadi as ca
+
+
+def checked_batch(batch: int | None) -> int | None:
+    """The number of poses of a function; raises ValueError unless it is a whole number of 1 or more, or None."""
+    if batch is None:
+        return None
+    if not isinstance(batch, Integral) or batch < 1:
+        raise ValueError(f"batch is {batch!r}, expected a number of poses: a whole number of 1 or more")
+    return int(batch)
 
 
 class ContactFunctions(ABC):
@@ -41,7 +51,7 @@ class ContactFunctions(ABC):
         Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
         and kept in the user's cache folder (None: ``compiled_by_default``); where that fails, one warning and the
         slower form. A kernel has no third derivatives, and is not for `save_function` (the library lies in the cache).
-        Raises ValueError for an unknown load and for a batch below 1.
+        Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
         """
         return self._made(name, self.check_loads(loads), ("loads",), compiled, batch)
 
@@ -68,6 +78,5 @@ class ContactFunctions(ABC):
     def _made(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool | None, batch: int | None
     ) -> ca.Function:
-        if batch is not None and batch < 1:
-            raise ValueError(f"batch is {batch}, expected a number of poses of 1 or more")
-        return self._function(name, loads, wanted, self.compiled_by_default if compiled is None else compiled, batch)
+        chosen = self.compiled_by_default if compiled is None else compiled
+        return self._function(name, loads, wanted, chosen, checked_batch(batch))

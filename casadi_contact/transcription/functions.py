@@ -24,13 +24,10 @@ def _empty(name: str, like: ca.MX) -> ca.MX:
 
 def _attached(jacobian: ca.Function) -> dict[str, Any]:
     """Options that make CasADi use a Jacobian for every derivative; never inlined, so that it stays attached."""
-    return {
-        "custom_jacobian": jacobian,
-        "jac_penalty": 0,
-        "enable_forward": False,
-        "enable_reverse": False,
-        "never_inline": True,
-    }
+    return {"custom_jacobian": jacobian, "jac_penalty": 0, "never_inline": True}
+
+
+_NO_SEEDS = {"enable_forward": False, "enable_reverse": False}  # not through the graph either
 
 
 def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tuple[ca.MX, ca.MX, ca.MX]]) -> ca.Function:
@@ -68,7 +65,13 @@ def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tupl
         [jacobian for _, jacobian, _ in outputs.values()],
         ["pose", *out_names],
         jac_names,
-        _attached(second_function),
+        _attached(second_function) | _NO_SEEDS,
     )
     values: list[Any] = [value for value, _, _ in outputs.values()]
-    return ca.Function(name, [pose], values, ["pose"], list(outputs), _attached(jacobian_function))
+    options = _attached(jacobian_function)
+    graph = ca.Function(name, [pose], values, ["pose"], list(outputs), options | _NO_SEEDS)
+
+    # `Function.factory` differentiates a function's own graph, under that function's options: with the networks in it,
+    # or without seeds, that would be slow or fail. This one's graph is a call, which has the Jacobian.
+    given = ca.MX.sym("pose", 6)
+    return ca.Function(name, [given], graph.call([given]), ["pose"], list(outputs), options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from casadi_contact.quantities import of_kind, quantity
+from casadi_contact.quantities import beside, of_kind, quantity
 from casadi_contact.structures import Surrogate
 
 
@@ -49,7 +49,8 @@ class Fitness:
         """The load that is most above its tolerance."""
         rms = self.errors[domain]
         load = max(self.failing(domain), key=lambda name: rms[name] / self.tolerances[name])
-        return f"{load} is off by {rms[load]:.3g} {quantity(load).unit}, tolerance {self.tolerances[load]:g}"
+        off, tolerance = beside(rms[load], self.tolerances[load]), self.tolerances[load]
+        return f"{load} is off by {off} {quantity(load).unit}, tolerance {tolerance:g}"
 
 
 def fitness(surrogate: Surrogate) -> Fitness:

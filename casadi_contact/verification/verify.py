@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import Array, as_poses
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import beside, quantity
 from casadi_contact.structures import Surrogate
 
 LEAST_VALIDITY = 0.5
@@ -65,7 +65,9 @@ class Verification:
         ]
         for name, rms, worst, tolerance in zip(self.load_names, self.rms, self.worst, self.tolerances, strict=True):
             verdict = "" if rms <= tolerance else "  too large"
-            lines.append(f"  {name:<8}{rms:>10.3g}{worst:>10.3g}{tolerance:>11.3g} {quantity(name).unit}{verdict}")
+            lines.append(
+                f"  {name:<8}{beside(rms, tolerance):>10}{worst:>10.3g}{tolerance:>11g} {quantity(name).unit}{verdict}"
+            )
         lines.append(f"  {_listed(self.outside)} outside the learned region")
         if not self.solved.all():
             lines.append(f"  {_listed(~self.solved)} not solved")

@@ -12,7 +12,7 @@ import casadi_contact as cc
 from casadi_contact.contact import Cells
 from tests.contact.test_mesh_foundation import scene_of
 from tests.contact.test_polar import check_jacobian
-from tests.contact.test_polar_kernel import check_hessians, check_same_formulas
+from tests.contact.test_polar_kernel import check_hessians, check_same_formulas, check_second_derivatives
 from tests.support.compiler import flags_of_the_library, needs_compiler
 from tests.support.meshes import cap_mesh, sheet_mesh
 
@@ -58,6 +58,11 @@ def test_jacobians_are_the_derivatives_of_the_values(pair):
 def test_hessians_are_the_derivatives_of_the_jacobians(pair):
     compiled, _, poses = pair
     check_hessians(compiled, poses)
+
+
+def test_jacobians_of_jacobians_hold_every_hessian(pair):
+    compiled, _, poses = pair
+    check_second_derivatives(compiled, poses)
 
 
 def test_loads_are_the_same_to_the_last_bit_whatever_was_asked_before_in_a_pose(pair):

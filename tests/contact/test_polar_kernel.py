@@ -11,6 +11,7 @@ from casadi_contact.contact import Rays
 from casadi_contact.transcription.kernel.compiler import CACHE_VARIABLE
 from tests.contact.test_polar import KNEE, check_jacobian
 from tests.support.compiler import flags_of_the_library, needs_compiler
+from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian
 
 RAYS = Rays(16, 3)
 GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
@@ -95,6 +96,52 @@ def check_hessians(model, poses, of_loads=2e-3, of_roots=2e-2):
 def test_hessians_are_the_derivatives_of_the_jacobians(pair):
     model, _, poses = pair
     check_hessians(model, poses)
+
+
+def check_second_derivatives(model, poses):
+    """The Jacobian of the Jacobian holds every Hessian, of loads and root loads together and of loads alone."""
+    loads, roots = by_hessians(model.load_and_root_function(), poses)
+    weighted = [[model.hessian(pose, unit) for unit in np.eye(len(model.load_names))] for pose in poses]
+    np.testing.assert_allclose(weighted, loads, rtol=1e-9, atol=1e-9 * np.abs(loads).max())
+    got = by_jacobian_of_jacobian(model.load_and_root_function(), poses)
+    for tensor, want in (
+        *zip(got, (loads, roots), strict=True),
+        (by_jacobian_of_jacobian(model.function(), poses)[0], loads),
+    ):
+        np.testing.assert_allclose(tensor, want, rtol=1e-9, atol=1e-12 * np.abs(want).max())
+
+
+def test_jacobians_of_jacobians_hold_every_hessian(pair):
+    model, _, poses = pair
+    check_second_derivatives(model, poses)
+
+
+def falling(function):
+    """ty, vy of the knee's femur let go above the insert, damped, after 20 ms: (start, weight) -> state."""
+    state, weight = ca.MX.sym("state", 2), ca.MX.sym("weight")
+    loads = function(ca.vertcat(KNEE[0], state[0], KNEE[2:]))
+    slopes = ca.vertcat(state[1], 200.0 * (-loads[0] - loads[1] - weight) - 50.0 * state[1])
+    options = {"abstol": 1e-10, "reltol": 1e-10}
+    return ca.integrator("falling", "cvodes", {"x": state, "p": weight, "ode": slopes}, 0.0, 0.02, options)
+
+
+@pytest.mark.parametrize("model", ["foundation", "surrogate"])
+def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends(model):
+    """Forward, which ask for the Jacobian of the Jacobian, and adjoint."""
+    if model == "foundation":
+        function = cc.PolarFoundation(cc.load_scene("knee"), RAYS).function()
+    else:
+        function = cc.load_surrogate("knee").function(compiled=True)
+    integrator, weight, start, step = falling(function), ca.MX.sym("weight"), [27.3, 0.0], 0.1
+    ends = [integrator(x0=start, p=500.0 + side)["xf"].full() for side in (-step, step)]
+    end = integrator(x0=start, p=weight)["xf"]
+    forward, adjoint = (
+        ca.Function("sensitivity", [weight], [derivative])(500.0).full()
+        for derivative in (ca.jtimes(end, weight, 1.0), ca.jtimes(end[0], weight, 1.0, True))
+    )
+    differences = (ends[1] - ends[0]) / (2.0 * step)
+    np.testing.assert_allclose(forward, differences, rtol=1e-4)
+    np.testing.assert_allclose(adjoint[0], differences[0], rtol=1e-4)
 
 
 @pytest.fixture(scope="module")

@@ -87,6 +87,7 @@ def test_the_verdict_names_what_is_within_and_what_is_off():
     both = str(Fitness({"D1": within, "D4": off}, tolerances))
     assert both.endswith("in D1; not in D4: Tz is off by 50 N·mm, tolerance 25")
     assert str(Fitness({"D4": off}, tolerances)).startswith("not fit for use: D4: Tz")
+    assert "Fy is off by 1.0004 N, tolerance 1" in str(Fitness({"D4": {**within, "Fy": 1.0004}}, tolerances))
     assert str(Fitness({}, tolerances)).startswith("not judged")
 
 

@@ -2,13 +2,16 @@
 
 import ctypes
 import os
+import re
 import subprocess
 import sys
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.transcription.kernel import compiler, warn_once
 from tests.support.compiler import needs_compiler
@@ -210,6 +213,19 @@ def test_what_a_killed_compilation_left_is_cleared(cache):
     assert list(cache.iterdir()) == [library]
 
 
-def test_bad_batches_are_refused(surrogate):
-    with pytest.raises(ValueError, match="batch is 0"):
-        surrogate.function(compiled=True, batch=0)
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("batch", [0, -3, 2.5, 2.0, "3", float("nan")])
+def test_a_batch_that_is_no_number_of_poses_is_refused(surrogate, batch, compiled):
+    foundation = cc.PolarFoundation(cc.load_scene("knee"), cc.contact.Rays(8, 3))
+    several = partial(foundation.function, parameters="thickness")
+    for function in (surrogate.function, surrogate.load_and_root_function, foundation.root_function, several):
+        with pytest.raises(ValueError, match=re.escape(f"batch is {batch!r}, expected a number of poses")):
+            function(compiled=compiled, batch=batch)
+
+
+@pytest.mark.parametrize("batch", [np.int64(3), 3])
+def test_a_batch_of_any_kind_of_whole_number_gives_so_many_poses(surrogate, batch):
+    for compiled in (True, False):
+        assert surrogate.function(compiled=compiled, batch=batch).size1_in(0) == 6
+        assert surrogate.function(compiled=compiled, batch=batch).size2_in(0) == 3

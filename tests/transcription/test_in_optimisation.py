@@ -7,6 +7,8 @@ import pytest
 from casadi_contact.scenes.scene import load_scene
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.transcription import load_function, save_function
+from tests.support.agreement import close
+from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate
 
 
@@ -23,7 +25,8 @@ def poses_in_contact(surrogate, count):
 
 def test_only_the_needed_networks_are_in_the_graph(surrogate):
     one, two, all_loads = (surrogate.function(names) for names in (["Fy_med"], ["Fy_med", "Fy_lat"], None))
-    assert one.n_instructions() < two.n_instructions() < 0.6 * all_loads.n_instructions()
+    sizes = [function.get_function(function.name()).n_instructions() for function in (one, two, all_loads)]
+    assert sizes[0] < sizes[1] < 0.6 * sizes[2]
     pose = random_poses(1)[0]
     want = dict(zip(surrogate.load_names, surrogate([pose])[0], strict=True))
     np.testing.assert_allclose(two(pose).full().ravel(), [want["Fy_med"], want["Fy_lat"]], rtol=1e-12)
@@ -62,6 +65,34 @@ def test_map_over_frames_keeps_value_and_derivatives(surrogate, parallel):
         np.testing.assert_allclose(block, jacobians[frame], rtol=1e-9, atol=1e-9 * np.abs(jacobians).max())
         want = single(poses[frame], w[:, frame]).full()
         np.testing.assert_allclose(second[columns, columns], want, rtol=1e-10, atol=1e-10 * np.abs(second).max())
+
+
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=needs_compiler), False])
+@pytest.mark.parametrize("kind", ["function", "load_and_root_function"])
+def test_functions_made_by_factory_give_the_derivatives(surrogate, kind, compiled):
+    function = getattr(surrogate, kind)(compiled=compiled)
+    names = {"g": function.name_out()}
+    seed, random = np.arange(1.0, 7.0), np.random.default_rng(1)
+    weights = [random.normal(size=function.numel_out(i)) for i in range(function.n_out())]
+    lam = [f"lam:{name}" for name in names["g"]]
+    jacobian = function.factory("J", ["pose"], [f"jac:{name}:pose" for name in names["g"]])
+    forward = function.factory("F", ["pose", "fwd:pose"], [f"fwd:{name}" for name in names["g"]])
+    adjoint = function.factory("A", ["pose", *(f"adj:{name}" for name in names["g"])], ["adj:pose"])
+    gradient = function.factory("G", ["pose", *lam], ["grad:g:pose"], names)
+    hessian = function.factory("H", ["pose", *lam], ["hess:g:pose:pose"], names)
+    x = ca.MX.sym("pose", 6)
+    weighted = sum(ca.dot(w, output) for w, output in zip(weights, function.call([x]), strict=True))
+    want_hessian = ca.Function("want", [x], [ca.hessian(weighted, x)[0]])
+    for pose in random_poses(4, seed=2):
+        slopes = [surrogate.jacobian([pose])[1][0], surrogate.root_loads([pose])[1][0]][: function.n_out()]
+        total = sum(w @ slope for w, slope in zip(weights, slopes, strict=True))
+        for got, moved, slope in zip(jacobian.call([pose]), forward.call([pose, seed]), slopes, strict=True):
+            close(got.full(), slope, 6)
+            close(moved.full().ravel(), slope @ seed, 6)
+        close(adjoint(pose, *weights).full().ravel(), total, 6)
+        close(gradient(pose, *weights).full().ravel(), total, 6)
+        upper = hessian(pose, *weights).full()
+        close(np.triu(upper) + np.triu(upper, 1).T, want_hessian(pose).full(), 6)
 
 
 def problem(surrogate, frames):

@@ -18,6 +18,7 @@ from tests.support.random_surrogates import (
     random_surrogate,
     scene_called,
 )
+from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian
 from tests.transcription.test_consistency import evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
@@ -119,6 +120,50 @@ def test_batches_equal_single_calls(structure, batch):
     got, want = (hessian(poses.ravel()) for hessian in hessians)
     assert got.nnz() == 36 * batch
     agree(got.full()[None, None], want.full()[None, None], 2)
+
+
+@pytest.mark.parametrize(("scene", "structure"), [*CASES[:3], (IN_PARTS, "patch"), ("hip", IN_SPOTS)])
+def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, structure):
+    """Loads and roots together, and either alone, against the graph."""
+    surrogate, poses = random_surrogate(scene_called(scene), structure, seed=3), random_poses(4, seed=1)
+    want = by_hessians(surrogate.load_and_root_function(), poses)
+    together = by_jacobian_of_jacobian(surrogate.load_and_root_function(compiled=True), poses)
+    (loads,) = by_jacobian_of_jacobian(surrogate.function(compiled=True), poses)
+    (roots,) = by_jacobian_of_jacobian(surrogate.root_function(compiled=True), poses)
+    stiff = 1e3 if structure == "two_stage" else 1.0
+    for got in (together, (loads, roots)):
+        agree(got[0], want[0], 2)
+        agree(got[1], want[1], 2, amplified=stiff)
+
+
+@pytest.mark.usefixtures("as_shipped")
+def test_the_jacobian_of_the_jacobian_of_a_shipped_kernel_is_every_load_s_hessian():
+    knee = load_surrogate("knee")
+    low, high = np.array(list(knee.record["pose_range"].values())).T
+    poses = low + (high - low) * np.random.default_rng(1).random((10, 6))
+    (got,) = by_jacobian_of_jacobian(knee.function(compiled=True), poses)
+    (want,) = by_hessians(knee.function(), poses)
+    agree(got, want, 2)
+
+
+def test_second_derivatives_of_a_batch_are_each_pose_s_own():
+    surrogate, batch = random_surrogate(load_scene("knee"), "patch", seed=9), 3
+    poses, pose = random_poses(batch, seed=6), ca.MX.sym("pose", 6, batch)
+    for kind in ("function", "root_function"):
+        single, several = (getattr(surrogate, kind)(compiled=True, batch=count) for count in (None, batch))
+        output = several(pose)
+        second = ca.Function("second", [pose], [ca.jacobian(ca.jacobian(output, pose), pose)])(poses.T)
+        rows = output.shape[0]
+        assert second.nnz() == batch * 36 * rows
+        by_pose = second.full().reshape(batch, 6, batch, rows, batch, 6)  # a column and a row of the Jacobian, a pose
+        i = np.arange(batch)
+        agree(by_pose[i, :, i, :, i].swapaxes(1, 2), by_jacobian_of_jacobian(single, poses)[0], 2)
+
+
+def test_second_derivatives_are_nan_where_the_pose_is_not_a_number():
+    function = random_surrogate(load_scene("knee"), "patch", seed=9).function(compiled=True)
+    (tensor,) = by_jacobian_of_jacobian(function, [[0.0, np.nan, 0.0, 0.0, 0.0, 0.0]])
+    assert np.isnan(tensor).all()
 
 
 def test_batches_map_over_threads():

@@ -29,6 +29,18 @@ class _Patterns:
         name = self._declare(f"empty_{rows}_{columns}", f"3 + {self.rows[columns]} * BATCH")
         return f"empty({self.rows[rows]} * BATCH, {self.rows[columns]} * BATCH, {name})"
 
+    def empty_jacobian(self, key: str) -> str:
+        name = self._declare(f"empty_jac_{key}", "3 + 6 * BATCH")
+        return f"empty({self.rows[key]} * BATCH, 6 * BATCH, {name})"
+
+    def seconds(self, key: str) -> str:
+        name = self._declare(f"second_{key}", f"3 + 6 * BATCH + 36 * {self.rows[key]} * BATCH")
+        return f"second_blocks({self.rows[key]}, {name})"
+
+    def no_seconds(self, key: str, columns: str) -> str:
+        name = self._declare(f"empty_second_{key}_{columns}", f"3 + {self.rows[columns]} * BATCH")
+        return f"empty(6 * {self.rows[key]} * BATCH * BATCH, {self.rows[columns]} * BATCH, {name})"
+
     def blocks(self, rows: str, columns: str) -> str:
         r, c = self.rows[rows], self.rows[columns]
         return f"block_diagonal({r}, {c}, {self._declare(f'block_{rows}_{columns}', f'PATTERN({r}, {c})')})"
@@ -59,17 +71,20 @@ def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statemen
 
 
 def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> str:
-    """C functions name, jac_name, adj1_name and jac_adj1_name, for poses (6 x batch).
+    """C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x batch).
 
     outputs: "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's blocks, adj1_name the
     product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian: all that nlpsol asks.
+    jac_jac_name gives the second derivatives of every output, which a Jacobian of a Jacobian and forward sensitivities
+    of an integrator ask for.
     """
     keys = list(outputs)
     of = _Patterns({"pose": 6, **outputs})
 
-    def pair(of: str, first: int) -> str:
+    def pair(of: str, first: int, step: int = 1) -> str:
         """The arguments for loads and roots, 0 for what this function does not give."""
-        return ", ".join(f"{of}[{first + keys.index(key)}]" if key in keys else "0" for key in ("loads", "roots"))
+        places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
+        return ", ".join(places.get(key, "0") for key in ("loads", "roots"))
 
     unused, seeds, n = [of.empty(key) for key in keys], [of.dense(key) for key in keys], len(keys)
     functions = [
@@ -94,6 +109,12 @@ def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> s
                 f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
                 f"jacobian_of_all(arg[0], {pair('res', 1 + n)}, 1);",
             ],
+        ),
+        _function(
+            f"jac_jac_{name}",
+            [of.dense("pose"), *unused, *(of.empty_jacobian(key) for key in keys)],
+            [block for key in keys for block in (of.seconds(key), *(of.no_seconds(key, k) for k in keys))],
+            [f"seconds_of_all(arg[0], {pair('res', 0, 1 + n)});"],
         ),
     ]
     names = " : ".join(f'i == {i} ? "{key}"' for i, key in enumerate(keys))

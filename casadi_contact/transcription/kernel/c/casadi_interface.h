@@ -38,6 +38,20 @@ INLINE const casadi_int *block_diagonal(casadi_int rows, casadi_int columns, cas
   return pattern;
 }
 
+/* d(Jacobian, stacked by columns)/d(pose): of each pose's block of the Jacobian, by that pose alone. */
+INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int *pattern) {
+  casadi_int *start = pattern + 2, *row = start + 6 * BATCH + 1;
+  pattern[0] = rows * BATCH * 6 * BATCH, pattern[1] = 6 * BATCH;
+  for (casadi_int c = 0; c <= 6 * BATCH; c++) start[c] = c * 6 * rows;
+  for (casadi_int c = 0; c < 6 * BATCH; c++) {
+    casadi_int i = c / 6;
+    for (casadi_int j = 0; j < 6; j++) {
+      for (casadi_int k = 0; k < rows; k++) *row++ = (6 * i + j) * rows * BATCH + rows * i + k;
+    }
+  }
+  return pattern;
+}
+
 /* Whole blocks of poses together, the rest one by one; CasADi leaves out what it does not need. */
 INLINE void value_of_all(const double *pose, double *loads, double *roots) {
   int i = 0;
@@ -103,5 +117,19 @@ INLINE void hessian_of_all(const double *pose, const double *loads_seed, const d
   for (int i = 0; i < BATCH; i++) {
     guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros,
                    roots_seed ? roots_seed + ROOTS * i : zeros, hessian + 36 * i);
+  }
+}
+
+/* The Hessian of one output after the other, as second_blocks has them. */
+INLINE void seconds_of_all(const double *pose, double *loads, double *roots) {
+  for (int i = 0; i < BATCH; i++) {
+    for (int m = 0; m < LOADS + ROOTS; m++) {
+      int root = m >= LOADS, rows = root ? ROOTS : LOADS, k = root ? m - LOADS : m;
+      double *to = root ? roots : loads, weights[LOADS + ROOTS] = {0}, hessian[36];
+      if (!to) continue;
+      weights[m] = 1.0;
+      guarded_hessian(pose + 6 * i, weights, weights + LOADS, hessian);
+      for (int e = 0; e < 36; e++) to[(36 * i + e) * rows + k] = hessian[e];
+    }
   }
 }
