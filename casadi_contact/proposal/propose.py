@@ -92,7 +92,7 @@ def propose(
     if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
         tables["material"]["thickness"] = round(sum(layers), 1)
         told.append(
-            f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
+            f"thin shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
         )
     if shells["moving"] < THIN_MM:
         tables["geometry"]["shell"] = "outer" if regions.round else "whole"

@@ -22,7 +22,7 @@ from casadi_contact.shapes.own_model import patch_anchors
 
 _SPACING_SHARE = 0.4  # of a shell's thickness: its surface is then off by up to 0.01 mm, at 0.2 by 0.002 mm
 _BELOW_MM = 1e-3  # the surface: where rays into the body begin
-THIN_MM = 4.0  # a closed moving body thinner than this is a shell, which overlaps may reach the middle of
+THIN_MM = 4.0  # a moving body thinner than this is a shell, which overlaps may reach the middle of
 
 
 class _Source(NamedTuple):
@@ -61,13 +61,13 @@ def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
 
 
 def check_shells(geometry: Geometry) -> None:
-    """Raise ValueError for a moving body that is a thin closed shell, unless the scene says which side of it counts,
-    and for a shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
+    """Raise ValueError for a moving body that is a thin shell, unless the scene says which side of it counts, and for a
+    shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
     for body in ("moving", "fixed"):
         source = _source(geometry, body)
         if source.about_mm is not None or (thickness := _shell_thickness(source)) > THIN_MM:
             continue
-        what = f"scene: the {body} mesh {Path(source.path).name} is a closed shell about {thickness:.2g} mm thick"
+        what = f"scene: the {body} mesh {Path(source.path).name} is a thin shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
             raise ValueError(
                 f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
@@ -81,10 +81,9 @@ def check_shells(geometry: Geometry) -> None:
 
 
 def shell_thickness(mesh: TriangleMesh) -> float:
-    """The way [mm] from its triangles straight through a closed mesh, the median; infinite for an open one, and where
-    most rays do not come out of the body."""
-    if len(mesh.boundary_edges):
-        return float("inf")
+    """The way [mm] from its triangles straight through a body, the median; infinite where most rays do not come out of
+    it, as behind a single open surface. A shell with a hole, or of two sheets that nothing joins, is as thin as a
+    closed one."""
     caster, inwards = RayCaster(mesh), -mesh.normals
     distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + _BELOW_MM * inwards, inwards)
     return float(np.median(np.where(caster.leaves(inwards, face), distance, np.inf)))

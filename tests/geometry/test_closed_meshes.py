@@ -77,6 +77,22 @@ def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
     assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
 
 
+def test_a_shell_with_a_hole_and_two_unjoined_sheets_are_as_thin_as_a_closed_shell():
+    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
+    holed = checked_mesh("shell", vertices, np.delete(faces, 400, axis=0))
+    assert len(holed.boundary_edges) == 3
+    assert shell_thickness(holed) == pytest.approx(1.5, abs=0.05)
+    sheet, front = sheet_mesh(14.0, 2.0)
+    sheets = together((sheet, front), (sheet - [0.0, 0.5, 0.0], front[:, ::-1]))
+    assert shell_thickness(checked_mesh("sheets", *sheets)) == pytest.approx(0.5, abs=2e-3)
+
+
+def test_nothing_is_thin_about_a_single_open_surface():
+    """A cap's back is open; of a femur's profile some rays come out at its other end, most do not."""
+    for vertices, faces in (cap_mesh(20.0, 2.0, 0.6), cap_mesh(20.0, 2.0, 1.9)):
+        assert shell_thickness(checked_mesh("cap", vertices, faces)) == np.inf
+
+
 @pytest.mark.parametrize("far_mm", [0.0, 1e5, 1e7])
 def test_a_shell_is_as_thick_wherever_the_file_s_origin_lies(far_mm):
     vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
