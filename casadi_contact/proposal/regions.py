@@ -20,6 +20,7 @@ _SMOOTH_BINS = 2.0
 _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
 _HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
 _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a saddle little is
+_ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
 
@@ -28,8 +29,8 @@ class Regions:
     """weight (n,): how often each fixed point was near, times its area and that of all that was near with it. axis: of
     the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
     rising. centre_mm (3,): of the moving body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
-    patch, on the moving body's file. round: whether the moving body bulges where it touches, away from its anchors.
-    hollow: whether the fixed body is a cup about the centre."""
+    patch, on the moving body's file. round: whether the moving body bulges all over where it touches, away from its
+    anchors. hollow: whether the fixed body is a cup about the centre."""
 
     weight: Array
     axis: int | None
@@ -77,8 +78,9 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
         for which in (patches[rows] == number for number in range(len(best[2]) + 1))
     ]
     away = on_moving - np.array(anchors)[patches[rows]]
-    bulges = float(pair.areas_mm2[rows] @ np.einsum("nk,nk->n", away, slopes)) > 0.0
-    return replace(found, anchors_mm=np.array(anchors), round=bulges)
+    areas = pair.areas_mm2[rows]
+    bulging = float(areas @ (np.einsum("nk,nk->n", away, slopes) > 0.0)) / float(areas.sum())
+    return replace(found, anchors_mm=np.array(anchors), round=bulging > _ROUND)
 
 
 def _unit(vectors: Array) -> Array:
