@@ -88,6 +88,8 @@ def propose(
     if units is None and pair.scale < 1.0:
         untold.insert(0, _small(meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
+    if sight.places > len(joint.patches):
+        told.append(f"the bodies touch in {sight.places} places, one patch: turning shifts no load between them")
     shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
     if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
         tables["material"]["thickness"] = round(sum(layers), 1)

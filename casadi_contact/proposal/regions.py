@@ -47,8 +47,9 @@ class Regions:
         return np.searchsorted(self.cuts_mm, points_mm[:, self.axis], side="right")
 
 
-def regions_of(pair: Pair, meeting: Meeting) -> Regions:
-    """Turn the moving body a little about every axis, let it touch, and note what comes near."""
+def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
+    """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
+    there are valleys between places."""
     near = pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
     pivot = centre_of_normals(pair.points_mm[near], pair.normals[near], pair.areas_mm2[near])
     touched = []
@@ -60,7 +61,7 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
     weight = np.zeros(len(pair.points_mm))
     for near, _, _ in touched:
         weight[near] += pair.areas_mm2[near] * pair.areas_mm2[near].sum()  # what a corner touches tells little
-    across = [axis for axis in range(3) if axis != int(np.abs(meeting.pressing).argmax())]
+    across = [axis for axis in range(3) if parted and axis != int(np.abs(meeting.pressing).argmax())]
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
     for axis in across:
         there = pair.areas_mm2 * (pair.normals @ meeting.pressing < 0)

@@ -193,6 +193,24 @@ def test_given_axes_are_kept_as_they_are():
     assert frame.rotation_deg == (0.0, 0.0, 0.0)
 
 
+def revolved(radius, half_angle, half_width):
+    """A surface of revolution about the z axis, its middle at the bottom, seen from the axis: vertices, faces."""
+    points, faces = sheet_mesh(2.0, 0.04)
+    angle, z = half_angle * points[:, 0], half_width * points[:, 2]
+    return np.stack([radius(z) * np.sin(angle), -radius(z) * np.cos(angle), z], axis=1), faces
+
+
+def test_a_spool_that_bears_on_both_sides_of_its_notch_has_one_patch():
+    """As at an elbow: flexion turns it about its axis, which shifts no load from one side to the other."""
+    spool, faces = revolved(lambda z: 10.0 + 0.03 * z**2, 2.9, 11.0)
+    notch = checked_mesh("notch", *revolved(lambda z: 10.35 + 0.0275 * z**2, 1.4, 10.0))
+    sight = sight_of({"moving": checked_mesh("spool", spool, faces[:, ::-1]), "fixed": notch})
+    assert sight.places == 2
+    assert (sight.joint.kind, sight.joint.patches) == ("other", ("contact",))
+    assert len(sight.regions.anchors_mm) == 1
+    assert sight.joint.sensitive_pose == ["tx", "ty", "tz"]
+
+
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
     """As at the base of a thumb: it is hollow one way only, though all of it is seen from one point."""
     fixed, (points, faces) = (sheet_mesh(side, 1.0, lambda x, z: x**2 / 18.0 - z**2 / 22.0) for side in (12.0, 11.0))
