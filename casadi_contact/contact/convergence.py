@@ -115,7 +115,10 @@ class NotGoodEnoughError(ValueError):
 
 def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodEnoughError:
     """The finest of a scene's models is not good enough."""
-    return NotGoodEnoughError(
-        f"scene {errors.scene.name}: {model} is off by {errors.worst}: relax the scene's tolerances, or "
-        "take cc.ElasticFoundation"
-    )
+    return NotGoodEnoughError(f"scene {errors.scene.name}: {model} is off by {errors.worst}: {cure_of(errors.scene)}")
+
+
+def cure_of(scene: Scene) -> str:
+    """What to do where no model of a scene is good enough. A damaged mesh makes every model wrong, finer ones too."""
+    look = "look first whether the meshes are damaged where they touch (casadi-contact show), then "
+    return f"{look if scene.shape == 'mesh' else ''}relax the scene's tolerances, or take cc.ElasticFoundation"

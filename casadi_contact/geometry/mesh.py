@@ -15,6 +15,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.files import existing_file
 from casadi_contact.geometry.mesh_checks import (
     Box,
+    check_apart,
     check_joined,
     check_manifold,
     check_orientation,
@@ -62,8 +63,8 @@ def load_mesh(
 
     units: of the file, "m" or "mm". axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y", "-z")
     for a right knee of OpenSim (x anterior, z lateral). placement: where the mesh lies in these axes. contact: boxes in
-    the body's frame within 3 mm of which the mesh must be manifold; everywhere if left out. Raises FileNotFoundError,
-    or ValueError for what cannot work.
+    the body's frame within 3 mm of which the mesh must be manifold and its pieces apart; everywhere if left out. Raises
+    FileNotFoundError, or ValueError for what cannot work.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
@@ -118,6 +119,7 @@ def checked_mesh(
     check_manifold(mesh, contact)
     check_orientation(mesh)
     check_outside(mesh)
+    check_apart(mesh, contact)
     return mesh
 
 

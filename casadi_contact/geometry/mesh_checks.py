@@ -1,4 +1,5 @@
-"""What a mesh must be for distances from it to have a sign: joined, manifold, of one orientation, outside out."""
+"""What a mesh must be for distances from it to have a sign: joined, manifold, of one orientation, outside out, its
+pieces apart."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, point_words, undirected_edges
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
@@ -14,6 +16,8 @@ _MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices
 _FEW_PIECES = 20  # as single triangles: plates and marks
 _LEAST_THICKNESS_MM = 1e-6  # volume by area: what is flatter encloses nothing but rounding
 _BELOW_MM = 1e-3  # a triangle: where solid begins
+_DEEP_MM = 10.0  # in solid: farther from its surface another one changes no distance by 0.002 mm
+_LEAST_BURIED_MM2 = 1.0  # folds of a scan are smaller
 
 
 def check_joined(mesh: TriangleMesh) -> None:
@@ -29,12 +33,7 @@ def check_joined(mesh: TriangleMesh) -> None:
 def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
     """Every edge near the contact boxes, or anywhere without such, joins at most two triangles."""
     ends = mesh.vertices_mm[mesh.nonmanifold_edges]
-    near = np.full(len(ends), contact is None)
-    for low, high in contact or ():
-        reaches = (ends.max(axis=1) >= np.subtract(low, _MANIFOLD_MARGIN_MM)) & (
-            ends.min(axis=1) <= np.add(high, _MANIFOLD_MARGIN_MM)
-        )
-        near |= reaches.all(axis=1)
+    near = _near(ends, contact)
     if near.any():
         where = "" if contact is None else " near contact"
         raise ValueError(
@@ -73,6 +72,39 @@ def check_outside(mesh: TriangleMesh) -> None:
             f"mesh {mesh.name} is inside-out{pieces} (closed, of volume {volume[wrong[0]]:.3g} mm³), expected outward "
             f"normals: reverse {'their' if pieces else 'its'} triangles and save it again"
         )
+
+
+def check_apart(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
+    """No piece lies in the solid of another, near the contact boxes or anywhere without such: there the nearest surface
+    would be one inside the body, and distances from it have the wrong sign.
+
+    A ray outwards from such a triangle comes out of the other piece; from any other it meets an outside, or nothing.
+    """
+    if mesh.pieces.max() == 0:
+        return
+    out, middles = mesh.normals, mesh.corners_mm.mean(axis=1)
+    caster = RayCaster(mesh)
+    depth, face = caster.first_hits(middles + _BELOW_MM * out, out)
+    buried = caster.leaves(out, face) & (depth < _DEEP_MM) & (mesh.pieces[face] != mesh.pieces)
+    buried &= _near(mesh.corners_mm, contact)
+    area, count = mesh.areas_mm2[buried].sum(), mesh.pieces.max() + 1
+    if area > _LEAST_BURIED_MM2:
+        raise ValueError(
+            f"mesh {mesh.name}: {area:.3g} mm² of its surface lie inside another of its {count} pieces, first at "
+            f"{point_words(middles[buried][0])} mm, expected the outside of the body alone: unite the pieces (boolean "
+            "union), or remove those inside"
+        )
+
+
+def _near(corners_mm: Array, contact: Sequence[Box] | None) -> np.ndarray:
+    """True (n,) for edges or triangles by their corners (n, k, 3) that reach near a contact box; all without boxes."""
+    near = np.full(len(corners_mm), contact is None)
+    for low, high in contact or ():
+        reaches = (corners_mm.max(axis=1) >= np.subtract(low, _MANIFOLD_MARGIN_MM)) & (
+            corners_mm.min(axis=1) <= np.add(high, _MANIFOLD_MARGIN_MM)
+        )
+        near |= reaches.all(axis=1)
+    return near
 
 
 def _volumes(mesh: TriangleMesh) -> Array:

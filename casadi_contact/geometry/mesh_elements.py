@@ -13,7 +13,8 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 _LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
 _ITERATIONS = 6
-_LARGEST_STEP_MM = 0.5  # from triangle to smooth surface
+# From triangle to smooth surface, normal to it: 0.5 mm, or of a triangle's longest edge what a coarse sphere bulges.
+_LARGEST_STEP_MM, _LARGEST_STEP_SHARE = 0.5, 0.15
 
 
 def grid_on_mesh(
@@ -53,7 +54,10 @@ def grid_on_mesh(
         on = lines.starts[met] + h[:, None] * along
     normal = slope / np.linalg.norm(slope, axis=1, keepdims=True)
     upward = np.einsum("nk,nk->n", normal, along)
-    kept = (upward > LEAST_UPWARD) & (np.linalg.norm(on - flat, axis=1) < _LARGEST_STEP_MM)
+    corners = mesh.corners_mm[face[met]]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    largest_step = np.maximum(_LARGEST_STEP_MM, _LARGEST_STEP_SHARE * longest)
+    kept = (upward > LEAST_UPWARD) & (np.linalg.norm(on - flat, axis=1) * upward < largest_step)
     kept &= np.all((on >= box[0]) & (on < box[1]), axis=1)
     centres[met[kept]], normals[met[kept]] = on[kept], normal[kept]
     areas[met[kept]] = step.prod() * projection.spread(h[kept]) / upward[kept]

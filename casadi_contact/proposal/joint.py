@@ -9,11 +9,12 @@ import numpy as np
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.proposal.meeting import Meeting
-from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.pair import Pair, centre_of_normals
 from casadi_contact.proposal.regions import Regions
 
 JOINTS = ("knee", "hip", "patella", "other")
 _CUP = 0.9  # concentration of normals below which a single patch encloses the moving body
+_LEAST_ANSWER = 0.1  # of what shifts load between patches, to what presses all of them
 _GROOVE_DEG = 40.0  # between the normals of neighbouring patches
 
 
@@ -80,6 +81,25 @@ def joint_of(pair: Pair, meeting: Meeting, regions: Regions, kind: str | None = 
         names = ("contact",) if count == 1 else ("med", "lat")
     turning = count == 1 and meeting.concentration < _CUP
     return Joint(kind, tuple(names), "" if turning else "+x" if kind == "patella" else "-y")
+
+
+def patches_part(pair: Pair, meeting: Meeting, regions: Regions, joint: Joint) -> bool:
+    """Whether the sensitive pose shifts load between the patches: the gaps of what comes near answer differently to its
+    two parameters. They do not to a turn about where all normals meet, as of a spool in a notch about its axis."""
+    pressed, beside = (np.eye(3)[int(axis)] for axis in (np.abs(meeting.pressing).argmax(), regions.axis or 0))
+    patch, axis = regions.patch_of(pair.points_mm), np.cross(pressed, beside)
+    shares = regions.weight * (patch == np.arange(len(joint.patches))[:, None])
+    shares /= shares.sum(axis=1, keepdims=True)
+    second = pair.normals @ beside
+    if joint.kind != "patella":
+        across = np.eye(3) - np.outer(axis, axis)
+        normals, sizes = pair.normals @ across, np.linalg.norm(pair.normals @ across, axis=1)
+        seen = sizes > 0.5  # a normal along the axis has no line across it
+        points = pair.points_mm @ across
+        pivot = centre_of_normals(points[seen], (normals[seen].T / sizes[seen]).T, regions.weight[seen])
+        second = np.cross(points - pivot, normals) @ axis / (0.5 * np.ptp(shares @ points @ beside))
+    answers = np.linalg.svd(shares @ np.stack([pair.normals @ pressed, second], axis=1), compute_uv=False)
+    return bool(answers[1] > _LEAST_ANSWER * answers[0])
 
 
 def _angle_deg(pair: Pair, regions: Regions) -> float:

@@ -19,12 +19,12 @@ from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
-from casadi_contact.proposal.sight import sight_of
+from casadi_contact.proposal.sight import Sight, sight_of
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.sampling.settings import ALONE_COUNTS
 from casadi_contact.scenes import Scene
-from casadi_contact.shapes.mesh_bodies import THIN_MM, shell_thickness
+from casadi_contact.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, outer_side, shell_thickness
 
 _TOLERANCE = 0.01  # of the largest load
 _LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
@@ -77,7 +77,7 @@ def propose(
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
     sight = sight_of(meshes, kind, upright=axes is None)
-    pair, meeting, regions, joint = sight.pair, sight.meeting, sight.regions, sight.joint
+    pair, meeting, joint = sight.pair, sight.meeting, sight.joint
     frame = frame_of(sight, side, axes)
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
     tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
@@ -88,16 +88,18 @@ def propose(
     if units is None and pair.scale < 1.0:
         untold.insert(0, _small(meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
+    if sight.places > len(joint.patches):
+        told.append(f"the bodies touch in {sight.places} places, one patch: turning shifts no load between them")
     shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
     if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
         tables["material"]["thickness"] = round(sum(layers), 1)
         told.append(
-            f"closed shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
+            f"thin shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
         )
     if shells["moving"] < THIN_MM:
-        tables["geometry"]["shell"] = "outer" if regions.round else "whole"
-    closed = [shells["fixed"], np.inf if regions.round else shells["moving"]]  # an outer side alone is no thin shell
-    if (thinnest := min(closed)) < THIN_MM:
+        tables["geometry"]["shell"] = _shell(sight)
+    one_sided = tables["geometry"].get("shell") == "outer"  # which is no thin shell
+    if (thinnest := min(shells["fixed"], np.inf if one_sided else shells["moving"])) < THIN_MM:
         finest = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
         tables["geometry"]["spacing"] = min(finest, tables["geometry"].get("spacing", finest))
     begin("pose at rest")
@@ -124,6 +126,12 @@ def propose(
     untold += [*unsettled(final.scene, report), *edges_reached(final, poses), *shells_passed(final, poses, shells)]
     begin("done")
     return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
+
+
+def _shell(sight: Sight) -> str:
+    """Which side of a moving shell counts: the outer one where it is one side and what touches is of it, else both."""
+    one = sight.regions.round and outer_side(sight.pair.moving, sight.regions.anchors_mm)[1] <= MOST_BOTH_SIDES
+    return "outer" if one else "whole"
 
 
 def _small(fixed: TriangleMesh, unit: str) -> str:

@@ -20,6 +20,7 @@ _SMOOTH_BINS = 2.0
 _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
 _HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
 _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a saddle little is
+_ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
 
@@ -28,8 +29,8 @@ class Regions:
     """weight (n,): how often each fixed point was near, times its area and that of all that was near with it. axis: of
     the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
     rising. centre_mm (3,): of the moving body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
-    patch, on the moving body's file. round: whether the moving body bulges where it touches, away from its anchors.
-    hollow: whether the fixed body is a cup about the centre."""
+    patch, on the moving body's file. round: whether the moving body bulges all over where it touches, away from its
+    anchors. hollow: whether the fixed body is a cup about the centre."""
 
     weight: Array
     axis: int | None
@@ -46,8 +47,9 @@ class Regions:
         return np.searchsorted(self.cuts_mm, points_mm[:, self.axis], side="right")
 
 
-def regions_of(pair: Pair, meeting: Meeting) -> Regions:
-    """Turn the moving body a little about every axis, let it touch, and note what comes near."""
+def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
+    """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
+    there are valleys between places."""
     near = pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
     pivot = centre_of_normals(pair.points_mm[near], pair.normals[near], pair.areas_mm2[near])
     touched = []
@@ -59,7 +61,7 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
     weight = np.zeros(len(pair.points_mm))
     for near, _, _ in touched:
         weight[near] += pair.areas_mm2[near] * pair.areas_mm2[near].sum()  # what a corner touches tells little
-    across = [axis for axis in range(3) if axis != int(np.abs(meeting.pressing).argmax())]
+    across = [axis for axis in range(3) if parted and axis != int(np.abs(meeting.pressing).argmax())]
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
     for axis in across:
         there = pair.areas_mm2 * (pair.normals @ meeting.pressing < 0)
@@ -77,8 +79,9 @@ def regions_of(pair: Pair, meeting: Meeting) -> Regions:
         for which in (patches[rows] == number for number in range(len(best[2]) + 1))
     ]
     away = on_moving - np.array(anchors)[patches[rows]]
-    bulges = float(pair.areas_mm2[rows] @ np.einsum("nk,nk->n", away, slopes)) > 0.0
-    return replace(found, anchors_mm=np.array(anchors), round=bulges)
+    areas = pair.areas_mm2[rows]
+    bulging = float(areas @ (np.einsum("nk,nk->n", away, slopes) > 0.0)) / float(areas.sum())
+    return replace(found, anchors_mm=np.array(anchors), round=bulging > _ROUND)
 
 
 def _unit(vectors: Array) -> Array:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.proposal.joint import Joint, joint_of
+from casadi_contact.proposal.joint import Joint, joint_of, patches_part
 from casadi_contact.proposal.meeting import Meeting, meeting_of
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import Regions, regions_of
@@ -21,13 +21,15 @@ _TILTED_DEG = 15.0  # joints lie at lesser angles to the axes that they are draw
 @dataclass(frozen=True, eq=False)
 class Sight:
     """How the bodies meet, where, and as what joint, in the axes of their files; turned (3, 3): by which rotation of
-    both files' points all of this was seen, the unit matrix for files that stand upright."""
+    both files' points all of this was seen, the unit matrix for files that stand upright; places: in how many, side by
+    side, the bodies come near each other: as many as patches, unless no pose shifts load between them."""
 
     pair: Pair
     meeting: Meeting
     regions: Regions
     joint: Joint
     turned: Array
+    places: int
 
     @property
     def tilt_deg(self) -> float:
@@ -59,4 +61,8 @@ def _seen(meshes: Mapping[str, TriangleMesh], kind: str | None, turned: Array) -
     pair = Pair.of(moving, fixed)
     meeting = meeting_of(pair)
     regions = regions_of(pair, meeting)
-    return Sight(pair, meeting, regions, joint_of(pair, meeting, regions, kind), turned)
+    joint, places = joint_of(pair, meeting, regions, kind), len(regions.anchors_mm)
+    if kind is None and places > 1 and not patches_part(pair, meeting, regions, joint):
+        regions = regions_of(pair, meeting, parted=False)
+        joint = joint_of(pair, meeting, regions)
+    return Sight(pair, meeting, regions, joint, turned, places)

@@ -21,8 +21,9 @@ from casadi_contact.shapes.mesh_files import file_digest
 from casadi_contact.shapes.own_model import patch_anchors
 
 _SPACING_SHARE = 0.4  # of a shell's thickness: its surface is then off by up to 0.01 mm, at 0.2 by 0.002 mm
+MOST_BOTH_SIDES = 0.2  # of an outer side: some of its rim is kept on both sides
 _BELOW_MM = 1e-3  # the surface: where rays into the body begin
-THIN_MM = 4.0  # a closed moving body thinner than this is a shell, which overlaps may reach the middle of
+THIN_MM = 4.0  # a moving body thinner than this is a shell, which overlaps may reach the middle of
 
 
 class _Source(NamedTuple):
@@ -61,13 +62,13 @@ def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
 
 
 def check_shells(geometry: Geometry) -> None:
-    """Raise ValueError for a moving body that is a thin closed shell, unless the scene says which side of it counts,
-    and for a shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
+    """Raise ValueError for a moving body that is a thin shell, unless the scene says which side of it counts, and for a
+    shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
     for body in ("moving", "fixed"):
         source = _source(geometry, body)
         if source.about_mm is not None or (thickness := _shell_thickness(source)) > THIN_MM:
             continue
-        what = f"scene: the {body} mesh {Path(source.path).name} is a closed shell about {thickness:.2g} mm thick"
+        what = f"scene: the {body} mesh {Path(source.path).name} is a thin shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
             raise ValueError(
                 f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
@@ -81,13 +82,29 @@ def check_shells(geometry: Geometry) -> None:
 
 
 def shell_thickness(mesh: TriangleMesh) -> float:
-    """The way [mm] from its triangles straight through a closed mesh, the median; infinite for an open one, and where
-    most rays do not come out of the body."""
-    if len(mesh.boundary_edges):
-        return float("inf")
+    """The way [mm] from its triangles straight through a body, the median; infinite where most rays do not come out of
+    it, as behind a single open surface. A shell with a hole, or of two sheets that nothing joins, is as thin as a
+    closed one."""
+    return float(np.median(_through(mesh)[0]))
+
+
+def outer_side(mesh: TriangleMesh, anchors_mm: Array) -> tuple[np.ndarray, float]:
+    """Which triangles (f,) of a shell face away from the nearest of the anchors (patches, 3), and over which share of
+    their area these are both sides of the shell, as of a saddle."""
+    centres = mesh.corners_mm.mean(axis=1)
+    away = centres - anchors_mm[np.linalg.norm(centres[:, None] - anchors_mm, axis=2).argmin(axis=1)]
+    outer = np.einsum("nk,nk->n", away, mesh.area_vectors_mm2) > 0.0
+    thickness, behind = _through(mesh)
+    areas = mesh.areas_mm2 * outer
+    return outer, float(areas @ (outer[behind] & (thickness < THIN_MM)) / max(areas.sum(), 1e-300))
+
+
+def _through(mesh: TriangleMesh) -> tuple[Array, np.ndarray]:
+    """The way (f,) [mm] from each triangle straight through the body, infinite where a ray does not come out, and the
+    triangle (f,) that it comes out of."""
     caster, inwards = RayCaster(mesh), -mesh.normals
     distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + _BELOW_MM * inwards, inwards)
-    return float(np.median(np.where(caster.leaves(inwards, face), distance, np.inf)))
+    return np.where(caster.leaves(inwards, face), distance, np.inf), face
 
 
 def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:
@@ -131,9 +148,13 @@ def _mesh(source: _Source) -> TriangleMesh:
     mesh = load_mesh(source.path, source.units, source.axes, source.contact, source.placement)
     if source.about_mm is None:
         return mesh
-    centres, about = mesh.corners_mm.mean(axis=1), np.array(source.about_mm)
-    away = centres - about[np.linalg.norm(centres[:, None] - about, axis=2).argmin(axis=1)]
-    outer = np.einsum("nk,nk->n", away, mesh.area_vectors_mm2) > 0.0
+    outer, both = outer_side(mesh, np.array(source.about_mm))
+    if both > MOST_BOTH_SIDES:
+        raise ValueError(
+            f"scene: geometry.shell = 'outer' keeps both sides of the moving mesh {mesh.name} over {both:.0%} of what "
+            "it keeps, expected one: the side away from the anchors is no one side of a saddle or a flat shell. Cut "
+            "the mesh to the side that touches, or set geometry.shell to 'whole' where overlaps are far smaller"
+        )
     return mesh.part(outer)
 
 

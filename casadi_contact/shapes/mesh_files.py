@@ -8,7 +8,7 @@
     pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
     cup_centre = [0.0, 10.0, 5.0]         # of a deep cup, in the fixed body's frame [mm]: rays run from here instead
     start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
-    shell = "outer"                       # of a moving mesh that is a thin closed shell: only its side away from the
+    shell = "outer"                       # of a moving mesh that is a thin shell: only its side away from the
                                           # anchors counts; or "whole": overlaps stay far below its thickness
     open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own

@@ -1,10 +1,13 @@
 """What a convergence test records of a model, and what decides its choice: poses at the rim stand by themselves."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.convergence import WORST, Errors
+from casadi_contact.contact.convergence import WORST, Errors, not_good_enough
 
 
 def errors(of_tolerance, at_rim, forces_n=100.0):
@@ -47,3 +50,13 @@ def test_the_worst_is_what_decides_and_names_what_is_allowed():
     spread, alone = errors([2.0] * 4, [False] * 4), errors([2.0 * WORST, *[0.0] * 99], [False] * 100, 0.0)
     assert spread.worst == f"{2.0 * tolerance:.3g} N in Fy (RMS), expected {tolerance:.3g} at most"
     assert alone.worst == f"{2.0 * WORST * tolerance:.3g} N in Fy, expected {WORST * tolerance:.3g} at most"
+
+
+def test_a_mesh_scene_without_good_cells_is_told_to_look_at_its_meshes():
+    """Sheets inside a body and folds make every model wrong, elements as well."""
+    found = errors([2.0] * 4, [False] * 4)
+    assert "mesh" not in str(not_good_enough("cells", found))
+    scene = SimpleNamespace(**{name: getattr(found.scene, name) for name in ("name", "load_names", "tolerances")})
+    scene.reference_load, scene.shape = found.scene.reference_load, "mesh"
+    said = str(not_good_enough("cells", replace(found, scene=scene)))
+    assert "whether the meshes are damaged where they touch (casadi-contact show), then relax" in said

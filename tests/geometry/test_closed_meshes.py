@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.shapes.mesh_bodies import shell_thickness
-from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, wheel_mesh
 
 
 def with_sliver(vertices, faces, face=0):
@@ -75,6 +75,22 @@ def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
     thickness = shell_thickness(checked_mesh("shell", vertices, faces))
     assert thickness == pytest.approx(1.5, abs=0.05)
     assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
+
+
+def test_a_shell_with_a_hole_and_two_unjoined_sheets_are_as_thin_as_a_closed_shell():
+    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
+    holed = checked_mesh("shell", vertices, np.delete(faces, 400, axis=0))
+    assert len(holed.boundary_edges) == 3
+    assert shell_thickness(holed) == pytest.approx(1.5, abs=0.05)
+    sheet, front = sheet_mesh(14.0, 2.0)
+    sheets = together((sheet, front), (sheet - [0.0, 0.5, 0.0], front[:, ::-1]))
+    assert shell_thickness(checked_mesh("sheets", *sheets)) == pytest.approx(0.5, abs=2e-3)
+
+
+def test_nothing_is_thin_about_a_single_open_surface():
+    """A cap's back is open; of a femur's profile some rays come out at its other end, most do not."""
+    for vertices, faces in (cap_mesh(20.0, 2.0, 0.6), cap_mesh(20.0, 2.0, 1.9)):
+        assert shell_thickness(checked_mesh("cap", vertices, faces)) == np.inf
 
 
 @pytest.mark.parametrize("far_mm", [0.0, 1e5, 1e7])
@@ -144,3 +160,40 @@ def test_a_flake_without_volume_beside_a_body_is_no_body_turned_inside_out():
     flake = np.array([[30.0, 0.1, 0.2], [33.0, 0.7, 1.1], [31.0, 2.3, 0.9]])
     for turn in ([[0, 1, 2], [0, 2, 1]], [[1, 0, 2], [1, 2, 0]]):
         assert checked_mesh("ball", *together(BIG, (flake, np.array(turn)))).pieces.max() == 1
+
+
+PEG = wheel_mesh(4.0, 5.0, 1.0)  # along z
+
+
+@pytest.mark.parametrize(
+    "meshes",
+    [
+        [BIG, ball(15.0, MIDDLE)],  # bone under cartilage
+        [BIG, (PEG[0] + [0.0, 0.0, 12.0], PEG[1])],  # 3 mm under the surface
+        [BIG, (PEG[0] + [0.0, 0.0, 19.0], PEG[1])],  # through the surface
+        [sheet_mesh(40.0, 2.0), (sheet_mesh(40.0, 2.0)[0] - [0.0, 0.3, 0.0], sheet_mesh(40.0, 2.0)[1])],
+    ],
+)
+def test_a_piece_in_the_solid_of_another_is_refused(meshes):
+    """All face outwards. Loads would be off several times: the sign of the distance turns between the surfaces."""
+    with pytest.raises(ValueError, match=r"bodies: .* mm² of its surface lie inside another of its 2 pieces.*unite"):
+        checked_mesh("bodies", *together(*meshes))
+
+
+def test_pieces_in_each_other_far_from_contact_change_nothing_there():
+    stem = [BIG, (PEG[0] + [0.0, 0.0, 19.0], PEG[1])]
+    near, far = (((-30.0, -30.0, low), (30.0, 30.0, low + 20.0)) for low in (0.0, -30.0))
+    with pytest.raises(ValueError, match="inside another"):
+        checked_mesh("bodies", *together(*stem), contact=[near])
+    mesh = checked_mesh("bodies", *together(*stem), contact=[far])
+    points = np.array([[0.0, 0.0, -19.7], [3.0, 2.0, -20.5]])
+    np.testing.assert_allclose(SmoothSurface(mesh).distance(points), np.linalg.norm(points, axis=1) - 20.0, atol=0.01)
+
+
+def test_pieces_that_stand_apart_or_meet_at_a_seam_are_left_alone():
+    """Side by side; two halves of a ball that share no vertex, a hundredth of a micrometre off; a piece far inside."""
+    vertices, faces = BIG
+    left = vertices[faces].mean(axis=1)[:, 0] < 0.0
+    seam = [(vertices, faces[left]), (vertices + 1e-5, faces[~left])]
+    for meshes in ([BIG, ball(8.0, [29.0, 0.0, 0.0])], seam, [BIG, ball(5.0, MIDDLE)]):
+        assert checked_mesh("bodies", *together(*meshes)).pieces.max() == 1

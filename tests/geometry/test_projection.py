@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 
+from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.geometry.projection import CentralProjection, ParallelProjection, grid_frame, projection_of
+from casadi_contact.geometry.mesh_elements import grid_on_mesh
+from casadi_contact.geometry.projection import DOWN, CentralProjection, ParallelProjection, grid_frame, projection_of
 from tests.support.meshes import sheet_mesh, shell_mesh
 
 FRAME = grid_frame([0.3, 0.8, 0.2])
@@ -38,6 +41,16 @@ def test_the_area_across_the_lines_is_the_plane_s_times_the_spread(projection, p
     along_u, along_v = np.moveaxis(lines.start_slopes + h[:, None, None] * lines.up_slopes, 1, 0)
     across = np.einsum("nk,nk->n", np.cross(along_v, along_u), lines.ups)
     np.testing.assert_allclose(across, projection.spread(h), rtol=1e-9)
+
+
+def test_a_grid_covers_all_of_a_coarse_ball_that_faces_it():
+    """Of 320 triangles, whose middles lie up to 0.56 mm below the sphere, along steep lines 1 mm and more."""
+    ball, down = trimesh.creation.icosphere(subdivisions=2, radius=24.0), ParallelProjection(grid_frame(DOWN))
+    mesh, everywhere = checked_mesh("ball", ball.vertices, ball.faces), (np.full(3, -np.inf), np.full(3, np.inf))
+    centres, _, areas = grid_on_mesh(mesh, build_field(mesh), (80, 80), everywhere, down)
+    above = (areas > 0.0) & (centres[..., 1] > 12.0)  # within 60 degrees of the pole
+    assert areas[above].sum() == pytest.approx(np.pi * 24.0**2, rel=0.01)
+    np.testing.assert_allclose(np.linalg.norm(centres[above], axis=-1), 24.0, atol=0.04)
 
 
 def test_the_middle_of_a_cup_is_seen_from_its_inside():

@@ -13,10 +13,11 @@ from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.meeting import meeting_of
 from casadi_contact.proposal.pair import Pair, centre_of_normals
+from casadi_contact.proposal.propose import _shell
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.rest import rest_loads
 from casadi_contact.proposal.sight import sight_of
-from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
+from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, slab_mesh, unit
 from tests.support.shared_data import shared_file
 
 POLE = unit(np.array([0.2, 0.8, 0.5]))
@@ -192,6 +193,24 @@ def test_given_axes_are_kept_as_they_are():
     assert frame.rotation_deg == (0.0, 0.0, 0.0)
 
 
+def revolved(radius, half_angle, half_width):
+    """A surface of revolution about the z axis, its middle at the bottom, seen from the axis: vertices, faces."""
+    points, faces = sheet_mesh(2.0, 0.04)
+    angle, z = half_angle * points[:, 0], half_width * points[:, 2]
+    return np.stack([radius(z) * np.sin(angle), -radius(z) * np.cos(angle), z], axis=1), faces
+
+
+def test_a_spool_that_bears_on_both_sides_of_its_notch_has_one_patch():
+    """As at an elbow: flexion turns it about its axis, which shifts no load from one side to the other."""
+    spool, faces = revolved(lambda z: 10.0 + 0.03 * z**2, 2.9, 11.0)
+    notch = checked_mesh("notch", *revolved(lambda z: 10.35 + 0.0275 * z**2, 1.4, 10.0))
+    sight = sight_of({"moving": checked_mesh("spool", spool, faces[:, ::-1]), "fixed": notch})
+    assert sight.places == 2
+    assert (sight.joint.kind, sight.joint.patches) == ("other", ("contact",))
+    assert len(sight.regions.anchors_mm) == 1
+    assert sight.joint.sensitive_pose == ["tx", "ty", "tz"]
+
+
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
     """As at the base of a thumb: it is hollow one way only, though all of it is seen from one point."""
     fixed, (points, faces) = (sheet_mesh(side, 1.0, lambda x, z: x**2 / 18.0 - z**2 / 22.0) for side in (12.0, 11.0))
@@ -200,6 +219,16 @@ def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
     assert not regions.hollow
     assert joint.kind == "other"
     assert any("what left means here" in said for said in frame.untold)
+
+
+def test_both_sides_of_a_saddle_shell_count_and_the_outer_one_of_a_cap():
+    saddle, faces = slab_mesh(*sheet_mesh(14.0, 0.5, lambda x, z: z**2 / 22.0 - x**2 / 20.0), 1.0)
+    fixed = checked_mesh("fixed", *sheet_mesh(16.0, 0.5, lambda x, z: x**2 / 26.0 - z**2 / 18.0))
+    moving = checked_mesh("moving", saddle * [1.0, -1.0, 1.0], faces[:, ::-1])
+    assert _shell(sight_of({"moving": moving, "fixed": fixed})) == "whole"
+    cap, faces = shell_mesh(14.5, 16.0, 1.0, 1.0, [0.0, -1.0, 0.0])
+    moving = checked_mesh("moving", cap + np.array([0.0, 16.0, 0.0]), faces)
+    assert _shell(sight_of({"moving": moving, "fixed": checked_mesh("plate", *sheet_mesh(16.0, 1.0))})) == "outer"
 
 
 def test_a_force_that_turns_presses_down_where_the_scene_names_no_other_way():

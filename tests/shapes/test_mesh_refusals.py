@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, shell_mesh, write_obj
+from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, shell_mesh, slab_mesh, write_obj
 
 POLE = [0.0, 1.0, 0.0]
 
@@ -75,7 +75,7 @@ def test_a_thin_closed_shell_says_which_of_its_sides_counts(tmp_path):
     """Pressed by more than its thickness a whole shell loses load; its outer side alone pushes back as a ball."""
     points, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, POLE)
     shell = (points * [1.0, -1.0, 1.0], faces[:, ::-1])  # opens upwards: its outside is below
-    with pytest.raises(ValueError, match=r"closed shell about 1\.5 mm thick.*geometry\.shell to 'outer'"):
+    with pytest.raises(ValueError, match=r"thin shell about 1\.5 mm thick.*geometry\.shell to 'outer'"):
         cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0)))
     with pytest.raises(ValueError, match=r"spacing = 0\.75 mm too coarse for it: expected at most 0\.6"):
         cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0), 'shell = "whole"'))
@@ -90,6 +90,41 @@ def test_a_thin_closed_shell_says_which_of_its_sides_counts(tmp_path):
     found = -whole(poses)[:, 1] / exact
     assert found[0] == pytest.approx(1.0, abs=0.06)
     assert found[1] < 0.9
+
+
+def test_a_shell_with_a_missing_triangle_is_refused_as_a_closed_one_and_its_outer_side_carries_the_same(tmp_path):
+    """Missing on the side that does not touch; without a word, the load would be twice that of the closed shell."""
+    points, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, POLE)
+    inner = int(np.linalg.norm(points[faces].mean(axis=1) - [0.0, 14.4, 0.0], axis=1).argmin())
+    shell = (points * [1.0, -1.0, 1.0], np.delete(faces, inner, axis=0)[:, ::-1])
+    with pytest.raises(ValueError, match=r"thin shell about 1\.5 mm thick.*geometry\.shell to 'outer'"):
+        cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0)))
+    outer = cc.ElasticFoundation(scene_of(tmp_path, shell, sheet_mesh(14.0, 1.0), 'shell = "outer"', grid=(60, 60)))
+    load = -outer([0.0, 16.0 - 0.3, 0.0, 0.0, 0.0, 0.0])[1]
+    assert load == pytest.approx(np.pi * 267.5728 * 0.3**2 * (16.0 - 0.1), rel=0.02)
+
+
+def test_the_outer_side_of_a_saddle_shell_is_refused_as_it_is_on_both_sides(tmp_path):
+    """As at the base of a thumb. Both of its sides bear as a whole, while overlaps are small."""
+    top = sheet_mesh(14.0, 0.5, lambda x, z: z**2 / 22.0 - x**2 / 20.0)
+    points, faces = slab_mesh(*top, 1.0)
+    saddle = (points * [1.0, -1.0, 1.0], faces[:, ::-1])
+    fixed = sheet_mesh(12.0, 0.5, lambda x, z: x**2 / 20.0 - z**2 / 22.0)
+    anchor = "[geometry.patches.contact]\nanchor = [-0.1, 0.7, -0.1]"
+    with pytest.raises(ValueError, match=r"'outer' keeps both sides of the moving mesh .* over \d+% .*expected one"):
+        cc.ElasticFoundation(scene_of(tmp_path, saddle, fixed, f'shell = "outer"\n{anchor}'))
+    whole = cc.ElasticFoundation(scene_of(tmp_path, saddle, fixed, f'shell = "whole"\nspacing = 0.35\n{anchor}'))
+    load = -whole([0.0, -0.1, 0.0, 0.0, 0.0, 0.0])[1]
+    x, z = np.meshgrid(*2 * [np.linspace(-6.0, 6.0, 100)])
+    overlap = 0.1 / np.sqrt(1.0 + (x / 10.0) ** 2 + (z / 11.0) ** 2)  # normal to the surface, of 0.1 mm downwards
+    assert load == pytest.approx(267.5728 * overlap.mean() * 144.0, rel=0.05)
+
+
+def test_two_sheets_that_nothing_joins_are_a_shell(tmp_path):
+    top, faces = sheet_mesh(14.0, 1.0)
+    fixed = np.vstack([top, top - [0.0, 0.5, 0.0]]), np.vstack([faces, faces[:, ::-1] + len(top)])
+    with pytest.raises(ValueError, match=r"the fixed mesh .* thin shell about 0\.5 mm .* expected at most 0\.2 mm"):
+        cc.ElasticFoundation(scene_of(tmp_path, BALL, fixed))
 
 
 @pytest.mark.parametrize(

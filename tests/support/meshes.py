@@ -68,6 +68,16 @@ def sheet_mesh(side, step, height=lambda x, z: 0.0 * x):
     return points, faces
 
 
+def slab_mesh(vertices, faces, thickness):
+    """A sheet as the top of a closed body, its back as deep below (along y), joined by a rim."""
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    codes, times = np.unique(np.sort(sides, axis=1) @ [len(vertices), 1], return_counts=True)
+    a, b = sides[np.isin(np.sort(sides, axis=1) @ [len(vertices), 1], codes[times == 1])].T
+    far = len(vertices)
+    rim = [np.stack([b, a, a + far], axis=1), np.stack([b, a + far, b + far], axis=1)]
+    return np.vstack([vertices, vertices - [0.0, thickness, 0.0]]), np.concatenate([faces, faces[:, ::-1] + far, *rim])
+
+
 def write_obj(path, vertices, faces):
     lines = [*("v {:.10f} {:.10f} {:.10f}".format(*v) for v in vertices), *("f {} {} {}".format(*f) for f in faces + 1)]
     path.write_text("\n".join(lines) + "\n")

@@ -13,7 +13,7 @@ from casadi_contact.contact.cells.charts import patch_charts
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.reach import pressed_poses
-from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, forces_tried, not_good_enough
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
 from casadi_contact.contact.elastic_foundation import ElasticFoundation
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
@@ -107,8 +107,7 @@ class _Truth:
         if len(tried) and not len(self.at_rim):
             raise NotGoodEnoughError(
                 f"scene {scene.name}: elements of {_HALF} and {CONVERGED} differ by more than its tolerances allow in "
-                "every pose that was tried, so that no cells can be chosen: relax the tolerances, or take "
-                "cc.ElasticFoundation"
+                f"every pose that was tried, so that no cells can be chosen: {cure_of(scene)}"
             )
         if not len(self.at_rim):
             raise ValueError(
