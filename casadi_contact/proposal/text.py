@@ -45,7 +45,7 @@ _PROPOSED = {
 
 def scene_text(proposal: Proposal, folder: Path) -> str:
     """The scene file for a folder; meshes are named relative to it."""
-    geometry = proposal.scene.geometry
+    geometry = proposal.scene.tables["geometry"]
     head = [
         f"Proposed from {Path(geometry['moving']).name} (moving) and {Path(geometry['fixed']).name} (fixed):",
         *(f"- {line}" for line in proposal.told),
