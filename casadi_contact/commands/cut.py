@@ -12,7 +12,7 @@ from casadi_contact.commands.arguments import Cycles, ModelName, Out, PresetName
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project
-from casadi_contact.proposal.cuts import cut_scene, find_cuts
+from casadi_contact.proposal.cuts import WORTH, cut_scene, find_cuts
 from casadi_contact.proposal.text import cut_lines, cut_text
 from casadi_contact.sampling import model_pair
 
@@ -23,6 +23,9 @@ def cut(
     cycles: Cycles = None,
     preset: PresetName = "quick",
     model: ModelName = "foundation",
+    worth: Annotated[
+        float, typer.Option(help="share of the error that one more part must take off: less for more parts")
+    ] = WORTH,
     out: Out = None,
     force: Annotated[bool, typer.Option("--force", help="replace a scene file that is there")] = False,
 ) -> None:
@@ -42,7 +45,7 @@ def cut(
         samples, _ = pipeline.sample(
             project, cycles or [], lambda done, total: update("samples", done, total, ""), models=model_pair(model)
         )
-        found = find_cuts(project.scene, samples, update)
+        found = find_cuts(project.scene, samples, update, worth=worth)
     whole = project.scene
     parts = cut_scene(whole, [cuts.cuts_mm for cuts in found], [cuts.bounds_mm for cuts in found])
     write_text(path, cut_text(parts, found, project.command("cut"), path.parent))

@@ -33,7 +33,7 @@ from casadi_contact.workers import worker_pool
 
 STRIPS = 20  # of a patch
 ROWS = 4_000  # samples that a network learns from and is judged by, at most
-WORTH = 0.1  # of the error that one more part must take off
+WORTH = 0.1  # share of the error that one more part must take off
 _HIDDEN, _GFLOP = (10, 10), 2.0  # of a trial: enough to tell simple contact from contact in several places
 _CELLS = 2  # of the sizes that a foundation may have, from large to small
 _FEWEST = 30  # rows in contact that a network is fitted to
@@ -53,15 +53,21 @@ class PatchCuts:
 
 
 def find_cuts(
-    scene: Scene, samples: Samples, update: Update | None = None, executor: Executor | None = None
+    scene: Scene,
+    samples: Samples,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    worth: float = WORTH,
 ) -> list[PatchCuts]:
     """The cuts of each patch, as few as are worth it: small networks meet the scene's least tolerance of a force, or
-    one more part takes less than `WORTH` of the error off.
+    one more part takes less than this share of the error off.
 
     samples: of the scene with whole patches; their test rows are not looked at. Loads of the strips are those of a
     foundation in cells of middling size in the samples' poses. Raises ValueError for a scene that is cut already or is
-    no mesh, and for samples without contact.
+    no mesh, for samples without contact, and for a share that is not above 0 and below 1.
     """
+    if not 0.0 < worth < 1.0:
+        raise ValueError(f"worth is {worth}, expected a share of the error, above 0 and below 1")
     if scene.shape != "mesh":
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")
     if len(scene.parts) > len(scene.patch_names) or any(part.spots > 1 for part in scene.parts):
@@ -101,7 +107,7 @@ def find_cuts(
     for p, patch in enumerate(scene.patch_names):
         if misfit[p, 0, -1] == 0.0:
             raise ValueError(f"samples: patch {patch!r} never bears, expected samples in contact")
-        cuts, parts_n = worthwhile(best_cuts(misfit[p]), enough_n)
+        cuts, parts_n = worthwhile(best_cuts(misfit[p]), enough_n, worth)
         cuts_mm = tuple(float(round(edges[p][k], 2)) for k in cuts)
         given = scene.geometry["patches"][patch].get("z", reach[p])
         bounds_mm = (float(given[0]), float(given[1]))
@@ -159,11 +165,13 @@ def best_cuts(misfit: Array) -> list[tuple[float, tuple[int, ...]]]:
     return found
 
 
-def worthwhile(by_count: Sequence[tuple[float, tuple[int, ...]]], enough: float) -> tuple[tuple[int, ...], float]:
-    """The cuts into so many parts that their error is small enough, or that one more takes less than `WORTH` of it off;
+def worthwhile(
+    by_count: Sequence[tuple[float, tuple[int, ...]]], enough: float, worth: float = WORTH
+) -> tuple[tuple[int, ...], float]:
+    """The cuts into so many parts that their error is small enough, or that one more takes less than a share of it off;
     and that error."""
     for (error, cuts), (next_error, _) in itertools.pairwise(by_count):
-        if error <= enough or next_error > (1.0 - WORTH) * error:
+        if error <= enough or next_error > (1.0 - worth) * error:
             return cuts, error
     return by_count[-1][1], by_count[-1][0]
 

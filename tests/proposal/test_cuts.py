@@ -43,6 +43,7 @@ def test_a_part_more_must_take_a_tenth_of_the_error_off():
     assert worthwhile([(100.0, ()), (91.0, (4,))], 5.0) == ((), 100.0)
     assert worthwhile([(100.0, ()), (50.0, (4,)), (40.0, (2, 4))], 5.0) == ((2, 4), 40.0)
     assert worthwhile([(100.0, ()), (50.0, (4,)), (40.0, (2, 4))], 60.0) == ((4,), 50.0)
+    assert worthwhile([(100.0, ()), (50.0, (4,)), (46.0, (2, 4))], 5.0, worth=0.05) == ((2, 4), 46.0)
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,8 @@ def test_what_is_cut_already_or_no_mesh_is_refused(balls):
         find_cuts(cut_scene(balls, [(0.0,)], [(-15.0, 15.0)]), samples)
     with pytest.raises(ValueError, match="has the shape knee, expected a mesh"):
         find_cuts(cc.load_scene("knee"), samples)
+    with pytest.raises(ValueError, match="worth is 1.5, expected a share of the error, above 0 and below 1"):
+        find_cuts(balls, samples, worth=1.5)
 
 
 def test_a_patch_that_stays_whole_is_told():
