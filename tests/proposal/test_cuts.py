@@ -94,7 +94,7 @@ def test_what_is_cut_already_or_no_mesh_is_refused(balls):
         find_cuts(cut_scene(balls, [(0.0,)], [(-15.0, 15.0)]), samples)
     with pytest.raises(ValueError, match="has the shape knee, expected a mesh"):
         find_cuts(cc.load_scene("knee"), samples)
-    with pytest.raises(ValueError, match="worth is 1.5, expected a share of the error, above 0 and below 1"):
+    with pytest.raises(ValueError, match=r"worth is 1\.5, expected a share of the error, above 0 and below 1"):
         find_cuts(balls, samples, worth=1.5)
 
 
