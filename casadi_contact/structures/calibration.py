@@ -41,7 +41,7 @@ KEPT = 0.99  # share of kept poses that the border to the dropped ones leaves a 
 CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
 _LEAST_DROPPED = 20  # of fewer no border can be learned
 _LEAST_ROWS = 40  # of fewer no quantile is taken
-_FEW_ROWS = 25  # of unseen ones, the least of which the largest ratio bounds a share `FITTED`: fewer tell no error
+_FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `FITTED`: fewer tell no error
 _LEAST_GROWTH = 1.0
 _LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
 _EXCESS = 4.0 / 3.0  # at a validity of 0.1; its negative at 0.9
@@ -182,6 +182,9 @@ def _thinned(points: Array) -> Array:
 
 def _centres(points: Array, count: int) -> Array:
     """At most `count` centres (K, 6) by k-means, the same for the same points."""
+    distinct = np.unique(points, axis=0)
+    if len(distinct) < len(points):  # k-means divides by the distance of the first centres
+        points = distinct
     if len(points) <= count:
         return points
     centres, member = kmeans2(points, count, iter=20, minit="++", rng=np.random.default_rng(0))
@@ -190,8 +193,8 @@ def _centres(points: Array, count: int) -> Array:
 
 def _bounded(trust: Trust, surrogate: Surrogate, training: Samples, held_out: Samples, around: Samples) -> Trust:
     """Error levels from the samples around each centre, shares θ by quantile regression on validation rows and the
-    valid ones of `around`, growth from those that are not valid. A load that fewer than `_FEW_ROWS` of them carry may
-    be as wrong as it is large.
+    valid ones of `around`, growth from those that are not valid. A load that is carried in fewer than `_FEW_ROWS` of
+    their poses may be as wrong as it is large.
 
     Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero. The
     valid poses around count as much as all held-out samples, and these as they are; each group has its coverage.
@@ -213,7 +216,7 @@ def _bounded(trust: Trust, surrogate: Surrogate, training: Samples, held_out: Sa
     shares = np.zeros_like(trust.shares)
     for k in range(len(names)):
         rows = loaded[:, k] & used
-        if rows.sum() < _FEW_ROWS:
+        if len(np.unique(both.poses[rows], axis=0)) < _FEW_ROWS:
             trust.levels[:, k] = level[:, k] = trust.usual_loads[k]
             shares[k, 0] = max(1.0, float((errors[rows, k] / trust.usual_loads[k]).max(initial=0.0)))
             continue

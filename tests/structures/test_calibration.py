@@ -72,9 +72,10 @@ def test_the_quantile_of_a_few_leaves_room_for_errors_not_seen_yet():
     assert np.mean(1.0 - np.exp(-np.quantile(few, FITTED, axis=1))) < FITTED - 0.02
 
 
-def test_loads_that_few_unseen_samples_carry_may_be_as_wrong_as_they_are_large(surrogate):
+@pytest.mark.parametrize("copies", [1, 30])
+def test_loads_that_few_unseen_samples_carry_may_be_as_wrong_as_they_are_large(surrogate, copies):
     """Networks that know their few training rows by heart err by nothing there: that tells of no other pose."""
-    samples = made_up_samples(surrogate, count=60, noise=0.0)
+    samples = made_up_samples(surrogate, count=60, noise=0.0).rows(np.repeat(np.arange(60), copies))
     few = with_trust(surrogate, samples)
     unseen = made_up_samples(surrogate, count=2000, noise=0.3, seed=5)
     off = np.abs(surrogate(unseen.poses) - unseen.loads(surrogate.load_names))
