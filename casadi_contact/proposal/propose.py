@@ -26,6 +26,7 @@ from casadi_contact.sampling.settings import ALONE_COUNTS
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, outer_side, shell_thickness
 
+_MOST_DROPPED = 0.6  # of a domain, where the reference motion itself reaches an edge
 _TOLERANCE = 0.01  # of the largest load
 _LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
 _SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
@@ -123,9 +124,10 @@ def propose(
     begin("reference motion")
     poses, report = _reference(tables)
     final = ElasticFoundation(Scene.from_tables(tables))
+    tables["sampling"] |= _lost_at_edges(final, poses)
     untold += [*unsettled(final.scene, report), *edges_reached(final, poses), *shells_passed(final, poses, shells)]
     begin("done")
-    return Proposal(final.scene, joint, pose, poses, report.converged.size, told, untold)
+    return Proposal(Scene.from_tables(tables), joint, pose, poses, report.converged.size, told, untold)
 
 
 def _shell(sight: Sight) -> str:
@@ -161,6 +163,12 @@ def _sampling(joint: Joint, scale: float) -> dict[str, Any]:
     offsets = {name: [round(scale * offset, 2) for offset in _OFFSETS_MM] for name in still}
     own = {"fixed_offsets": offsets} if offsets else {}
     return {"counts": dict(ALONE_COUNTS), "liftoff_mm": 0.4, **own}
+
+
+def _lost_at_edges(model: ElasticFoundation, poses: Array) -> dict[str, Any]:
+    """Settings of the sampling where contact reaches an edge in some of the poses (n, 6): what is lost there is told,
+    and no reason to refuse what is left."""
+    return {"most_dropped": _MOST_DROPPED} if model.at_edge(poses).any() else {}
 
 
 def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:

@@ -39,6 +39,7 @@ _PROPOSED = {
     "gap_slope": "root load per mm of overlap, as contact itself gives it",
     "[tolerances]": "1 % of the largest force and torque of the reference motion: N, N·mm",
     "[sampling.fixed_offsets]": "mm, of D1 and D2, where the motion stands still: leave out for measured cycles",
+    "most_dropped": "of a domain's plan, since contact reaches an edge: such poses are no samples",
     "[motion]": "Made up: put measured harmonics here, or give cycle files",
 }
 

@@ -11,7 +11,7 @@ import casadi_contact as cc
 from casadi_contact.cli import app
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.proposal.joint import Joint
-from casadi_contact.proposal.propose import _sampling
+from casadi_contact.proposal.propose import _lost_at_edges, _sampling
 from casadi_contact.proposal.text import scene_text
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
@@ -76,6 +76,13 @@ def refused(*arguments):
     result = CliRunner().invoke(app, ["scene", *map(str, arguments)])
     assert isinstance(result.exception, ValueError)
     return str(result.exception)
+
+
+def test_poses_at_an_edge_are_lost_to_sampling_without_an_end_to_it():
+    at_edge = np.array([[False, False], [False, True]])
+    inside, beyond = (SimpleNamespace(at_edge=lambda poses, rows=rows: rows) for rows in (at_edge[:1], at_edge))
+    assert _lost_at_edges(inside, np.zeros((1, 6))) == {}
+    assert _lost_at_edges(beyond, np.zeros((2, 6))) == {"most_dropped": 0.6}
 
 
 def test_a_scene_file_that_is_there_is_kept(folder):
