@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
+from typing import Any
 
 from loky import ProcessPoolExecutor, cpu_count
 
@@ -36,6 +37,17 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
         raise ChildProcessError(
             "a worker process was killed (is the memory full?): run the same command again to go on"
         ) from None
+
+
+@contextmanager
+def cancelled_if_left(futures: Iterable[Future[Any]]) -> Iterator[None]:
+    """Where the block is left by an exception, what has not begun does not begin: a caller's executor lives on."""
+    try:
+        yield
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
 
 
 def _end_with_parent(parent: int) -> None:

@@ -20,16 +20,17 @@ import numpy as np
 from casadi_contact.contact import CellFoundation
 from casadi_contact.contact.cells.choice import cell_sizes_mm, square_cells
 from casadi_contact.conventions import Array
-from casadi_contact.dataset import Samples
+from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.network import Regression
 from casadi_contact.project import Update
 from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes import Scene
+from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.patch.targets import GAP_WEIGHT, root_target, root_weight
 from casadi_contact.structures.sample_rows import fitted_rows
 from casadi_contact.training import TrainingSettings, fit
-from casadi_contact.workers import worker_pool
+from casadi_contact.workers import cancelled_if_left, worker_pool
 
 STRIPS = 20  # of a patch
 ROWS = 4_000  # samples that a network learns from and is judged by, at most
@@ -72,44 +73,17 @@ def find_cuts(
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")
     if len(scene.parts) > len(scene.patch_names) or any(part.spots > 1 for part in scene.parts):
         raise ValueError(f"scene {scene.name} has a split_z or spots, expected whole patches: take these lines out")
-    cells = square_cells(cell_sizes_mm(scene)[_CELLS])
-    reach = [_reach_mm(scene, p) for p in range(len(scene.patch_names))]
-    edges = [np.linspace(*ends, STRIPS + 1) for ends in reach]
-    strips = CellFoundation(cut_scene(scene, [tuple(each[1:-1]) for each in edges], reach), cells)
-    rows, validation = fitted_rows(samples)
-    chosen = np.random.default_rng(0).permutation(np.flatnonzero(rows))[:ROWS]
-    poses, validation = samples.poses[chosen], validation[np.searchsorted(np.flatnonzero(rows), chosen)]
-    wrenches, gaps_mm = strips.part_wrenches(poses), strips.part_gaps(poses)
-    normal = np.stack([part.normal.of(wrenches[:, k]) for k, part in enumerate(strips.scene.parts)], axis=1)
-    runs = list(itertools.combinations(range(STRIPS + 1), 2))
-    misfit = np.full((len(reach), STRIPS + 1, STRIPS + 1), np.inf)
-    with worker_pool(executor) as workers:
-        futures = {}
-        for p, (i, j) in itertools.product(range(len(reach)), runs):
-            own = slice(STRIPS * p + i, STRIPS * p + j)
-            anchor = scene.anchors_mm[p].copy()
-            anchor[2] = 0.5 * (edges[p][i] + edges[p][j])
-            local = local_poses(poses, anchor)[:, list(scene.pose_space.free)]
-            loads = np.maximum(normal[:, own], 0.0).sum(axis=1)
-            run = (scene, local, loads, gaps_mm[:, own].min(axis=1), validation)
-            futures[workers.submit(mean_square_error, *run)] = p, i, j
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                misfit[futures[future]] = future.result()
-                if update is not None:
-                    update("parts tried", done, len(futures), "")
-        except BaseException:
-            for future in futures:
-                future.cancel()
-            raise
+    strips = _Strips.of(scene, samples)
+    misfit = _misfits(strips, update, executor)
     enough_n = min(scene.tolerances[name] for name in of_kind(scene.load_names, FORCE))
     found = []
     for p, patch in enumerate(scene.patch_names):
         if misfit[p, 0, -1] == 0.0:
             raise ValueError(f"samples: patch {patch!r} never bears, expected samples in contact")
         cuts, parts_n = worthwhile(best_cuts(misfit[p]), enough_n, worth)
-        cuts_mm = tuple(float(round(edges[p][k], 2)) for k in cuts)
-        given = scene.geometry["patches"][patch].get("z", reach[p])
+        edges = strips.edges_mm[p]
+        cuts_mm = tuple(float(round(edges[k], 2)) for k in cuts)
+        given = scene.geometry["patches"][patch].get("z", (edges[0], edges[-1]))
         bounds_mm = (float(given[0]), float(given[1]))
         found.append(PatchCuts(patch, bounds_mm, cuts_mm, math.sqrt(misfit[p, 0, -1]), parts_n))
     return found
@@ -123,6 +97,57 @@ def cut_scene(scene: Scene, cuts_mm: Sequence[Sequence[float]], bounds_mm: Seque
         if cuts:
             patches[patch] |= {"z": list(bounds), "split_z": [float(cut) for cut in cuts]}
     return Scene.from_tables({**scene.tables, "geometry": {**geometry, "patches": patches}})
+
+
+@dataclass(frozen=True)
+class _Strips:
+    """The patches in strips between edges_mm (patches, STRIPS + 1): normal loads and gaps (n, patches, STRIPS) of each
+    in poses (n, 6), of which validation (n,) judge."""
+
+    scene: Scene
+    edges_mm: Array
+    poses: Array
+    loads_n: Array
+    gaps_mm: Array
+    validation: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, samples: Samples) -> _Strips:
+        """In the poses of at most `ROWS` of the samples."""
+        reach = [_reach_mm(scene, p) for p in range(len(scene.patch_names))]
+        edges = np.array([np.linspace(*ends, STRIPS + 1) for ends in reach])
+        cells = square_cells(cell_sizes_mm(scene)[_CELLS])
+        model = CellFoundation(cut_scene(scene, edges[:, 1:-1].tolist(), reach), cells)
+        rows = np.flatnonzero(fitted_rows(samples)[0])
+        chosen = np.random.default_rng(0).permutation(rows)[:ROWS]
+        poses, shape = samples.poses[chosen], (len(chosen), len(reach), STRIPS)
+        normals = [part.normal for part in model.scene.parts]
+        loads = np.maximum(normal_forces(normals, model.part_wrenches(poses)), 0.0)
+        validation = samples.role[chosen] == VALIDATION
+        return cls(scene, edges, poses, loads.reshape(shape), model.part_gaps(poses).reshape(shape), validation)
+
+    def run(self, p: int, i: int, j: int) -> tuple[Scene, Array, Array, Array, np.ndarray]:
+        """What `mean_square_error` takes of patch p from edge i to edge j."""
+        anchor = self.scene.anchors_mm[p].copy()
+        anchor[2] = 0.5 * (self.edges_mm[p, i] + self.edges_mm[p, j])
+        local = local_poses(self.poses, anchor)[:, list(self.scene.pose_space.free)]
+        loads, gaps = self.loads_n[:, p, i:j].sum(axis=1), self.gaps_mm[:, p, i:j].min(axis=1)
+        return self.scene, local, loads, gaps, self.validation
+
+
+def _misfits(strips: _Strips, update: Update | None, executor: Executor | None) -> Array:
+    """e² (patches, STRIPS + 1, STRIPS + 1) of every run of strips, infinite elsewhere."""
+    patches = range(len(strips.edges_mm))
+    misfit = np.full((len(patches), STRIPS + 1, STRIPS + 1), np.inf)
+    runs = [(p, i, j) for p in patches for i, j in itertools.combinations(range(STRIPS + 1), 2)]
+    with worker_pool(executor) as workers:
+        futures = {workers.submit(mean_square_error, *strips.run(*run)): run for run in runs}
+        with cancelled_if_left(futures):
+            for done, future in enumerate(as_completed(futures), start=1):
+                misfit[futures[future]] = future.result()
+                if update is not None:
+                    update("parts tried", done, len(futures), "")
+    return misfit
 
 
 def mean_square_error(scene: Scene, local: Array, loads_n: Array, gaps_mm: Array, validation: np.ndarray) -> float:

@@ -29,7 +29,7 @@ from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
-from casadi_contact.workers import worker_pool
+from casadi_contact.workers import cancelled_if_left, worker_pool
 
 # Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
 ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
@@ -169,17 +169,13 @@ def draw_samples(
         with worker_pool(executor) as workers:
             job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
             futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
-            try:
+            with cancelled_if_left(futures):
                 for future in as_completed(futures):
                     number = futures[future]
                     drawn[number] = future.result()
                     folder.write(number, drawn[number])
                     if progress is not None:
                         progress(len(drawn), len(chunks))
-            except BaseException:
-                for future in futures:
-                    future.cancel()
-                raise
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()

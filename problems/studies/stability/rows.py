@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.project import Project
+from casadi_contact.workers import cancelled_if_left
 from problems.studies.stability import (
     bad_training_data,
     clusters,
@@ -96,10 +97,7 @@ def measure_rows(rows: Sequence[int], plan: Plan, executor: Executor | None) -> 
             yield row, *measure_row(row, plan)
         return
     futures = {executor.submit(measure_row, row, plan): row for row in rows}
-    try:
+    with cancelled_if_left(futures):
         for future in as_completed(futures):
             yield futures[future], *future.result()
             print(f"{futures[future]}. {FAILURES[futures[future]]}", file=sys.stderr)
-    finally:
-        for future in futures:
-            future.cancel()
