@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -48,9 +49,11 @@ def cut(
         found = find_cuts(project.scene, samples, update, worth=worth)
     whole = project.scene
     parts = cut_scene(whole, [cuts.cuts_mm for cuts in found], [cuts.bounds_mm for cuts in found])
-    write_text(path, cut_text(parts, found, project.command("cut"), path.parent))
+    sampled = [*(word for file in cycles or [] for word in ("--cycles", str(file))), "--model", model]
+    command = project.command("cut", *sampled, "--worth", f"{worth:g}")
+    write_text(path, cut_text(parts, found, command, path.parent))
     console.print(*cut_lines(found), sep="\n", highlight=False, soft_wrap=True)
     console.print(f"scene in {path}", highlight=False, soft_wrap=True)
     if len(parts.parts) > len(whole.parts):
-        build = f"casadi-contact build {path} --preset parts --model {model}"
+        build = shlex.join(["casadi-contact", "build", str(path), "--preset", "parts", *sampled])
         console.print(f"its networks: {build}", highlight=False, soft_wrap=True)
