@@ -1,6 +1,7 @@
 """What README and docs show works as shown: Python runs, commands parse, links and pictures are there."""
 
 import ast
+import doctest
 import importlib
 import re
 import shlex
@@ -23,6 +24,11 @@ NEEDS = {
     Path("docs/how-to/gpu.md"): ("torch",),
     Path("docs/how-to/pytorch-jax.md"): ("torch", "jax"),
 }
+EXAMPLES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in sorted((ROOT / "casadi_contact").rglob("*.py"))
+    if re.search(r"^ +>>> ", path.read_text("utf-8"), re.M)
+]
 _OPTION = re.compile(r"(?<![\w/-])--[a-z][a-z-]*[a-z]")
 # of dask, Octave, pip, a linker and compilers
 _OTHERS = "--scheduler-file --nworkers --nthreads --mex --no-build-isolation --export --version"
@@ -64,6 +70,13 @@ def test_python_blocks_of_a_page_run_one_after_the_other(page, tmp_path, monkeyp
         code = compile("\n" * before + block["code"], f"{page}", "exec")
         if not block["reason"]:
             exec(code, names)
+
+
+@pytest.mark.parametrize("module", EXAMPLES)
+def test_examples_in_docstrings_give_what_they_show(module):
+    tried = doctest.testmod(importlib.import_module(module))
+    assert tried.attempted
+    assert not tried.failed
 
 
 def test_few_python_blocks_are_not_run_and_each_says_why():

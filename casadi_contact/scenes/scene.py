@@ -278,10 +278,8 @@ class Scene:
 
 
 def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
-    """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters.
-
-    >>> load_scene("sphere_on_plane", radius=25.0).geometry["radius"]
-    25.0
+    """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters:
+    ``load_scene("sphere_on_plane", radius=25.0)``.
 
     Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
     """

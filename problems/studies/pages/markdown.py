@@ -9,8 +9,8 @@ _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 
 
 def page(title: str, *parts: str) -> str:
-    """A page with a title, whose first line says that it is not to be edited."""
-    return "\n\n".join((f"<!-- written by python -m problems.studies.pages -->\n# {title}", *parts)) + "\n"
+    """A page that says below its title that it is not to be edited: sites take a page's name from its first line."""
+    return "\n\n".join((f"# {title}", "<!-- written by python -m problems.studies.pages -->", *parts)) + "\n"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
