@@ -79,8 +79,8 @@ class ContactFrames:
         pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
         a root load, 2·√(N0·N*)·(s - s*) with s* = √(N*/N0): near the solution that is the error in N, and out of
         contact it keeps its slope, which a load does not. Where a patch's normal load is the magnitude of three wanted
-        forces, its three rows are this and the two forces across the wanted one. Centres of pressure are (T ∓ c·F)/10
-        mm, other torques over 25 mm.
+        forces, its three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero, and the
+        two forces across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
@@ -163,8 +163,17 @@ class ContactFrames:
         root = ca.sqrt(size / n0)
         rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (self.roots[patch, :] - root)}
         if normal.component is None:
-            rows |= self._across(normal, [part / ca.fmax(size, 1e-9) for part in wanted])
+            along = [part / ca.fmax(size, 1e-9) for part in wanted]
+            # Size and what is across are those of the opposite force too; with this none but the wanted one has rows of
+            # zero. Below least/8 the floor above would let it add roots of its own.
+            turned = n0 * ca.fmax(self.roots[patch, :], 0.0) ** 2 - self._along(normal, along)
+            rows[normal.loads[0]] -= (size > least / 8.0) * turned
+            rows |= self._across(normal, along)
         return rows
+
+    def _along(self, normal: NormalLoad, along: list[Any]) -> ca.MX:
+        """The part of the force (1, n) along a wanted direction (x, y, z)."""
+        return sum(part * self.load(name) for part, name in zip(along, normal.loads, strict=True))
 
     def _across(self, normal: NormalLoad, along: list[Any]) -> dict[str, ca.MX]:
         """The parts of the force across a wanted direction (x, y, z): two of the columns of I - 2·vvᵀ that turns the

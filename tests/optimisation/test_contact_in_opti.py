@@ -136,6 +136,22 @@ def test_three_forces_whose_magnitude_is_the_normal_load_are_met_as_a_vector(mon
         np.testing.assert_allclose(np.asarray(rows(wanted)).ravel(), 0.0, atol=1e-9)
         off = rng.normal(size=3)
         assert np.linalg.norm(np.asarray(rows(wanted + off))) == pytest.approx(np.linalg.norm(off), rel=0.02)
+        for size in (-2.0, -1.0, -0.5, 0.5, 2.0):  # times the wanted force
+            assert np.linalg.norm(np.asarray(rows(size * wanted))) > 0.5 * np.linalg.norm(wanted)
+
+
+def test_a_force_out_of_the_cup_is_not_carried_by_the_opposite_one():
+    """A hip's cup opens downwards: no pose of the head presses its inside down, and the reverse is another wish."""
+    hip, locked = cc.foundation("hip"), {"rx": 0.0, "ry": 0.0, "rz": 0.0}
+    force = np.array([100.0, 500.0, -50.0])
+    for sign in (1.0, -1.0):
+        opti, contact = in_opti(hip, dict(zip(("Fx", "Fy", "Fz"), sign * force, strict=True)), locked=locked)
+        opti.solver("ipopt", contact.options(max_iterations=60))
+        if sign > 0.0:
+            np.testing.assert_allclose(hip(contact.poses(opti.solve()))[0, :3], force, atol=1e-3)
+        else:
+            with pytest.raises(RuntimeError, match="Solver failed"):
+                opti.solve()
 
 
 def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
