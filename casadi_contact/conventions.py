@@ -49,12 +49,16 @@ def pose_index(name: str) -> int:
 def as_poses(poses: ArrayLike) -> Array:
     """Check poses and return them as a contiguous float64 array of shape (n, 6).
 
-    Raises ValueError, saying what was got and what was expected, for a wrong shape, text, NaN or infinity.
+    Raises ValueError, saying what was got and what was expected, for a wrong shape, text, complex numbers, NaN or
+    infinity.
     """
     try:
-        array = np.ascontiguousarray(poses, dtype=np.float64)
+        is_complex = np.iscomplexobj(poses)
+        array = np.ascontiguousarray(np.real(poses) if is_complex else poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"poses are not numbers ({error}), expected {POSE_DESCRIPTION}") from None
+    if is_complex:  # a complex step would find every slope zero, and call its start a minimum
+        raise ValueError(f"poses are complex, expected real {POSE_DESCRIPTION}; slopes come from the model's jacobian")
     if array.ndim != 2 or array.shape[1] != 6:
         raise ValueError(f"poses has shape {array.shape}, expected {POSE_DESCRIPTION}")
     finite = np.isfinite(array)

@@ -44,6 +44,7 @@ def test_angular_velocity_map_is_the_rate_of_the_rotation(a, axis):
         ([[0, 0, 0, 0, 0, np.nan]], r"nan at row 0 \(rz\)"),
         ([[0, np.inf, 0, 0, 0, 0]], r"inf at row 0 \(ty\)"),
         ([["a", 0, 0, 0, 0, 0]], "not numbers"),
+        (np.zeros((1, 6), complex), r"complex, expected real \(n, 6\)"),
     ],
 )
 def test_bad_poses_are_refused_with_what_was_got(poses, said):
