@@ -106,12 +106,14 @@ class CompiledFoundation(ContactFunctions, Exportable):
         return self._wrenches(poses, slopes=True)[:2]
 
     @pose_or_poses
-    def hessian(self, poses: Array, weights: ArrayLike) -> Array:
+    def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
         """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
 
         Raises ValueError for weights of another shape.
         """
-        wanted = as_weights(weights, len(poses), self.load_names)
+        names = self.check_loads(loads)
+        columns = np.eye(len(self.load_names))[[self.load_names.index(name) for name in names]]
+        wanted = as_weights(weights, len(poses), names) @ columns  # of all loads: what was not asked for counts nothing
         if self._library is None:
             return weighted_hessians(self._differences, poses, wanted)
         hessians = np.empty((len(poses), 6, 6))

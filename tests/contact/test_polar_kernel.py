@@ -111,6 +111,18 @@ def check_second_derivatives(model, poses):
         np.testing.assert_allclose(tensor, want, rtol=1e-9, atol=1e-12 * np.abs(want).max())
 
 
+def test_hessians_of_some_loads_are_those_of_all_with_the_others_weighted_by_nothing(pair):
+    for model, poses in ((pair[0], pair[2]), (pair[1], pair[2][:1])):
+        last, first = model.load_names[-1], model.load_names[0]
+        all_weights = np.zeros(len(model.load_names))
+        all_weights[[-1, 0]] = 2.0, -0.5
+        np.testing.assert_array_equal(
+            model.hessian(poses, [2.0, -0.5], [last, first]), model.hessian(poses, all_weights)
+        )
+        with pytest.raises(ValueError, match=r"weights has shape \(2,\), expected \(1,\)"):
+            model.hessian(poses[0], [2.0, -0.5], first)
+
+
 def test_jacobians_of_jacobians_hold_every_hessian(pair):
     model, _, poses = pair
     check_second_derivatives(model, poses)
