@@ -16,6 +16,7 @@ from casadi_contact.contact.callback import check_loads, contact_callback, model
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
+from casadi_contact.contact.touch import first_touch
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
@@ -31,6 +32,7 @@ from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import roots_source
 
 BOTH = "contact_loads_and_roots"
+EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load
 
 
 class CompiledFoundation(ContactFunctions, Exportable):
@@ -213,8 +215,15 @@ class CompiledFoundation(ContactFunctions, Exportable):
         )
 
     def example_pose(self) -> list[float]:
-        """The scene's start pose."""
-        return [float(value) for value in self.scene.start_pose]
+        """The scene's start pose, and where patches are pressed along a direction, from there to `EXAMPLE_OVERLAP_MM`
+        beyond the first touch; without a touch the start pose."""
+        pose, direction = self.scene.start_pose, self.scene.normal_loads[0].direction
+        if direction is not None:
+            deeper = first_touch(self, pose[None], {})[0]
+            deeper[:3] += EXAMPLE_OVERLAP_MM * direction
+            deeper = self.scene.pose_space.onto(deeper)
+            pose = deeper if self.gaps(deeper).min() < 0.0 else pose
+        return [float(value) for value in pose]
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None

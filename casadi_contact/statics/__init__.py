@@ -1,10 +1,10 @@
 """Statics: the pose at which a contact model carries wanted loads [EF15 §2.4] by Newton's method or damped dynamics."""
 
+from casadi_contact.contact.touch import first_touch, turned_about_anchors
 from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.relax import relax
 from casadi_contact.statics.sensitive import SensitiveDirections, sensitive_directions
 from casadi_contact.statics.settle import SettleReport, settle
-from casadi_contact.statics.touch import first_touch, turned_about_anchors
 
 __all__ = [
     "Equilibrium",

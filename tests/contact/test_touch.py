@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import CupFoundation, PolarFoundation
-from casadi_contact.statics import first_touch
+from casadi_contact.contact.touch import first_touch
 
 
 def test_a_sphere_touches_a_plane_at_its_radius():
@@ -28,3 +28,18 @@ def test_a_ball_in_a_cup_touches_it_where_the_wanted_force_points():
     np.testing.assert_allclose(moved, clearance * along / np.linalg.norm(along), atol=3e-3)
     with pytest.raises(ValueError, match="there is no load Fx, Fy, Fz, expected the force that presses"):
         first_touch(model, start, {})
+
+
+@pytest.mark.parametrize("name", ["knee", "sphere_in_dish", "patellofemoral", "glenohumeral"])
+def test_the_example_of_a_foundation_overlaps_as_a_joint_does(name):
+    """Start poses are often zero, where bodies lie deep in one another: an example from there says 10⁸ N."""
+    kind = CupFoundation if name == "glenohumeral" else PolarFoundation
+    model = kind(cc.load_scene(name), compiled=False)
+    pose = model.example_pose()
+    assert -0.11 < model.gaps(pose).min() < -0.05  # mm
+    assert 50.0 < np.linalg.norm(model.wrenches(pose)[0, :3]) < 5000.0
+
+
+def test_the_example_of_a_ball_that_no_direction_presses_is_the_start_pose():
+    model = CupFoundation(cc.load_scene("hip"), compiled=False)
+    assert model.example_pose() == model.scene.start_pose.tolist()
