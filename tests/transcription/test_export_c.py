@@ -3,9 +3,12 @@
 import shutil
 import subprocess
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from casadi_contact import load_surrogate
+from casadi_contact.contact import PolarFoundation
 from casadi_contact.scenes.scene import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
@@ -52,6 +55,26 @@ def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
     assert [line.split()[0] for line in demo.splitlines()] == list(surrogate.load_names)
     np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["surrogate", "foundation"])
+def test_code_that_casadi_generates_is_linked_with_the_exported_file(kind, tmp_path, monkeypatch):
+    """A compiled function is called by its name in it, with its derivatives."""
+    monkeypatch.chdir(tmp_path)  # where Function.generate writes
+    model = load_surrogate("knee") if kind == "surrogate" else PolarFoundation(load_scene("sphere_on_plane"))
+    pose = ca.MX.sym("pose", 6)
+    cost = ca.sumsqr(model.function(name=model.export_name, compiled=True)(pose)) / 1e6
+    mine = ca.Function("mine", [pose], [cost, ca.gradient(cost, pose), ca.hessian(cost, pose)[0]])
+    mine.generate("mine.c")
+    written = model.export_c(tmp_path)
+    sources = ["mine.c", *(path.name for path in written if path.stem == model.export_name and path.suffix == ".c")]
+    command = [*compiler_command(), "-O1", "-shared", "-fPIC", "-Wno-psabi", *sources, "-o", "mine.so", "-lm"]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    at = model.example_pose()
+    for got, want in zip(ca.external("mine", str(tmp_path / "mine.so"))(at), mine(at), strict=True):
+        np.testing.assert_allclose(got.full(), want.full(), rtol=1e-9, atol=1e-9 * np.abs(want.full()).max())
+        assert want.full().any()
 
 
 @needs_compiler
