@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import SymbolicContact
+from casadi_contact.contact import ContactModel, symbolic
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
@@ -29,6 +29,7 @@ class ContactFrames:
     pose (6, n) [mm, rad], loads (L, n) [N, N·mm] of ``load_names`` and signed root loads (P, n) are CasADi expressions;
     lower and upper (f·n,) bound ``vec(q)`` to the range of poses that a surrogate has learned; a foundation has none.
 
+    model: a surrogate, a foundation, or any other contact model, which is called back (`contact.symbolic`).
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
     free, but for those that the scene locks or ties. loads: the named loads that are needed, all if left out. compiled:
     as for the model's `function`, whose own choice holds if left out. variable: makes q from its shape, ``MX.sym`` if
@@ -37,7 +38,7 @@ class ContactFrames:
 
     def __init__(
         self,
-        model: SymbolicContact,
+        model: ContactModel,
         frames: int = 1,
         *,
         locked: Mapping[str, Any] | None = None,
@@ -47,7 +48,8 @@ class ContactFrames:
     ) -> None:
         if frames < 1:
             raise ValueError(f"frames is {frames}, expected a number of 1 or more")
-        locked, space = _checked({} if locked is None else locked, model.scene.pose_space), model.scene.pose_space
+        model, space = symbolic(model), model.scene.pose_space
+        locked = _checked({} if locked is None else locked, space)
         self.columns = [i for i in space.free if POSE_NAMES[i] not in locked]
         if not self.columns:
             raise ValueError("all free pose parameters are locked, expected at least one that is not")

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import SymbolicContact
+from casadi_contact.contact import ContactModel, SymbolicContact, symbolic
 from casadi_contact.conventions import Array, as_poses, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import ipopt_options
@@ -34,13 +34,14 @@ class ContactInOpti(ContactFrames):
     def __init__(
         self,
         opti: ca.Opti,
-        model: SymbolicContact,
+        model: ContactModel,
         frames: int = 1,
         *,
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
         compiled: bool | None = None,
     ) -> None:
+        model = symbolic(model)
         _check_locked(model, locked or {})
         super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
         self._opti = opti

@@ -154,6 +154,24 @@ def test_a_force_out_of_the_cup_is_not_carried_by_the_opposite_one():
                 opti.solve()
 
 
+def test_any_contact_model_is_called_back():
+    """A ball of 30 mm on a plane, by Hertz: F = 4/3·E*·√R·d^1.5; the pose has the depth that carries the force."""
+    stiffness = 4.0 / 3.0 * 1000.0 * np.sqrt(30.0)  # N/mm^1.5
+
+    def wrenches(poses):
+        force = np.zeros((len(poses), 1, 6))
+        force[:, 0, 1] = -stiffness * np.maximum(30.0 - poses[:, 1], 0.0) ** 1.5
+        return force
+
+    ball = cc.CallableModel(cc.load_scene("sphere_on_plane"), wrenches, lambda poses: poses[:, 1:2] - 30.0)
+    locked = dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0)
+    opti, contact = in_opti(ball, {"Fy": -300.0}, locked=locked)
+    contact.begin_at([0.0, 30.5, 0.0, 0.0, 0.0, 0.0])
+    opti.solver("ipopt", contact.options())
+    depth = 30.0 - contact.poses(opti.solve())[0, 1]
+    assert depth == pytest.approx((300.0 / stiffness) ** (2.0 / 3.0), rel=1e-6)
+
+
 def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
     frames = cc.ContactFrames(knee, 3, locked=LOCKED)
     low, high = pose_bounds(knee)
