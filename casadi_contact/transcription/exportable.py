@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from casadi_contact.conventions import as_poses
 from casadi_contact.transcription.c_names import c_name
 from casadi_contact.transcription.export_c import ExportedModel, export_c
 from casadi_contact.transcription.fmu import export_fmu
@@ -40,8 +41,9 @@ class Exportable(ABC):
         example_pose: Sequence[float] | None = None,
     ) -> list[Path]:
         """Write C source and header for loads, derivatives and all else that `exported` holds, an example (at
-        `example_pose()`, if left out) and a Makefile; return their paths. Errors: see `transcription.export_c`."""
-        pose = self.example_pose() if example_pose is None else example_pose
+        `example_pose()`, if left out) and a Makefile; return their paths. Errors: see `transcription.export_c`;
+        ValueError for a pose that is not six finite numbers."""
+        pose = self._pose_or_example(example_pose)
         return export_c(self.exported(loads), folder, name=name or self.export_name, example_pose=pose)
 
     def export_fmu(
@@ -53,5 +55,10 @@ class Exportable(ABC):
     ) -> Path:
         """Write an FMU (see `transcription.fmu`) that starts from a pose (6), from `example_pose()` if left out; return
         its path."""
-        pose = self.example_pose() if start is None else start
+        pose = self._pose_or_example(start)
         return export_fmu(self.exported(loads), path, name=name or self.export_name, start=pose)
+
+    def _pose_or_example(self, pose: Sequence[float] | None) -> list[float]:
+        """A pose as it is, `example_pose()` for none; raises ValueError unless it is six finite numbers."""
+        (checked,) = as_poses([self.example_pose() if pose is None else pose])
+        return [float(value) for value in checked]

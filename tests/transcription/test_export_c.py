@@ -96,6 +96,18 @@ def test_bad_name_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("pose", "said"), [([0.5, 27.0], r"shape \(1, 2\), expected \(n, 6\)"), ([np.nan] * 6, r"nan at row 0 \(tx\)")]
+)
+def test_a_pose_that_c_could_not_hold_is_refused_before_anything_is_written(pose, said, tmp_path):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    with pytest.raises(ValueError, match=said):
+        surrogate.export_c(tmp_path, example_pose=pose)
+    with pytest.raises(ValueError, match=said):
+        surrogate.export_fmu(tmp_path / "ball.fmu", start=pose)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["my-knee.2", "ball--on__plane-"])
 def test_what_is_exported_has_a_name_that_c_takes(name, tmp_path):
     """Scenes may hold '-' and '.' in their names; what is built of them is exported long after."""
