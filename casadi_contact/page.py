@@ -33,7 +33,8 @@ def new_page(width: float, height: float, **padding: Any) -> Any:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    page = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(**padding))
+    # The resolution of the file: a text's width depends on it, by the hinting of its letters.
+    page = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout=ConstrainedLayoutEngine(**padding))
     FigureCanvasAgg(page)  # knows how large a text comes out
     return page
 

@@ -15,6 +15,7 @@ from casadi_contact.structures import STRUCTURES
 
 _ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))
 _LEGEND_INCHES = 2.35
+_CLOSE = (1.0, 2.0, 3.0, 5.0, 7.0)
 
 
 def errors_of(front: Front) -> list[tuple[Kind, str]]:
@@ -50,14 +51,16 @@ def panels(front: Front, count: int, title: str, measured: str | None = None, no
 
 
 def log_scale(axes: Any, directions: str = "xy") -> None:
-    """Logarithmic scales labelled 1, 3, 10, 30 in plain numbers; linear where nothing above 0 is drawn."""
+    """Logarithmic scales labelled in plain numbers: 1, 3, 10, 30, or 1, 2, 3, 5, 7, 10 where they span less than a
+    factor of 30; linear where nothing above 0 is drawn."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     directions = "".join(d for d in directions if math.isfinite(getattr(axes, f"{d}axis").get_minpos()))
     axes.set(**{f"{direction}scale": "log" for direction in directions})
     for direction in directions:
         axis = getattr(axes, f"{direction}axis")
-        axis.set_major_locator(LogLocator(subs=(1.0, 3.0), numticks=20))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 30.0 * low else _CLOSE, numticks=20))
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.set_minor_formatter(NullFormatter())
 
@@ -82,7 +85,7 @@ def family_name(family: str) -> str:
     """A family as the legend calls it."""
     known = {
         "EF": "elastic foundation (EF), elements",
-        "foundation": "EF, rays or cells",
+        "foundation": "foundation, smooth quadrature",
         **{name: kind.title for name, kind in STRUCTURES.items()},
     }
     return known.get(family, family)

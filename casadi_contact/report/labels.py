@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-_DISTANCES = (7.0, 12.0, 20.0, 30.0, 42.0, 56.0)  # from the marker, in points
+_SIZE = 7.5  # of the text, in points
+_DISTANCES = (7.0, 12.0, 20.0, 30.0, 42.0, 56.0, 72.0, 90.0, 110.0)  # from the marker, in points
 _ANGLES = np.deg2rad([0, 180, 90, 270, 45, 315, 135, 225, 20, 340, 160, 200])
 _LEADER_FROM = 12.0
-_MARKER_PX = 5.0
+_MARKER = 4.0  # half the width of a marker, in points
 _PASSES = 3
 
 
@@ -18,7 +19,6 @@ def place_labels(
     axis: Any,
     labels: Sequence[tuple[float, float, str, str]],
     bars: Sequence[tuple[float, float, float]] = (),
-    size: float = 7.5,
 ) -> None:
     """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place.
 
@@ -31,13 +31,14 @@ def place_labels(
     frame = axis.get_window_extent(renderer)
     scale = figure.dpi / 72.0
     points = axis.transData.transform([(x, y) for x, y, _, _ in labels])
-    taken = [(x - _MARKER_PX, y - _MARKER_PX, x + _MARKER_PX, y + _MARKER_PX) for x, y in points]
+    half = _MARKER * scale
+    taken = [(x - half, y - half, x + half, y + half) for x, y in points]
     for low, high, y in bars:
         (left, level), (right, _) = axis.transData.transform([(low, y), (high, y)])
         taken.append((left, level - 1.0, right, level + 1.0))
     halves = []
     for x, y, text, colour in labels:
-        drawn = axis.annotate(text, (x, y), fontsize=size, color=colour)
+        drawn = axis.annotate(text, (x, y), fontsize=_SIZE, color=colour)
         extent = drawn.get_window_extent(renderer)
         halves.append(np.array([extent.width, extent.height]) / 2.0 + 1.0)
         drawn.remove()
@@ -55,7 +56,7 @@ def place_labels(
             textcoords="offset points",
             ha="center",
             va="center",
-            fontsize=size,
+            fontsize=_SIZE,
             color=colour,
             arrowprops=line if places[i].distance > _LEADER_FROM else None,
         )

@@ -17,7 +17,7 @@ import typer
 
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.report.figure import save_page
+from casadi_contact.page import save_page
 from problems.common.command import new_app, run_command
 from problems.studies import solve_time
 from problems.studies.pages.headline import headline, write_headline
