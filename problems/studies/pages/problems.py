@@ -16,33 +16,29 @@ from problems.studies.stability.table import FAILURES, Line
 def pose_estimation_page(paths: Sequence[Path]) -> str:
     """One line per ``summary.json`` of ``python -m problems.pose_estimation``."""
     found = [_read(path) for path in paths]
+    any_starts = any(summary.get("random_starts") for summary in found)
     rows = []
     for summary in found:
         errors = summary["errors"]
         forces = [", ".join(_rms_and_largest(errors[side][key]) for side in SIDES) for key in ("fine_ef", "teacher_ef")]
         starts = summary.get("random_starts")
-        rows.append(
-            [
-                summary["cycle"],
-                f"{summary['converged']} of {summary['frames']}",
-                str(summary["ipopt_iterations"]),
-                f"{summary['seconds']:.2f}",
-                *forces,
-                f"{starts['reached']} of {starts['count']}" if starts else "",
-            ]
-        )
+        row = [summary["cycle"], f"{summary['converged']} of {summary['frames']}", str(summary["ipopt_iterations"])]
+        row += [f"{summary['seconds']:.2f}", *forces]
+        if any_starts:
+            row.append(f"{starts['reached']} of {starts['count']}" if starts else "")
+        rows.append(row)
     grids = found[0]["ef_grids"]
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
         *(f"EF {grids[key]} − surrogate, medial, lateral [N]" for key in ("fine", "teacher")),
-        "random starts that end at the same poses",
+        *(["random starts that end at the same poses"] if any_starts else []),
     ]
     return page(
         "Pose estimation",
         f"All frames of a cycle in one IPOPT problem on the `{found[0]['structure']}` surrogate of scene "
         f"`{found[0]['scene']}`, with [`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
-        "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1 to og4 are the "
-        "measured ones that the built-in walking derives from; they are not part of the repository.",
+        "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
+        "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository.",
         machine(found[0]["machine"]),
         table(columns, rows),
     )
@@ -92,7 +88,7 @@ def stability_page(path: Path) -> str:
     scene = content["settings"].get("scene", "knee")
     lines = [Line(**line) for line in content["lines"]]
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
-    settings = ", ".join(f"{name} {value}" for name, value in content["settings"].items())
+    settings = "; ".join(f"{name.replace('_', ' ')}: {_setting(value)}" for name, value in content["settings"].items())
     parts = [
         "Every method is put through the same trouble by `python -m problems.studies.stability`; what each row does is "
         "told on the page of that [study](../problems/stability.md). A dash says that the quantity makes no sense for "
@@ -104,10 +100,26 @@ def stability_page(path: Path) -> str:
         mine = [line for line in lines if line.row == row]
         cells = [[f"{x.case}: {x.quantity}", *(x.cell(method) for method in methods)] for x in mine]
         parts += [f"## {row}. {FAILURES[row]}", table(["case: quantity", *methods], cells)]
-        reasons = dict.fromkeys(f"{method}: {why}" for line in mine for method, why in line.reasons.items())
-        if reasons:
-            parts.append(f"No entry: {'; '.join(reasons)}.")
+        if reasons := _reasons(mine, methods):
+            parts.append(f"Where there is no entry, or only a part of one:\n\n{reasons}")
     return page("Stability where methods fail" if scene == "knee" else f"Stability where methods fail: {scene}", *parts)
+
+
+def _setting(value: Any) -> str:
+    """A setting in words: grids as 80×40, yes or no."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {'×'.join(map(str, grid))}" for name, grid in value.items())
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
+
+
+def _reasons(lines: Sequence[Line], methods: Sequence[str]) -> str:
+    """A line for each reason, with the methods of the page that it holds for."""
+    found: dict[str, dict[str, None]] = {}
+    for line in lines:
+        for method, why in line.reasons.items():
+            if method in methods:
+                found.setdefault(why, {})[method] = None
+    return "\n".join(f"- {'; '.join(of)}: {why}" for why, of in found.items())
 
 
 def _rms_and_largest(error: dict[str, float]) -> str:

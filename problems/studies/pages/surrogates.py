@@ -13,7 +13,7 @@ from typing import Any
 from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Point, read_front
 from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing, writable_folder
-from casadi_contact.report import draw_charts, read_evaluation, read_kernel_speed
+from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.seeds import KINDS
 
@@ -51,10 +51,8 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     swept = [p for p in front.points if p.sweep != SIZE and not p.failure]
     first = [pictures[x] for x in ("speed_accuracy", "gradient_hessian_time")]
     parts = [intro, machine(header), *first, "## All models", _front_table(compared)]
-    remarks = {part.strip() for p in compared for part in p.remark.split(";")} - {""}
-    general = sorted(remark for remark in remarks if not _OWN_NUMBERS.search(remark))
-    if general:
-        parts.append(f"Remarks of the file, but for numbers of single models: {'; '.join(general)}.")
+    if remarks := _remarks(compared):
+        parts.append(f"How the models of each family were evaluated, and what they are made of:\n\n{remarks}")
     if swept:
         series = [pictures[x] for x in needs if x in pictures]
         parts += ["## One size with other samples and budgets", _front_table(swept), *series]
@@ -83,8 +81,18 @@ def _front_table(points: list[Point]) -> str:
         times = ["" if timing is None else number(timing.median_us) for timing in timings]
         trained = [str(point.samples), number(point.training_seconds)] if point.samples else ["", ""]
         rows.append([point.name, *times, number(point.force_rms_n), number(point.torque_rms_nmm), *trained])
-    columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "trained [s]"]
+    columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "training [s]"]
     return table(["model", *columns], rows)
+
+
+def _remarks(points: Sequence[Point]) -> str:
+    """A line for each family with what the file remarks of its models, but for numbers of single models."""
+    told: dict[str, dict[str, None]] = {}
+    for point in points:
+        remarks = [part.strip() for part in point.remark.split(";")]
+        general = [remark for remark in remarks if remark and not _OWN_NUMBERS.search(remark)]
+        told.setdefault(family_name(point.family), {}).update(dict.fromkeys(general))
+    return "\n".join(f"- {family}: {'; '.join(remarks)}" for family, remarks in told.items() if remarks)
 
 
 def solve_time_page(path: Path) -> str:
@@ -99,12 +107,12 @@ def solve_time_page(path: Path) -> str:
         errors = [number(point.force_rms_n), number(point.torque_rms_nmm)]
         rows.append([point.name, number(1e-3 * point.value.median_us), *errors, point.remark])
     intro = (
-        f"Pose estimation of the cycle {header['cycle']} by every contact model of the scene `{header['scene']}`, "
+        f"Pose estimation of the cycle `{header['cycle']}` by every contact model of the scene `{header['scene']}`, "
         "solved whole, start and settling included, several times in turn in one run on one thread: medians. RMS "
         f"errors are of the loads at the poses found, against {header['reference']}. `python -m "
         f"problems.studies.solve_time {header['scene']}` measures this."
     )
-    columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", ""]
+    columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
     return page("Whole solve time", intro, machine(header), picture, table(columns, rows))
 
@@ -193,5 +201,6 @@ def kernel_speed_page(path: Path) -> str:
             span = f"{number(timing['low_us'])} to {number(timing['high_us'])}"
             rows.append([what, number(timing["median_us"]), span, number(timing["low_us"] / kernel)])
         columns = ["what", "median [µs]", "lowest to highest [µs]", "lowest, in multiples of the kernel's"]
-        parts += [f"## {structure}", table(columns, rows), f"The {found['limit']}."]
+        limit = f"The machine's limit is {found['limit_us']:.2f} µs: {found['limit'].partition(': ')[2]}."
+        parts += [f"## {structure}", table(columns, rows), limit]
     return page("Kernel speed", *parts)

@@ -75,8 +75,8 @@ def one_sided(model: Any, pose: Array, height_mm: float) -> dict[str, tuple[floa
     for way in (-1.0, 1.0):
         at = [pose + (height_mm + way * off) * up for off in (_NEAR_MM, _CURVED_MM, 2.0 * _CURVED_MM)]
         loads, slopes = model.jacobian(np.array(at))
-        slope = -slopes[:, lateral, pose_index("ty")]
-        sides["N"].append(-loads[0, lateral])
+        slope = 0.0 - slopes[:, lateral, pose_index("ty")]  # a difference, so that no load is 0, not -0
+        sides["N"].append(0.0 - loads[0, lateral])
         sides["dN"].append(slope[0])
         sides["ddN"].append(way * (slope[2] - slope[1]) / _CURVED_MM)
     return {name: (float(pair[0]), float(pair[1])) for name, pair in sides.items()}
