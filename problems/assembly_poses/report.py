@@ -85,10 +85,11 @@ def draw(problem: AssemblyPoses, result: AssemblyResult, path: Path) -> None:
         for i, name in enumerate(POSE_NAMES):
             values = result.poses[:, k, i]
             parts[i // 3, k + 1].curves.plot(percent, np.degrees(values) if i >= 3 else values, label=name)
-        parts[0, k + 1].curves.set(title=body, ylabel="[mm]")
-        parts[1, k + 1].curves.set(ylabel="[degrees]")
+        parts[0, k + 1].curves.set(title=body, ylabel="translation [mm]")
+        parts[1, k + 1].curves.set(ylabel="rotation [degrees]")
     for panel in parts.values():
-        panel.curves.legend(fontsize=7)
+        panel.curves.margins(y=0.4)  # room for the legend above or below the curves
+        panel.curves.legend(fontsize=6.5)
     frame((panel.lowest for panel in parts.values()), "cycle [%]")
     solved = f"{int(result.converged.sum())} of {len(percent)} frames solved"
     page.suptitle(f"{assembly.name.replace('_', ' ')}, {problem.cycle.name}: {solved}")

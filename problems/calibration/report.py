@@ -148,7 +148,7 @@ def draw(
         axes[0, 0].plot(frames, measured.loads[:, column], "o", ms=4, color=colour, label=f"{name} measured")
         fitted = measured.loads[:, column] + result.load_error[:, column]
         axes[0, 0].plot(frames, fitted, color=colour, label=f"{name} fitted")
-    axes[0, 0].set(title="normal loads", ylabel=f"[{load_unit('Fy')}]")
+    axes[0, 0].set(title="normal loads", ylabel=f"force [{load_unit('Fy')}]")
     for name, error, deviation, colour in zip(
         names, result.load_error.T, measured.load_deviation, colours, strict=False
     ):
@@ -171,7 +171,9 @@ def draw(
     axes[1, 1].set_yticks(places, problem.parameters, fontsize=8)
     axes[1, 1].set_title("correlation of the estimates")
     page.colorbar(image, ax=axes[1, 1])
-    for axis in (axes[0, 0], axes[0, 1], axes[1, 0]):
+    for axis in (axes[0, 0], axes[1, 0]):
         axis.legend(fontsize=7)
-    page.suptitle(f"Calibration: {result.ipopt_status}, {result.iterations} iterations")
+    axes[0, 1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))  # beside curves that fill the panel
+    ended = result.ipopt_status.replace("_", " ").lower()
+    page.suptitle(f"Calibration: {ended} after {result.iterations} iterations")
     save_page(page, path, dots_per_inch=80)

@@ -84,14 +84,17 @@ def draw(design: Design, result: DesignResult, checked: Mapping[str, DishState],
         for p, (patch, style) in enumerate(zip(design.contact.patch_names, ("-", "--"), strict=True)):
             axes[0].plot(percent, state.peaks_mpa[:, p], style, color=colours[name], label=f"{patch}, {name}")
             axes[0].plot(percent, checked[name].peaks_mpa[:, p], ".", color=colours[name])
-    axes[0].set(title="peak pressure (dots: elastic foundation)", ylabel="[MPa]")
+    axes[0].set(title="both sides over walking (dots: elastic foundation)", ylabel="peak pressure [MPa]")
     axes[0].legend(fontsize=8)
     geometry = design.contact.scene.geometry
-    for axis, which, extent, across in ((axes[1], 0, "plateau_length", "x"), (axes[2], 1, "plateau_width", "z")):
+    for which, (plane, extent, across) in enumerate(
+        (("sagittal", "plateau_length", "x"), ("frontal", "plateau_width", "z"))
+    ):
+        axis = axes[1 + which]
         along = np.linspace(-0.5, 0.5, 101) * geometry[extent]
         for name, state in states.items():
             axis.plot(along, _section(state.radii_mm[which], along), color=colours[name], label=name)
-        axis.set(title=f"{RADII[which].replace('_', ' ')}: section", ylabel="height [mm]")
+        axis.set(title=f"{plane} section of the dish", ylabel="height [mm]")
         axis.set_xlabel(f"{across} from the dish's middle [mm], {ANATOMY[across][0]} to the right", fontsize=8)
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)

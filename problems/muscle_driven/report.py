@@ -113,5 +113,5 @@ def draw(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], path: Path
     energy.set(title="energy", ylabel="[J]")
     energy.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "cycle [%]")
-    page.suptitle(f"Muscles drive the knee through {walk.name}")
+    page.suptitle(f"Muscles drive the knee: {walk.name}")
     save_page(page, path, dots_per_inch=110)

@@ -160,5 +160,6 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array | None, kind:
         axis.set(title="actuators", ylabel=f"[{unit}]")
         axis.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "time [s]")
-    page.suptitle(f"Optimal control: {result.ipopt_status}, {result.iterations} iterations")
+    ended = result.ipopt_status.replace("_", " ").lower()
+    page.suptitle(f"Optimal control: {ended} after {result.iterations} iterations")
     save_page(page, path, dots_per_inch=72)

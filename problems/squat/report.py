@@ -12,6 +12,7 @@ from rich.table import Table
 from casadi_contact.contact import ContactModel
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, frame, new_page, save_page
+from casadi_contact.report.figure import log_scale
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.knee_scene import SIDES
@@ -110,9 +111,9 @@ def draw(squat: Squat, results: Sequence[SquatResult], fine: ContactModel | str,
     axes[0, 0].plot([r.effort for r in results], [r.medial_bw for r in results], "o-", color=COLOURS["blue"])
     for r in results:
         axes[0, 0].annotate(f" {r.weight:g}", (r.effort, r.medial_bw), fontsize=8)
-    axes[0, 0].set(title="trade-off, by weight of the contact term", xscale="log")
+    axes[0, 0].set(title="trade-off, by weight of the contact term")
     axes[0, 0].set(xlabel="mean squared activation [-]", ylabel="RMS medial contact force [BW]")
-    axes[0, 0].tick_params(axis="x", which="minor", labelbottom=False)
+    log_scale(axes[0, 0], "x")
     ends = sorted((results[0], results[-1]), key=lambda r: r.weight)
     colours = [COLOURS["blue"], COLOURS["vermillion"]]
     names = list(squat.model.load_names)
@@ -129,7 +130,7 @@ def draw(squat: Squat, results: Sequence[SquatResult], fine: ContactModel | str,
         bars = r.muscle_forces_n.max(axis=0) / body.weight_n
         axes[1, 0].bar(places + (k - 0.5) * width, bars, width, color=colour, label=f"weight {r.weight:g}")
     axes[1, 0].set_xticks(places, list(MUSCLES), rotation=40, ha="right", fontsize=8)
-    axes[1, 0].set(title="largest muscle forces", ylabel="[BW]")
+    axes[1, 0].set(title="largest muscle forces", ylabel="force [BW]")
     for r, colour in zip(ends, colours, strict=True):
         deepest = int(r.poses[:, 5].argmin())
         for moment, alpha in ((0, 0.35), (deepest, 1.0)):
@@ -137,7 +138,7 @@ def draw(squat: Squat, results: Sequence[SquatResult], fine: ContactModel | str,
             y = body.ankle_height_m + np.concatenate([[0.0], np.cumsum(body.lengths_m * np.cos(r.phi[moment]))])
             axes[1, 1].plot(x, y, "o-", lw=3, color=colour, alpha=alpha)
     axes[1, 1].plot([body.heel_m, 0.0, body.toe_m], [0.0, body.ankle_height_m, 0.0], color="0.3", lw=3)
-    axes[1, 1].set(title="standing, and deepest", aspect="equal", xlabel="forward [m]", ylabel="up [m]")
+    axes[1, 1].set(title="standing (pale), and deepest", aspect="equal", xlabel="forward [m]", ylabel="up [m]")
     frame([axes[0, 1]], "time [s]")
     for axis in axes.flat:
         axis.grid(alpha=0.3)
