@@ -79,10 +79,10 @@ class ContactFrames:
 
         wanted: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
         pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
-        a root load, 2·√(N0·N*)·(s - s*) with s* = √(N*/N0): near the solution that is the error in N, and out of
-        contact it keeps its slope, which a load does not. Where a patch's normal load is the magnitude of three wanted
-        forces, its three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero, and the
-        two forces across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
+        a root load, ``2·√(N0·N*)·(s - s*)`` with ``s* = √(N*/N0)``: near the solution that is the error in N, and out
+        of contact it keeps its slope, which a load does not. Where a patch's normal load is the magnitude of three
+        wanted forces, its three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero,
+        and the two forces across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
