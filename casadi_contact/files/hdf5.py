@@ -50,9 +50,9 @@ def new_hdf5(path: Path) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def open_hdf5(path: Path, *, trusted: bool = False, copy_cpu_s: int = COPY_CPU_S) -> Iterator[h5py.File]:
-    """A checked HDF5 file to read, from memory. trusted: it comes with the library. copy_cpu_s: limit of the process
-    that copies any other.
+def open_hdf5(path: Path, *, trusted: bool = False) -> Iterator[h5py.File]:
+    """A checked HDF5 file to read, from memory. trusted: it comes with the library; any other is copied first, by a
+    process with a limit of its time.
 
     Raises FileNotFoundError, and ValueError in one line for a damaged or hostile file: also for what a reader's block
     raises over a layout that it did not expect.
@@ -63,7 +63,7 @@ def open_hdf5(path: Path, *, trusted: bool = False, copy_cpu_s: int = COPY_CPU_S
     if is_sealed and content != sealed(image):
         raise ValueError(f"{path} is damaged (its digest does not match): build or copy it again")
     if not (is_sealed and (trusted or _digest(image) in _written)):
-        image = _copied(path, copy_cpu_s + len(content) // _COPY_BYTES)
+        image = _copied(path, COPY_CPU_S + len(content) // _COPY_BYTES)
     try:
         with h5py.File(h5py.h5f.open_file_image(image), "r") as file:
             hdf5_copy.check(file, len(image))

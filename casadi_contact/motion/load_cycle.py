@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -101,12 +101,6 @@ class LoadCycle(OverTime):
     def measured_pose(self) -> dict[str, Array]:
         """Pose parameters that fluoroscopy gives well enough to lock them [EF15 §3.3]."""
         return {"ry": self.ry, "rz": self.rz}
-
-    def resample(self, frames: int) -> LoadCycle:
-        """The cycle at `frames` equal steps of its time, linearly interpolated."""
-        time = np.linspace(self.time_s[0], self.time_s[-1], frames)
-        curves = {key: np.interp(time, self.time_s, getattr(self, key)) for key in COLUMNS if key != "time_s"}
-        return replace(self, time_s=time, **curves)
 
 
 def read_cycle(path: str | Path) -> LoadCycle:

@@ -167,13 +167,6 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         """Networks beside the kernel's, and C function trust_inputs (see `trust_source`)."""
         return [], OWN_ROOTS
 
-    @classmethod
-    def assemble(
-        cls, scene: Scene, networks: Mapping[str, Network], record: Mapping[str, Any] | None = None
-    ) -> Surrogate:
-        """Put trained networks together; the same as calling the class."""
-        return cls(scene, networks, record)
-
     def _missing(self, loads: Sequence[str]) -> list[str]:
         return [name for name in self.needed_networks(loads) if name not in self.networks]
 

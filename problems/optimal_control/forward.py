@@ -13,10 +13,12 @@ from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
 from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl, inertia_of, point_function
 from problems.optimal_control.solve import ControlResult
 
+_TOLERANCE = 1e-7  # of a step, relative and absolute
 
-def forward_poses(problem: OptimalControl, result: ControlResult, tolerance: float = 1e-7) -> Array | None:
-    """Poses (points, 6) at the collocation times, from the state at the first of them; tolerance: relative and
-    absolute, of a step. None where the integrator gives up, which is an answer as well: nothing holds that motion."""
+
+def forward_poses(problem: OptimalControl, result: ControlResult) -> Array | None:
+    """Poses (points, 6) at the collocation times, from the state at the first of them. None where the integrator gives
+    up, which is an answer as well: nothing holds that motion."""
     rig, held = problem.wanted.rig, tuple(problem.wanted.held)
     free = [i for i, name in enumerate(POSE_NAMES) if name not in held]
     point = point_function(problem.model, rig, held)
@@ -28,7 +30,7 @@ def forward_poses(problem: OptimalControl, result: ControlResult, tolerance: flo
     wanted = [np.zeros(point.size1_in(i)) for i in (3, 4)]  # of the tracking residuals, which are not asked for
     forces = point(pose / problem.steps, rate / problem.rates, loads, *wanted)[0] * POSE_IN_MM
     dae = {"x": x, "t": t, "ode": ca.vertcat(rate[free], forces[free] / inertia_of(rig)[free])}
-    options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
+    options = {"abstol": _TOLERANCE, "reltol": _TOLERANCE, "max_num_steps": 100_000}
     integrate = ca.integrator("forward", "cvodes", dae, problem.times[0], problem.times[1:].tolist(), options)
     start = np.concatenate([result.poses[0, free], result.rates[0, free]])
     try:

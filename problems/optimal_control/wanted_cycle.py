@@ -52,9 +52,9 @@ def cycle_of(model: SymbolicContact) -> WantedCycle:
     return simulated_cycle(model) if pressed_along(model.scene) == DOWN else own_cycle(model)
 
 
-def simulated_cycle(model: SymbolicContact, rig: Rig | None = None, frames: int = 401) -> WantedCycle:
+def simulated_cycle(model: SymbolicContact, frames: int = 401) -> WantedCycle:
     """The loads that the knee simulator's second cycle, by then periodic, carries, and its flexion."""
-    simulator = knee_simulator.build(model, rig=rig)
+    simulator = knee_simulator.build(model)
     motion = knee_simulator.solve(simulator, cycles=2.0, frames=2 * frames - 1, tolerance=1e-8)
     second = slice(frames - 1, None)
     return WantedCycle(

@@ -76,12 +76,6 @@ def test_files_that_are_no_cycles_are_refused(tmp_path):
         read_cycle(write(tmp_path / "one.csv", [good_row(0.0)]))
 
 
-def test_resampling_keeps_the_ends_and_interpolates_between(tmp_path):
-    cycle = reference_cycle().resample(11)
-    assert len(cycle) == 11
-    np.testing.assert_allclose(cycle.fy_med[::5], reference_cycle().fy_med[::50])
-
-
 def test_reference_cycles_are_seeded_push_and_share_one_rotation_curve():
     cycles = reference_cycles()
     assert len(cycles) == 14

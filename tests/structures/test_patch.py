@@ -215,7 +215,7 @@ def test_networks_that_fit_their_targets_give_back_the_loads():
     root = random_surrogate(KNEE, "patch", seed=2)
     for patch in KNEE.patch_names:
         networks[f"root_{patch}"] = root.networks[f"root_{patch}"]
-    surrogate = PatchSurrogate.assemble(KNEE, networks, {"seed": 1})
+    surrogate = PatchSurrogate(KNEE, networks)
     loads = dict(zip(surrogate.load_names, surrogate(drawn.poses).T, strict=True))
     np.testing.assert_allclose(loads["Tz"], 4.0 * (loads["Fy_med"] + loads["Fy_lat"]), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(loads["Tx"], -22.0 * (loads["Fy_med"] - loads["Fy_lat"]), rtol=1e-9, atol=1e-9)

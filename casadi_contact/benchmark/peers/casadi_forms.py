@@ -98,12 +98,12 @@ def compiler() -> str:
     return found
 
 
-def compiled_form(form: Form, cpu_s: int = COMPILATION_CPU_S) -> Form:
+def compiled_form(form: Form) -> Form:
     """The form as C from CasADi's generator, compiled with FLAGS for this processor, and loaded back.
 
-    Raises FileNotFoundError without a compiler, RuntimeError where it fails or needs more than ``cpu_s`` CPU seconds.
+    Raises FileNotFoundError without a compiler, RuntimeError where it fails or needs more than `COMPILATION_CPU_S`.
     """
-    limited = ("sh", "-c", f'ulimit -t {cpu_s} && exec "$@"', "sh")
+    limited = ("sh", "-c", f'ulimit -t {COMPILATION_CPU_S} && exec "$@"', "sh")
     command = [*limited, compiler(), *FLAGS, *machine_flags(), "-fPIC", "-shared", "-o", "form.so", "form.c", "-lm"]
     functions = [function for function in (form.loads, form.jacobian, form.hessian) if function is not None]
     with tempfile.TemporaryDirectory() as folder:

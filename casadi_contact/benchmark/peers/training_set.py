@@ -54,7 +54,7 @@ class Limits:
 class TrainingSet:
     """Training rows in random order, so that the first n are a fair choice of n.
 
-    poses (n, 6), loads (n, L) of ``load_names``; validation_poses, validation_loads alike. centre and spread (6,) are
+    poses (n, 6), loads (n, L) of ``load_names``; validation_poses (m, 6) alike. centre and spread (6,) are
     mean and standard deviation of the training poses (spread 1 where a parameter never varies).
     """
 
@@ -63,7 +63,6 @@ class TrainingSet:
     poses: Array
     loads: Array
     validation_poses: Array
-    validation_loads: Array
 
     @classmethod
     def of(cls, samples: Samples, names: Sequence[str] | None = None, seed: int = 0) -> TrainingSet:
@@ -72,7 +71,7 @@ class TrainingSet:
         rows, validation = fitted_rows(samples)
         poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
         order = np.random.default_rng(seed).permutation(np.flatnonzero(~validation))
-        return cls(samples.scene, names, poses[order], loads[order], poses[validation], loads[validation])
+        return cls(samples.scene, names, poses[order], loads[order], poses[validation])
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -43,9 +43,9 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
-def root_regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
+def root_regressions(samples: Samples) -> list[Regression]:
     """Those of `patch_regressions` that are of root loads, as of one spot each."""
-    roots = (r for r in patch_regressions(samples, gap_weight=gap_weight) if r.name.startswith("root_"))
+    roots = (r for r in patch_regressions(samples, gap_weight=GAP_WEIGHT) if r.name.startswith("root_"))
     return [replace(root, spots=1) for root in roots]
 
 

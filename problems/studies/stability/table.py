@@ -58,9 +58,9 @@ def methods_of(lines: Sequence[Line]) -> list[str]:
     return [method for method in METHODS if method in told]
 
 
-def print_table(lines: Sequence[Line], console: Console | None = None) -> None:
+def print_table(lines: Sequence[Line]) -> None:
     """The lines as one table, and below it why a cell is empty."""
-    console = console or Console(width=None if sys.stdout.isatty() else 200)  # a file has room
+    console = Console(width=None if sys.stdout.isatty() else 200)  # a file has room
     table = Table(title="Stability where methods fail")
     table.add_column("failure, case")
     table.add_column("quantity")
