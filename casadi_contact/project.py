@@ -152,7 +152,10 @@ def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[L
 
 
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
-    """The reference motion that the samples were drawn around, and the names of its cycles."""
+    """The reference motion that the samples were drawn around, and the names of its cycles.
+
+    Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file.
+    """
     try:
         content = read_npz(project.motion_path)
         if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):

@@ -80,7 +80,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
     Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
     samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, and for samples of a user's
     own contact model, from which an EF of the scene differs by more than the surrogates do, the domain errors of the
-    surrogates alone.
+    surrogates alone. Raises ValueError without surrogates, and for one of another scene than the samples'.
     """
     if not surrogates:
         raise ValueError("no surrogate to evaluate, expected at least one")

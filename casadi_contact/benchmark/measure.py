@@ -84,7 +84,9 @@ def measure(
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
     Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads;
-    without samples there are none per domain.
+    without samples there are none per domain. A candidate that fails becomes a point that says why.
+
+    Raises ValueError for two candidates of one name.
     """
     tell = tell or (lambda what: None)
     candidates, sweeps = list(candidates), sweeps or {}

@@ -24,7 +24,8 @@ class LoadModel(Protocol):
 
 
 def load_errors(names: Sequence[str], got: Array, reference: Array) -> LoadErrors:
-    """{load: {"rms": √mean(e²), "max": max|e|, "mean": mean|e|}} of loads (n, loads), in N and N·mm."""
+    """{load: {"rms": √mean(e²), "max": max|e|, "mean": mean|e|}} of loads (n, loads), in N and N·mm; ValueError for
+    shapes that differ."""
     if got.shape != reference.shape or got.shape[1] != len(names):
         raise ValueError(f"loads have shapes {got.shape} and {reference.shape}, expected (n, {len(names)}) twice")
     off = np.abs(got - reference)

@@ -1,5 +1,5 @@
 """What a mesh must be for distances from it to have a sign: joined, manifold, of one orientation, outside out, its
-pieces apart."""
+pieces apart. Each check raises ValueError, which says where the mesh is wrong and what to do."""
 
 from __future__ import annotations
 

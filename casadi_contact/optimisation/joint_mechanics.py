@@ -22,7 +22,8 @@ def angular_velocity_map(angles: Any) -> Any:
 
 
 def generalised_forces(pose: Any, wrench: Any, *, about: str = "fixed") -> Any:
-    """Generalised forces (6) of a wrench (6) about the ``fixed`` or the ``moving`` origin, as a CasADi expression."""
+    """Generalised forces (6) [N, N·mm] of a wrench (6) about the ``fixed`` or the ``moving`` origin, as a CasADi
+    expression; ValueError for another origin."""
     if about not in ("fixed", "moving"):
         raise ValueError(f"about is {about!r}, expected fixed or moving")
     force, torque = wrench[:3], wrench[3:]

@@ -48,7 +48,8 @@ class Frame:
 
 def frame_of(sight: Sight, side: str | None = None, axes: Sequence[str] | None = None) -> Frame:
     """x posterior, y superior, z medial as far as the surfaces tell; a left joint is mirrored in z, which makes it a
-    right one. axes: those of a scene's geometry, where they are known."""
+    right one. axes: those of a scene's geometry, where they are known; ValueError where patches then lie side by side
+    along another axis than z."""
     told = (
         [f"the bodies stand askew by {sight.turned_deg:.0f} degrees: turned, see placement"] if sight.turned_deg else []
     )

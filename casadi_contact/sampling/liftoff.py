@@ -89,7 +89,8 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     """Move poses at the contact boundary apart in equal steps to liftoff_mm, along the sensitive translations.
 
     Apart is where the sum of the root loads falls: straight up for the knee, whose one sensitive translation is t_y;
-    away from the contact for a hip. Returns poses (n, steps, 6).
+    away from the contact for a hip. Returns poses (n, steps, 6); raises ValueError for a scene without a sensitive
+    translation.
     """
     columns = [column for column in map(pose_index, model.scene.sensitive_pose) if column < 3]
     if not columns:

@@ -61,7 +61,10 @@ class SamplePoint:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
-        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `Scene.pressed`)."""
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `Scene.pressed`).
+
+        Raises ValueError for a scene without sensitive pose parameters, or with another number of them than of loads.
+        """
         if not scene.sensitive_pose:
             raise ValueError(
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "

@@ -250,7 +250,10 @@ class Scene:
         return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
 
     def with_overrides(self, **overrides: Any) -> Scene:
-        """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log"."""
+        """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log".
+
+        Raises ValueError for a key that no table holds, and for values that the scene refuses.
+        """
         tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in self.tables.items()}
         for key, value in overrides.items():
             if key in tables and not isinstance(tables[key], dict):

@@ -44,7 +44,10 @@ class RadialBasis:
 
 
 def best_kernel(data: TrainingSet) -> str:
-    """The kernel that, fitted on TRIAL_POINTS points (half of fewer), predicts as many others best."""
+    """The kernel that, fitted on TRIAL_POINTS points (half of fewer), predicts as many others best.
+
+    Raises ValueError where no kernel can be fitted to so few samples.
+    """
     count = min(TRIAL_POINTS, len(data) // 2)
     others, deviation = slice(count, 2 * count), data.load_scale[1]
     errors = {}

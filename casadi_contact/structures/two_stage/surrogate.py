@@ -126,7 +126,8 @@ class TwoStageSurrogate(Surrogate):
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """The loads' own networks, with the sensitive ones first where a second stage takes them."""
+        """The loads' own networks, with the sensitive ones first where a second stage takes them; ValueError for a load
+        that the scene does not ask for."""
         first = list(scene.sensitive_loads)
         known = cls.network_inputs(scene)
         for load in loads:
