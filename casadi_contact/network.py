@@ -103,7 +103,7 @@ class Regression:
         residual_i² = (weights_i·(net(inputs_i) - targets_i))² + (false_load_i·max(net(inputs_i), 0)²)²
 
     inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
-    false_load (n,): for root loads, the reference load where there is no load, so that a load foretold there counts as
+    false_load (n,): for root loads, the reference load where there is no load, so that a load predicted there counts as
     what it is, and not as a distance to the target; 0 elsewhere, or 0 for all rows.
     spots: targets (n,) are joint root loads (`casadi_contact.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).

@@ -28,7 +28,7 @@ def either_side(samples: Samples, seed: int = 0) -> Samples:
     """Half of the samples, chosen at random, in the mirror, so that one side knows what both have seen.
 
     Those in which a side bears nothing come as they are and in the mirror: a false contact may lie on either side, and
-    a surrogate that never saw it there foretells thousands of newtons.
+    a surrogate that never saw it there predicts thousands of newtons.
     """
     reflected, chosen = mirrored(samples), np.random.default_rng(seed).random(len(samples)) < 0.5
     free = (samples.wrenches == 0.0).all(axis=2).any(axis=1)

@@ -93,8 +93,8 @@ class Batch:
         live = self.arrays.numpy(self.xp.abs(self._gradient).amax(1)) > 0.0
         self._assemble(np.flatnonzero(live).tolist())
         live &= self._precondition(np.flatnonzero(live).tolist())
-        x, foretold = self._solve(live)
-        ratios = self._try(x, foretold, live)
+        x, predicted = self._solve(live)
+        ratios = self._try(x, predicted, live)
         for member, alive, ratio in zip(members, live, ratios, strict=True):
             if alive:
                 member.damping, member.damping_growth = alone.next_damping(member.damping, member.damping_growth, ratio)
@@ -149,7 +149,7 @@ class Batch:
         return [k for k, none in zip(index, bad, strict=True) if none]
 
     def _solve(self, live: np.ndarray) -> tuple[Any, Array]:
-        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr of the live members, and the reduction of ½Σr² that their models foretell (m,)."""
+        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr of the live members, and the reduction of ½Σr² that their models predict (m,)."""
         shift = self.arrays.array(np.array([m.damping for m in self.members]) * self._unit)
         x, residual = self.xp.zeros_like(self._gradient), -self._gradient
         direction = self._preconditioned(residual)
@@ -173,15 +173,15 @@ class Batch:
             z = self._preconditioned(residual)
             rz, before = _dot(residual, z), rz
             direction = self._where(going, z + (rz / before)[:, None] * direction, z)
-        foretold = -0.5 * _dot(self._gradient, x) + 0.5 * _dot(x, residual) + 0.5 * shift * _dot(x, x)
-        return x, self.arrays.numpy(foretold)
+        predicted = -0.5 * _dot(self._gradient, x) + 0.5 * _dot(x, residual) + 0.5 * shift * _dot(x, x)
+        return x, self.arrays.numpy(predicted)
 
     def _preconditioned(self, right: Any) -> Any:
         return (self._root.mT @ (self._root @ right[..., None]))[..., 0]
 
-    def _try(self, x: Any, foretold: Array, live: np.ndarray) -> Array:
+    def _try(self, x: Any, predicted: Array, live: np.ndarray) -> Array:
         """Take the step x, or a shorter one, where it reduces the loss; returns what the whole step reduced it by, as a
-        share of what was foretold (m,), minus infinity where that says nothing."""
+        share of what was predicted (m,), minus infinity where that says nothing."""
         start, length, chosen = self._losses, 1.0, self._parameters
         ratios, fell = np.full(len(live), -np.inf), np.zeros(len(live), dtype=bool)
         for trial in range(alone.TRIALS):
@@ -190,8 +190,8 @@ class Batch:
                 break
             tried, losses = self._mlp.evaluate(self._parameters + length * x, trying)
             if trial == 0:
-                known = trying & (foretold > 0.0) & np.isfinite(losses)
-                ratios[known] = (start - losses)[known] / foretold[known]
+                known = trying & (predicted > 0.0) & np.isfinite(losses)
+                ratios[known] = (start - losses)[known] / predicted[known]
             better = trying & (losses < start)
             chosen, self._losses = self._where(better, tried, chosen), np.where(better, losses, self._losses)
             fell |= better

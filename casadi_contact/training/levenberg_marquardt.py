@@ -6,7 +6,7 @@ subset of a few rows per parameter, anew for each iteration (Blendenpik, Avron e
 linear problems): two or three products then make a step that is exact enough. One that is kept for several
 iterations costs twice as much time for the same error, as measured for networks from 16-16-16 to 48-48.
 
-λ follows Nielsen (1999): reduced by up to 3 where the model foretold the loss well, doubled at a growing pace where
+λ follows Nielsen (1999): reduced by up to 3 where the model predicted the loss well, doubled at a growing pace where
 not. A step that does not reduce the loss is shortened first, since a trial costs less than one product.
 """
 
@@ -38,7 +38,7 @@ class State:
 
 
 def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, float]:
-    """λ and its growth after a step that reduced the loss by `ratio` times what the model foretold (Nielsen 1999)."""
+    """λ and its growth after a step that reduced the loss by `ratio` times what the model predicted (Nielsen 1999)."""
     if ratio > 0.0:
         damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 2.0
     else:
@@ -98,7 +98,7 @@ class LevenbergMarquardt:
             self.damping *= 10.0
 
     def _solve(self, factor: Any) -> tuple[Any, float]:
-        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the reduction of ½Σr² that the linear model foretells; factor: of the
+        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the reduction of ½Σr² that the linear model predicts; factor: of the
         preconditioner."""
         arrays, shift = self.mlp.arrays, self.damping * self._unit
         x = arrays.zeros(self.mlp.parameter_count)
@@ -121,8 +121,8 @@ class LevenbergMarquardt:
             rz, before = float(residual @ z), rz
             direction = z + (rz / before) * direction
         # JᵀJ·x = -Jᵀr - residual - λ·d·x, so gᵀx + ½xᵀJᵀJx needs no further product.
-        foretold = -0.5 * float(self._gradient @ x) + 0.5 * float(x @ residual) + 0.5 * shift * float(x @ x)
-        return x, foretold
+        predicted = -0.5 * float(self._gradient @ x) + 0.5 * float(x @ residual) + 0.5 * shift * float(x @ x)
+        return x, predicted
 
     def step(self) -> bool:
         """One iteration; True if the loss fell. Sets ``exhausted`` when no damping gives a lower loss any more."""
@@ -133,12 +133,12 @@ class LevenbergMarquardt:
         if factor is None:
             self.exhausted = True
             return False
-        x, foretold = self._solve(factor)
+        x, predicted = self._solve(factor)
         start, length, ratio, fell = self.loss, 1.0, -np.inf, False
         for trial in range(TRIALS):
             tried, loss = self.mlp.evaluate(self._parameters + length * x)
-            if trial == 0 and foretold > 0.0 and np.isfinite(loss):
-                ratio = (start - loss) / foretold
+            if trial == 0 and predicted > 0.0 and np.isfinite(loss):
+                ratio = (start - loss) / predicted
             fell = loss < start
             if fell:
                 self._gradient = self.mlp.accept(tried)

@@ -5,7 +5,7 @@ others do not bear less. Together they are fitted on what the patch carries. Jáµ
 preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest.
 
 Most rows are far from contact for most parts. Where a root load weighs nothing and is below 0 it has no derivatives:
-such rows are only looked at, whether a load is foretold there.
+such rows are only looked at, whether a load is predicted there.
 """
 
 from __future__ import annotations

@@ -115,10 +115,10 @@ def fitted(rows: Rows, tests: Rows, share: float, hidden: tuple[int, ...], steps
         gram, gradient = jacobian.T @ jacobian, jacobian.T @ r
         shift_of = damping * float(gram.diagonal().mean())
         step = -torch.linalg.solve(gram + shift_of * torch.eye(len(gram), dtype=gram.dtype), gradient)
-        foretold = -0.5 * float(gradient @ step) + 0.5 * shift_of * float(step @ step)
+        predicted = -0.5 * float(gradient @ step) + 0.5 * shift_of * float(step @ step)
         tried = of_all(parameters + step, *learned).reshape(-1)
         gained = 0.5 * float(r @ r) - 0.5 * float(tried @ tried)
-        damping, growth = next_damping(damping, growth, gained / foretold if foretold > 0.0 else -1.0)
+        damping, growth = next_damping(damping, growth, gained / predicted if predicted > 0.0 else -1.0)
         if gained > 0.0:
             parameters, r = parameters + step, tried
     off = vmap(lambda x, s, weight: weight * (output(parameters, x) - s))(unseen[0], unseen[1], unseen[3])

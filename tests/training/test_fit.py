@@ -338,7 +338,7 @@ def test_a_start_of_another_size_or_with_another_checkpoint_is_refused(tmp_path)
         fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz")
 
 
-def test_a_load_foretold_where_there_is_none_counts_as_the_load_that_it_is():
+def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
     """One lifted pose far from all others, whose distance to the target of its gap weighs 13 N: a load of 2,500 N is
     learned there, unless it counts as that."""
     rng = np.random.default_rng(1)

@@ -50,12 +50,12 @@ def test_steps_solve_the_damped_normal_equations_of_all_rows(monkeypatch):
     lm, _ = solver(data, (6, 5))
     assert lm.mlp.rows_to_draw < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(slice(None))
-    x, foretold = lm._solve(lm._precondition())
+    x, predicted = lm._solve(lm._precondition())
     damped = jacobian.T @ jacobian + lm.damping * lm._unit * np.eye(lm.mlp.parameter_count)
     expected = -np.linalg.solve(damped, jacobian.T @ lm.mlp.residuals)
     np.testing.assert_allclose(x, expected, atol=1e-6 * np.abs(expected).max())
     linear = lm.mlp.residuals + jacobian @ x
-    assert foretold == pytest.approx(lm.loss - 0.5 * linear @ linear, rel=1e-6)
+    assert predicted == pytest.approx(lm.loss - 0.5 * linear @ linear, rel=1e-6)
 
 
 def test_the_loss_never_rises():

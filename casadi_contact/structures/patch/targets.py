@@ -34,7 +34,7 @@ def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
 
     In contact dN/ds = 2·N0·max(s, s_b), with s_b the root of the boundary load, so that a light touch still counts.
     Outside 2·N0·s_b·max(gap_weight, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
-    contact, and small (2 %) where only the direction back into contact matters: there a load that is foretold counts
+    contact, and small (2 %) where only the direction back into contact matters: there a load that is predicted counts
     by itself (`Regression.false_load`).
     """
     floor = np.sqrt(scene.boundary_load / scene.reference_load)
