@@ -36,8 +36,8 @@ _AnyRegression = TypeVar("_AnyRegression", Regression, PartsRegression)
 
 
 def _asked(regression: _AnyRegression, effort: Effort, weights: Mapping[int, float]) -> _AnyRegression:
-    """A regression as an effort asks for it: its domains weighed, and the share of its tolerance wanted."""
-    return replace(regression.weighed(weights), tolerance=effort.tolerance_share * regression.tolerance)
+    """A regression as an effort asks for it: its domains weighted, and the share of its tolerance wanted."""
+    return replace(regression.weighted(weights), tolerance=effort.tolerance_share * regression.tolerance)
 
 
 def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:

@@ -133,7 +133,7 @@ class Regression:
         domain = None if self.domain is None else self.domain[rows]
         return replace(self, **columns, false_load=false_load, domain=domain)
 
-    def weighed(self, by_domain: Mapping[int, float]) -> Regression:
+    def weighted(self, by_domain: Mapping[int, float]) -> Regression:
         """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
         if not by_domain:
             return self
@@ -174,7 +174,7 @@ class PartsRegression:
     tolerance: float
     domain: np.ndarray | None = None
 
-    def weighed(self, by_domain: Mapping[int, float]) -> PartsRegression:
+    def weighted(self, by_domain: Mapping[int, float]) -> PartsRegression:
         """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
         if not by_domain:
             return self

@@ -50,7 +50,7 @@ class _Piece:
     part: int
     rows: np.ndarray
     mlp: Mlp
-    weighed: bool
+    weighted: bool
     matters: bool = True
 
 
@@ -69,11 +69,11 @@ class PartsMlp:
         self.parameter_count = int(self._ends[-1])
         self._pieces: list[_Piece] = []
         for k, (network, weights) in enumerate(zip(networks, self._weights.T, strict=True)):
-            weighed, others = np.flatnonzero(weights), np.flatnonzero(weights == 0.0)
-            for own in (weighed, *(others[i : i + chunk_rows] for i in range(0, len(others), chunk_rows))):
+            weighted, others = np.flatnonzero(weights), np.flatnonzero(weights == 0.0)
+            for own in (weighted, *(others[i : i + chunk_rows] for i in range(0, len(others), chunk_rows))):
                 inputs, nothing, one = regression.inputs[k][rows[own]], np.zeros(len(own)), np.ones(len(own))
                 mlp = Mlp(network, inputs, nothing, one, 0.0, self.arrays, chunk_rows)
-                self._pieces.append(_Piece(k, own, mlp, own is weighed))
+                self._pieces.append(_Piece(k, own, mlp, own is weighted))
 
     @property
     def block_parameters(self) -> int:
@@ -102,7 +102,7 @@ class PartsMlp:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
         own = self.split(parameters)
         for piece in self._pieces:
-            piece.matters = piece.weighed or bool((self._tried[piece.rows, piece.part] > 0.0).any())
+            piece.matters = piece.weighted or bool((self._tried[piece.rows, piece.part] > 0.0).any())
             if piece.matters:
                 piece.mlp.move(own[piece.part])
         self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares

@@ -117,7 +117,7 @@ def test_on_cartilage_cells_are_within_some_percent_of_jam_s_flat_triangles(jam,
     np.testing.assert_allclose(found.centre_mm[:, 0], centre, atol=0.1)
 
 
-def test_triangles_weighed_by_area_have_another_mean_pressure_than_jam_s(jam):
+def test_triangles_weighted_by_area_have_another_mean_pressure_than_jam_s(jam):
     """On the very triangles that JAM averages over: more than the 2 % that the smooth surface is within of JAM's."""
     scene, stored = jam
     model = cc.RayCastFoundation(scene)

@@ -42,30 +42,30 @@ def by_domain(residuals):
 def test_residuals_are_multiplied_and_their_mean_square_is_kept(outputs):
     columns = {} if outputs == 1 else {"targets": np.stack([ROUGH, ROUGH], 1), "weights": np.ones((ROWS, 2))}
     before = regression(false_load=0.5 if outputs == 1 else 0.0, **columns)
-    after = before.weighed({1: 4.0, 3: 2.0})
+    after = before.weighted({1: 4.0, 3: 2.0})
     network = initial_network(INPUTS, before.targets, (4,), "tanh", 0)
     ratio = by_domain(after.residuals(network)) / by_domain(before.residuals(network))
     np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
     roots = RANDOM.normal(size=(ROWS, 2))
-    ratio = by_domain(PART.weighed({1: 4.0, 3: 2.0}).residuals(roots)) / by_domain(PART.residuals(roots))
+    ratio = by_domain(PART.weighted({1: 4.0, 3: 2.0}).residuals(roots)) / by_domain(PART.residuals(roots))
     np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
 
 
-def test_nothing_weighed_is_nothing_changed():
+def test_nothing_weighted_is_nothing_changed():
     own = regression(domain=None)
-    assert own.weighed({}) is own
-    assert PART.weighed({}) is PART
+    assert own.weighted({}) is own
+    assert PART.weighted({}) is PART
 
 
-def test_rows_of_no_domain_cannot_be_weighed():
+def test_rows_of_no_domain_cannot_be_weighted():
     with pytest.raises(ValueError, match="belong to no domain, expected samples"):
-        regression(domain=None).weighed({1: 2.0})
+        regression(domain=None).weighted({1: 2.0})
 
 
 def test_a_small_network_is_more_accurate_where_rows_count_for_more():
     """Too few neurons for all rows: what one domain gains others lose."""
     settings = TrainingSettings(sizes=((3,),), max_iterations=150, restarts=0)
     apart = regression(targets=np.where(DOMAIN == 1, 1.0, -1.0) * ROUGH)
-    even, weighed = (by_domain(apart.residuals(fit(r, settings).network)) for r in (apart, apart.weighed({1: 5.0})))
-    assert weighed[0] < 0.5 * even[0]
-    assert weighed[1:].sum() > even[1:].sum()
+    even, weighted = (by_domain(apart.residuals(fit(r, settings).network)) for r in (apart, apart.weighted({1: 5.0})))
+    assert weighted[0] < 0.5 * even[0]
+    assert weighted[1:].sum() > even[1:].sum()
