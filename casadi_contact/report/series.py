@@ -22,6 +22,8 @@ def draw_error_by_domain(front: Front) -> Any | None:
         return None
     note = "Dashed: cheapest of its family, solid: most accurate. An error of zero (D5) is not on a log axis."
     errors = errors_of(front)
+    by_domain = [getattr(point, f"domain_{error}") for point in front.models for _, error in errors]
+    domains = [domain for domain in DOMAINS if any(domain in found for found in by_domain)]
     figure, axes = panels(
         front, len(errors), "error per domain", "test samples, errors against the samples' own EF", note
     )
@@ -29,12 +31,12 @@ def draw_error_by_domain(front: Front) -> Any | None:
     for axis, (kind, error) in zip(axes, errors, strict=True):
         for family, style in styles.items():
             for point, dash in _extremes([p for p in front.models if p.family == family], error):
-                by_domain = getattr(point, f"domain_{error}")
-                rms = [off if (off := by_domain.get(domain, 0.0)) > ROUNDING else math.nan for domain in DOMAINS]
-                axis.plot(range(len(DOMAINS)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
+                found = getattr(point, f"domain_{error}")
+                rms = [off if (off := found.get(domain, 0.0)) > ROUNDING else math.nan for domain in domains]
+                axis.plot(range(len(domains)), rms, ls=dash, lw=1.0, ms=5, label=point.name, **style.keywords)
         log_scale(axis, "y")
         axis.set(xlabel="domain", ylabel=f"RMS {kind.name} error [{kind.unit}]")
-        axis.set_xticks(range(len(DOMAINS)), DOMAINS)
+        axis.set_xticks(range(len(domains)), domains)
     legend_beside(figure, axes)
     return figure
 
