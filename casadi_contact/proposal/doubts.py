@@ -14,7 +14,12 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
-from casadi_contact.verification import share_beyond_open_edges, words_beyond_open_edges
+from casadi_contact.verification import (
+    share_beyond_open_edges,
+    share_on_walls,
+    words_beyond_open_edges,
+    words_on_walls,
+)
 
 _COARSE_STEP_MM = 2e-3  # of coordinates: overlaps are some tenths of a millimetre
 _ROUNDING_MM = 1e-6  # what reading leaves of single precision
@@ -48,6 +53,8 @@ def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
         )
     if beyond := words_beyond_open_edges(share_beyond_open_edges(model, poses)):
         doubts.append(f"whether the moving part ends at its open edges: {beyond}")
+    if on_walls := words_on_walls(share_on_walls(model, poses)):
+        doubts.append(f"what walls carry: {on_walls}")
     return doubts
 
 

@@ -4,6 +4,7 @@ from casadi_contact.verification.open_edges import share_beyond_open_edges, word
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
+from casadi_contact.verification.walls import share_on_walls, words_on_walls
 
 __all__ = [
     "Refinement",
@@ -14,6 +15,8 @@ __all__ = [
     "own_model",
     "refine",
     "share_beyond_open_edges",
+    "share_on_walls",
     "verify",
     "words_beyond_open_edges",
+    "words_on_walls",
 ]

@@ -17,7 +17,13 @@ from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.quantities import quantity
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict, share_beyond_open_edges, words_beyond_open_edges
+from casadi_contact.verification import (
+    Verdict,
+    share_beyond_open_edges,
+    share_on_walls,
+    words_beyond_open_edges,
+    words_on_walls,
+)
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
@@ -42,12 +48,14 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class OnFoundation:
     """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
-    and tells the pressures and the share (n,) of the load beyond open edges of the moving mesh; grids: in words."""
+    and tells the pressures and the shares (n,) of the load beyond open edges of the moving mesh and on walls of the
+    fixed one; grids: in words."""
 
     fine: Array
     teacher: Array
     pressures: PressureSummary
     beyond: Array
+    on_walls: Array
     grids: dict[str, str]
 
     @classmethod
@@ -59,8 +67,19 @@ class OnFoundation:
             return None
         columns = [scene.load_names.index(name) for name in wanted.load_names]
         fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
-        pressures, beyond = models["teacher"].summary(poses), share_beyond_open_edges(models["teacher"], poses)
-        return cls(fine, teacher, pressures, beyond, grids_in_words(models))
+        own = models["teacher"]
+        beyond, on_walls = share_beyond_open_edges(own, poses), share_on_walls(own, poses)
+        return cls(fine, teacher, own.summary(poses), beyond, on_walls, grids_in_words(models))
+
+    @property
+    def doubts(self) -> list[str]:
+        """What the verdict does not know of, since solution and elements share it."""
+        return [words for words in (words_beyond_open_edges(self.beyond), words_on_walls(self.on_walls)) if words]
+
+    def record(self) -> dict[str, Any]:
+        """A summary's part."""
+        largest = {"beyond_open_edges": self.beyond.max(), "on_walls": self.on_walls.max()}
+        return {f"largest_share_{where}": float(share) for where, share in largest.items()}
 
 
 @dataclass(frozen=True)
@@ -106,8 +125,8 @@ def report(
     tracked = Tracked.of(problem, result)
     ef, errors = tracked.ef, tracked.errors()
     _print(problem, result, verdict, errors, ef, starts, kind)
-    if ef is not None and (words := words_beyond_open_edges(ef.beyond)):
-        PlainConsole().print(words, highlight=False)
+    for words in () if ef is None else ef.doubts:
+        PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
     if ef is not None:
@@ -121,7 +140,7 @@ def report(
         "verified": int(verdict.verified.sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
-        **({} if ef is None else {"largest_share_beyond_open_edges": float(ef.beyond.max())}),
+        **({} if ef is None else ef.record()),
         **solver_record(result),
         "errors": errors,
         **({} if ef is None else {"ef_grids": ef.grids}),
@@ -179,7 +198,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
     columns |= {"on_rim": result.on_rim.astype(int)}
     if ef is not None:
-        columns |= {"share_beyond_open_edges": ef.beyond}
+        columns |= {"share_beyond_open_edges": ef.beyond, "share_on_walls": ef.on_walls}
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 

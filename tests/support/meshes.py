@@ -183,3 +183,17 @@ def wheel_mesh(radius, half_width, edge):
     sides = [[middles[0], first, np.roll(first, -1)], [middles[1], last, np.roll(last, -1)]]
     faces = np.concatenate([np.stack(three, axis=1) for three in ([a, b, a + 1], [b, b + 1, a + 1], *sides)])
     return points, outward(points, faces, lambda middle: middle)
+
+
+def post_mesh(height=16.0):
+    """A closed L, 40 mm wide: a floor at y = 0 for x > 0 that ends at a wall across x = 0, as of a knee's post. Faces
+    of two triangles, as from CAD."""
+    outline = np.array([(0.0, height), (0.0, 0.0), (30.0, 0.0), (30.0, -8.0), (-10.0, -8.0), (-10.0, height)])
+    n = len(outline)
+    points = np.array([[x, y, z] for z in (-20.0, 20.0) for x, y in outline])
+    front = np.array([[0, 1, 5], [1, 4, 5], [1, 2, 4], [2, 3, 4]])
+    i, j = np.arange(n), np.roll(np.arange(n), -1)
+    sides = [np.stack([i, j, i + n], axis=1), np.stack([j, j + n, i + n], axis=1)]
+    faces = np.concatenate([*sides, front[:, ::-1], front + n])
+    volume = np.einsum("ij,ij->", points[faces[:, 0]], np.cross(points[faces[:, 1]], points[faces[:, 2]]))
+    return points, faces if volume > 0.0 else faces[:, ::-1]

@@ -1,0 +1,76 @@
+"""Load on a wall that is too steep for elements is told, as large as it is, and only there."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.verification import share_on_walls, words_on_walls
+from problems.pose_estimation.report import OnFoundation
+from problems.pose_estimation.wanted import WantedLoads
+from tests.support.meshes import ELASTIC, ball_mesh, mesh_scene_text, post_mesh, write_obj
+
+RADIUS_MM = 8.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("walls")
+    write_obj(folder / "post.obj", *post_mesh())
+    write_obj(folder / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
+    return folder
+
+
+def model_of(folder, elements="grid"):
+    path = folder / f"{elements}.toml"
+    path.write_text(mesh_scene_text(folder / "ball.obj", folder / "post.obj", elements=elements))
+    return cc.ElasticFoundation(cc.load_scene(path), (160, 160))
+
+
+def force_n(overlap_mm):
+    """π·K/h·d²·(R - d/3): a ball on a plane, depth along the plane's normal."""
+    nu = ELASTIC["poissons_ratio"]
+    modulus = (1.0 - nu) * ELASTIC["youngs_modulus"] / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    return np.pi * modulus / ELASTIC["thickness"] * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0)
+
+
+def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_two_planes(folder):
+    model = model_of(folder)
+    floor, both, wall = (
+        [RADIUS_MM - on_wall, RADIUS_MM - on_floor, 0.0, 0.0, 0.0, 0.0]
+        for on_wall, on_floor in ((-3.0, 0.2), (0.2, 0.3), (0.3, -0.5))
+    )
+    share = share_on_walls(model, np.array([floor, both, wall]))
+    assert share[0] == 0.0
+    assert share[1] == pytest.approx(force_n(0.2) / (force_n(0.2) + force_n(0.3)), rel=0.05)
+    assert share[2] == 1.0
+    np.testing.assert_allclose(model.wrenches(wall), 0.0, atol=1e-9)  # and so nothing else tells it
+    assert not model.at_edge(wall).any()
+    assert "in 2 of 3 frames up to 100%" in words_on_walls(share)
+
+
+def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
+    assert words_on_walls(share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
+
+
+def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
+    scene = model_of(folder).scene
+    poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
+    wanted = WantedLoads.of(scene, {"Fy": np.full(2, -force_n(0.3))})
+    problem = SimpleNamespace(wanted=wanted, model=SimpleNamespace(scene=scene))
+    found = OnFoundation.of(problem, SimpleNamespace(poses=poses))
+    np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)  # what is wanted, and so verified
+    assert found.record()["largest_share_on_walls"] == found.on_walls[0] > 0.2
+    assert found.on_walls[1] == 0.0
+    assert found.doubts == [words_on_walls(found.on_walls)]
+
+
+def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
+    share = share_on_walls(model_of(folder, "triangles"), [[7.7, 8.5, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(share, 0.0)
+
+
+def test_a_parametric_body_has_none():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
+    np.testing.assert_array_equal(share_on_walls(model, [model.scene.start_pose]), 0.0)
