@@ -9,9 +9,12 @@ import typer
 
 from casadi_contact.commands.arguments import console
 from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.motion.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, write_poses
+from casadi_contact.project import walks
+from casadi_contact.scenes import load_scene
 
 
 def cycle(
@@ -22,10 +25,15 @@ def cycle(
     out: Annotated[
         Path | None, typer.Option(help="CSV file to write; cycle.csv or poses.csv in this folder if left out")
     ] = None,
+    scene: Annotated[
+        str | None, typer.Option(help="scene (name or file) that the cycle is of; a knee's if left out")
+    ] = None,
 ) -> None:
     """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
-    cop_ap or Tz, cop_ml or Tx; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
+    cop_ap or Tz, cop_ml or Tx; of another joint's --scene the pose parameters that were measured and a load for each
+    other one; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
     """
+    own = None if scene is None else load_scene(scene)
     table = read_opensim_table(file)
     try:
         curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
@@ -35,8 +43,10 @@ def cycle(
             console.print(f"{len(poses)} poses in {path}", highlight=False)
             return
         path = out or Path("cycle.csv")
-        written = cycle_from_curves(path.stem, curves)
+        if own is None or walks(own):
+            write_cycle(cycle_from_curves(path.stem, curves), path)
+        else:
+            write_joint_cycle(joint_cycle_from_curves(path.stem, curves, own), path)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
-    write_cycle(written, path)
-    console.print(f"cycle of {len(written)} frames in {path}", highlight=False)
+    console.print(f"cycle of {len(curves[TIME])} frames in {path}", highlight=False)

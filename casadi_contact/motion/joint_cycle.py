@@ -21,7 +21,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.files import short
-from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.columns import TextColumns, write_columns
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
@@ -105,13 +105,29 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
             f"{', '.join(columns[name] for name in known)}; it has {short(', '.join(table.header))}"
         )
     named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
-    pose = {name: curve for name, curve in named.items() if name in POSE_NAMES}
-    centres = {name: curve for name, curve in named.items() if name in _CENTRES}
-    loads = {name: curve for name, curve in named.items() if name not in {*POSE_NAMES, *_CENTRES}}
     try:
-        return JointCycle(path.stem, table.numbers("time_s"), pose, loads, centres)
+        return joint_cycle_from_curves(path.stem, {"time": table.numbers("time_s"), **named}, scene)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def joint_cycle_from_curves(name: str, curves: Mapping[str, Array], scene: Scene) -> JointCycle:
+    """A cycle of a scene from curves by name: time [s], pose parameters [mm, rad], `driving_loads` [N, N·mm] and
+    centres of pressure cop_x, cop_y, cop_z [mm]. Raises ValueError for other names, or as `JointCycle` does."""
+    kinds = (POSE_NAMES, driving_loads(scene), _CENTRES)
+    known = ("time", *(each for kind in kinds for each in kind))
+    if foreign := [each for each in curves if each not in known]:
+        raise ValueError(
+            f"a cycle of scene {scene.name} has no place for {', '.join(foreign)}, expected some of {', '.join(known)}"
+        )
+    pose, loads, centres = ({each: curves[each] for each in kind if each in curves} for kind in kinds)
+    return JointCycle(name, curves["time"], pose, loads, centres)
+
+
+def write_joint_cycle(cycle: JointCycle, path: str | Path) -> None:
+    """Write a CSV file that `read_joint_cycle` reads back bit by bit."""
+    curves = {**cycle.pose, **cycle.loads, **cycle.centres}
+    write_columns(path, {"time_s": cycle.time_s, **{quantity(name).column: curve for name, curve in curves.items()}})
 
 
 def scene_cycles(scene: Scene) -> list[JointCycle]:

@@ -133,7 +133,7 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     if foreign:
         raise ValueError(
             f"a load cycle has no place for {', '.join(foreign)}, expected {', '.join(_CURVES)}; "
-            "poses need tx, ty, tz, rx, ry, rz and no loads"
+            "poses need tx, ty, tz, rx, ry, rz and no loads, another joint's cycle its scene (--scene)"
         )
     missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
     missing += [

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from casadi_contact.motion.joint_cycle import read_joint_cycle
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
 from casadi_contact.motion.opensim import (
     ColumnMap,
@@ -18,6 +19,7 @@ from casadi_contact.motion.opensim import (
 )
 from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.scenes import load_scene
 from tests.support.shared_data import shared_file
 
 TABLE = Table("walk", {"time": [0.0, 1.0], "knee": [0.0, 90.0], "ty": [0.02, 0.03], "F": [1.0, 2.0]}, in_degrees=True)
@@ -140,6 +142,27 @@ def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused_in_one_line
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_cycle_of_another_joint_is_that_of_its_scene(tmp_path):
+    columns = {"time": np.arange(3.0), "flexion": np.array([10.0, 20.0, 30.0]), "force": np.array([0.1, 0.9, 0.4])}
+    write_table(Table("walk", columns, in_degrees=True), tmp_path / "walk.mot")
+    maps = ("flexion=-rz", "force=Fy:kN")
+    done = cycle_command(tmp_path / "walk.mot", *mapped(maps), "--scene", "hip", "--out", tmp_path / "hip.csv")
+    assert done.returncode == 0, done.stderr
+    assert "cycle of 3 frames" in done.stdout
+    cycle = read_joint_cycle(tmp_path / "hip.csv", load_scene("hip"))
+    np.testing.assert_allclose(cycle.pose["rz"], -np.radians([10.0, 20.0, 30.0]), rtol=1e-15)
+    np.testing.assert_allclose(cycle.loads["Fy"], [100.0, 900.0, 400.0], rtol=1e-15)
+
+
+def test_a_load_that_a_scene_does_not_have_is_refused_in_one_line(tmp_path):
+    write_table(TABLE, tmp_path / "walk.mot")
+    done = cycle_command(tmp_path / "walk.mot", *mapped(["F=Fy_med"]), "--scene", "hip", "--out", tmp_path / "hip.csv")
+    assert done.returncode == 1
+    assert "a cycle of scene hip has no place for Fy_med, expected some of time, tx" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "hip.csv").exists()
 
 
 def test_measured_poses_become_a_pose_file(tmp_path):
