@@ -26,7 +26,7 @@ from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.geometry.vtp import read_vtp
 
-MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0}
+MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 AS_IN_FILE = Placement()
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
@@ -61,10 +61,10 @@ def load_mesh(
 ) -> TriangleMesh:
     """Read and check a mesh file (STL, OBJ, PLY or VTP).
 
-    units: of the file, "m" or "mm". axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y", "-z")
-    for a right knee of OpenSim (x anterior, z lateral). placement: where the mesh lies in these axes. contact: boxes in
-    the body's frame within 3 mm of which the mesh must be manifold and its pieces apart; everywhere if left out. Raises
-    FileNotFoundError, or ValueError for what cannot work.
+    units: of the file, one of `MM_PER_UNIT`. axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y",
+    "-z") for a right knee of OpenSim (x anterior, z lateral). placement: where the mesh lies in these axes. contact:
+    boxes in the body's frame within 3 mm of which the mesh must be manifold and its pieces apart; everywhere if left
+    out. Raises FileNotFoundError, or ValueError for what cannot work.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
@@ -99,10 +99,12 @@ def checked_mesh(
     faces = placement.faces(faces)
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if not _SMALLEST_MM < across < _LARGEST_MM:
-        other = "mm" if units == "m" else "m"
+        sizes = {unit: across * size / MM_PER_UNIT[units] for unit, size in MM_PER_UNIT.items()}
+        fitting = [unit for unit, size in sizes.items() if _SMALLEST_MM < size < _LARGEST_MM]
+        cure = f"is the file in {' or '.join(fitting)}?" if fitting else "which no unit makes a joint's: scale it"
         raise ValueError(
             f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {_SMALLEST_MM:g} to "
-            f"{_LARGEST_MM:g} mm: is the file in {other}?"
+            f"{_LARGEST_MM:g} mm: {cure}"
         )
     vertices, faces = _merge_vertices(vertices, faces)
     wide, once = _heights(vertices, faces) > _LEAST_HEIGHT, _first_of_equals(faces)

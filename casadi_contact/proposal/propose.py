@@ -144,7 +144,8 @@ def _small(fixed: TriangleMesh, unit: str) -> str:
 
 def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
     """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]; no unit but the
-    one that is asked for. Centimetres are never guessed: they would do for most files in millimetres or metres."""
+    one that is asked for. Centimetres and inches are never guessed: they would do for most files in millimetres or
+    metres."""
     errors = []
     for unit in ("mm", "m") if asked is None else (asked,):
         try:

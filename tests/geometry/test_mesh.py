@@ -126,7 +126,7 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
         (damaged(1, np.nan), "mm", "vertex 1 is .*nan"),
         (damaged(scale=0.001), "mm", "is the file in m?"),
         (damaged(), "m", "is the file in mm?"),
-        (damaged(), "inch", "units = 'inch', expected m or mm"),
+        (damaged(), "foot", "units = 'foot', expected m or mm"),
         (damaged(faces=TETRAHEDRON[1][:, ::-1]), "mm", "inside-out"),
         (damaged(faces=np.vstack([TETRAHEDRON[1][:3], [[1, 3, 2]]])), "mm", "face opposite ways"),
         (damaged(faces=np.vstack([TETRAHEDRON[1], [[1, 2, 0]]])), "mm", "not manifold"),
@@ -137,6 +137,18 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
 def test_meshes_that_cannot_work_are_refused(mesh, units, said):
     with pytest.raises(ValueError, match=said):
         checked_mesh("t", *mesh, units)
+
+
+def test_a_size_in_no_joint_s_range_names_the_units_in_which_it_would_be_one():
+    vertices, faces = TETRAHEDRON  # 17.3 mm across
+    inches = vertices / 25.4
+    assert np.ptp(checked_mesh("t", inches, faces, "inch").vertices_mm, axis=0) == pytest.approx(10.0)
+    with pytest.raises(ValueError, match=r"0\.682 mm across.* is the file in m or cm or inch\?"):
+        checked_mesh("t", inches, faces)
+    with pytest.raises(ValueError, match=r"1\.36e\+03 mm across.* is the file in cm or inch\?"):
+        checked_mesh("t", 2.0 * inches, faces, "m")
+    with pytest.raises(ValueError, match=r"which no unit makes a joint's: scale it"):
+        checked_mesh("t", 1e-6 * vertices, faces)
 
 
 @pytest.mark.parametrize("stray", [[5000.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0]])

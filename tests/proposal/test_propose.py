@@ -98,7 +98,7 @@ def test_names_and_units_that_cannot_be_are_refused_before_any_work(folder):
     (folder / "01_cup.obj").write_bytes((folder / "cup.obj").read_bytes())
     assert "name it with --out" in refused(folder / "ball.obj", folder / "01_cup.obj")
     files = (folder / "ball.obj", folder / "cup.obj", "--out", folder / "other.toml")
-    assert "--units is 'inch', expected m or mm or cm" in refused(*files, "--units", "inch")
+    assert "--units is 'foot', expected m or mm or cm or inch" in refused(*files, "--units", "foot")
     assert "mm across" in refused(*files, "--units", "m")
 
 

@@ -47,7 +47,7 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
     ("old", "new", "said"),
     [
         ('units = "mm"', "", "geometry lacks units"),
-        ('units = "mm"', 'units = "inch"', "geometry.units = 'inch', expected m or mm"),
+        ('units = "mm"', 'units = "foot"', "geometry.units = 'foot', expected m or mm"),
         ('elements = "grid"', 'elements = "hexes"', "geometry.elements = 'hexes', expected grid or triangles"),
         ('units = "mm"', 'units = "mm"\naxes = ["-x", "y", "z"]', "expected three file axes that keep the hand"),
         ('units = "mm"', 'units = "mm"\naxes = ["x", "y", "w"]', "expected three file axes"),
