@@ -119,6 +119,7 @@ def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodE
 
 
 def cure_of(scene: Scene) -> str:
-    """What to do where no model of a scene is good enough. A damaged mesh makes every model wrong, finer ones too."""
-    look = "look first whether the meshes are damaged where they touch (casadi-contact show), then "
+    """What to do where no model of a scene is good enough. A damaged mesh makes every model wrong, finer ones too, and
+    a moving body's sharp rim is finer than any cell."""
+    look = "look first whether the meshes are damaged or sharp-edged where they touch (casadi-contact show), then "
     return f"{look if scene.shape == 'mesh' else ''}relax the scene's tolerances, or take cc.ElasticFoundation"

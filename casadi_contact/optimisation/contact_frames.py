@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, symbolic
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
+from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
 from casadi_contact.optimisation.starts import settle_in_range, touching
@@ -195,8 +196,12 @@ def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:
 
 
 def _checked(locked: Mapping[str, Any], space: PoseSpace) -> dict[str, Any]:
-    """The given locked parameters that the scene leaves free; ValueError for others that contradict it."""
+    """The given locked parameters that the scene leaves free; ValueError for others that contradict it, and for angles
+    that are too large for radians."""
     symbols = [name for name, value in locked.items() if isinstance(value, ca.MX | ca.SX)]
     space.check_free(symbols, "locked to an expression")
     numbers = space.free_curves({name: locked[name] for name in locked if name not in symbols}, "locked")
+    for name in numbers:
+        if name in POSE_NAMES[3:]:
+            check_radians("locked", name, np.asarray(locked[name], dtype=float))
     return {name: locked[name] for name in locked if name in (*symbols, *numbers)}

@@ -75,6 +75,9 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
                 f"{scene.name!r}, expected some of {', '.join(known)}"
             )
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
+
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""
         return self.networks_for(self.scene, loads)
