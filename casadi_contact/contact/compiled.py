@@ -16,7 +16,7 @@ from casadi_contact.contact.callback import check_loads, contact_callback, model
 from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
-from casadi_contact.contact.touch import first_touch
+from casadi_contact.contact.touch import touching_start
 from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
@@ -110,8 +110,9 @@ class CompiledFoundation(ContactFunctions, Exportable):
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
         """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
+        loads: by name, all if left out.
 
-        Raises ValueError for weights of another shape.
+        Raises ValueError for weights of another shape and for an unknown load.
         """
         names = self.check_loads(loads)
         columns = np.eye(len(self.load_names))[[self.load_names.index(name) for name in names]]
@@ -219,7 +220,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
         beyond the first touch; without a touch the start pose."""
         pose, direction = self.scene.start_pose, self.scene.normal_loads[0].direction
         if direction is not None:
-            deeper = first_touch(self, pose[None], {})[0]
+            deeper = touching_start(self)
             deeper[:3] += EXAMPLE_OVERLAP_MM * direction
             deeper = self.scene.pose_space.onto(deeper)
             pose = deeper if self.gaps(deeper).min() < 0.0 else pose

@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.contact.compiled_elements import CompiledElements
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
-from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
+from casadi_contact.contact.pressure import law_of, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
 from casadi_contact.conventions import (
@@ -73,7 +73,7 @@ class ElasticFoundation:
         self._edges = [e.edge_centres_mm for e in grids]
         self._material = material if compiled else None
         self._patches = [_Bed.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
-        self._law = (law_number(material.law), layer_modulus(material), material.thickness)
+        self._law = law_of(material)
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={self.grid[0]}×{self.grid[1]})"

@@ -30,6 +30,11 @@ def layer_modulus(material: Material) -> float:
     return (1.0 - nu) * material.youngs_modulus / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
 
+def law_of(material: Material) -> tuple[int, float, float]:
+    """Number of a material's law, modulus K [MPa] and thickness h [mm]: what compiled laws are called with."""
+    return law_number(material.law), layer_modulus(material), material.thickness
+
+
 def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
     """(number, K, h, d > 0) -> p, dp/dd, d²p/dd² of the law with that number; NaN for a number that is no law's."""
     if not laws:

@@ -19,7 +19,12 @@ class PressureMap:
     pressures_mpa: Array
 
     @property
+    def forces_n(self) -> Array:
+        """p·A (m,) of each element [N]."""
+        return self.pressures_mpa * self.areas_mm2
+
+    @property
     def centre_mm(self) -> Array | None:
         """Centre of pressure Σ p·A·c / Σ p·A (3,), None out of contact."""
-        force = self.pressures_mpa * self.areas_mm2
+        force = self.forces_n
         return np.asarray(force @ self.centres_mm / force.sum()) if force.any() else None

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.callback import contact_callback
-from casadi_contact.contact.pressure import law_number, layer_modulus, pressure_slopes
+from casadi_contact.contact.pressure import law_of, pressure_slopes
 from casadi_contact.contact.pressure_summary import MEASURES, PressureSummary, pressure_name
 from casadi_contact.conventions import Array, as_poses, pose_or_poses
 from casadi_contact.scenes import Scene
@@ -73,9 +73,7 @@ class PressureOutputs(ABC):
     def _outputs(self, poses: Array) -> tuple[Array, Array]:
         """All outputs (n, P·7) and their derivatives by the pose (n, P·7, 6)."""
         m, dm = self.pressure_moments(poses)
-        material = self.scene.material
-        law = (law_number(material.law), layer_modulus(material), material.thickness)
-        peak, rise = pressure_slopes(*law, m[..., 5])
+        peak, rise = pressure_slopes(*law_of(self.scene.material), m[..., 5])
         loaded = m[..., 1] > 0.0
         area, force = np.where(loaded, m[..., 0], 1.0), np.where(loaded, m[..., 1], np.nan)
         mean, centre = np.where(loaded, m[..., 1] / area, 0.0), m[..., 2:5] / force[..., None]

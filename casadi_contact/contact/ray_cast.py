@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from casadi_contact.contact.model import CallableModel
-from casadi_contact.contact.pressure import law_number, layer_modulus, pressures
+from casadi_contact.contact.pressure import law_of, pressures
 from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
@@ -39,8 +39,7 @@ class RayCastFoundation(CallableModel):
             mesh = patch_mesh(scene.geometry, patch)
             areas = mesh.areas_mm2
             self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
-        material = scene.material
-        self._law = (law_number(material.law), layer_modulus(material), material.thickness)
+        self._law = law_of(scene.material)
 
     def __repr__(self) -> str:
         return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"

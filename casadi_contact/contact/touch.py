@@ -50,6 +50,14 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
     return space.onto(poses)
 
 
+def touching_start(model: ContactModel) -> Array:
+    """The first touch (6,) from the scene's start pose; that pose itself where patches are pressed in no single
+    direction, and for a model without gaps."""
+    start = model.scene.pose_space.onto(model.scene.start_pose)
+    directed = model.scene.normal_loads[0].direction is not None
+    return first_touch(model, start[None], {})[0] if directed and hasattr(model, "gaps") else start
+
+
 def turned_about_anchors(model: ContactModel, start: Array, poses: Array) -> Array:
     """Poses (n, 6) that keep their rotations, moved so that the middle of the patches' anchors lies where it does in a
     start pose (6,): a body whose origin is far from where it touches leaves its socket when that is turned about."""

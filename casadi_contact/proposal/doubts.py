@@ -41,8 +41,8 @@ def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[st
     ]
 
 
-def edges_reached(model: ElasticFoundation, poses: Array) -> list[str]:
-    """Whether the fixed mesh's open edges may be a cut, and in how many of the poses (n, 6) contact reaches a cut."""
+def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
+    """What may carry load where there are no elements, in the poses (n, 6): beyond open edges and cuts, on walls."""
     doubts = []
     if len(body_mesh(model.scene.geometry, "fixed").boundary_edges):
         doubts.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")

@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.proposal.doubts import coarse_coordinates, edges_reached, shells_passed, unsettled
+from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
@@ -125,7 +125,7 @@ def propose(
     poses, report = _reference(tables)
     final = ElasticFoundation(Scene.from_tables(tables))
     tables["sampling"] |= _lost_at_edges(final, poses)
-    untold += [*unsettled(final.scene, report), *edges_reached(final, poses), *shells_passed(final, poses, shells)]
+    untold += [*unsettled(final.scene, report), *beyond_elements(final, poses), *shells_passed(final, poses, shells)]
     begin("done")
     return Proposal(Scene.from_tables(tables), joint, pose, poses, report.converged.size, told, untold)
 

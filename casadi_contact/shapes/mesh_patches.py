@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.projection import DOWN, Projection, projection_of
+from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
@@ -33,10 +33,36 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
     mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
     if reaching or not {"pressing", "cup_centre"} & set(geometry):
         return mesh
-    inwards = np.array([geometry.get("pressing", DOWN)])
+    return mesh.part((mesh.area_vectors_mm2 * _inwards(geometry, mesh)).sum(axis=1) < 0.0)
+
+
+def patch_walls(geometry: Geometry, longest_mm: float) -> TriangleMesh:
+    """The triangles of the patches that are too steep for elements, or undercut, divided until their edges are no
+    longer than `longest_mm`."""
+    import trimesh
+
+    mesh = body_mesh(geometry, "fixed")
+    centres, inwards = mesh.corners_mm.mean(axis=1), _inwards(geometry, mesh)
+    inside = np.any([_in_box(geometry, patch, centres) for patch in geometry["patches"]], axis=0)
+    upward = -(mesh.normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1)
+    steep = mesh.part(inside & (upward <= LEAST_UPWARD))
+    if not len(steep.faces):
+        return steep
+    vertices, faces = trimesh.remesh.subdivide_to_size(steep.vertices_mm, steep.faces, longest_mm, max_iter=20)
+    return TriangleMesh(steep.name, np.asarray(vertices), np.asarray(faces))
+
+
+def _inwards(geometry: Geometry, mesh: TriangleMesh) -> Array:
+    """Where to the moving body presses: at each triangle (n, 3) of a cup, of others everywhere alike (1, 3)."""
     if "cup_centre" in geometry:
-        inwards = mesh.corners_mm.mean(axis=1) - geometry["cup_centre"]
-    return mesh.part((mesh.area_vectors_mm2 * inwards).sum(axis=1) < 0.0)
+        return np.asarray(mesh.corners_mm.mean(axis=1) - geometry["cup_centre"])
+    return np.array([geometry.get("pressing", DOWN)], dtype=float)
+
+
+def _in_box(geometry: Geometry, patch: str, points: Array) -> np.ndarray:
+    """True (n,) for points (n, 3) within a patch's box."""
+    low, high = patch_box(geometry, patch)
+    return np.all((points >= low) & (points < high), axis=1)
 
 
 def patch_projection(geometry: Geometry, patch: str) -> Projection:
@@ -52,7 +78,7 @@ def check_patches(geometry: Geometry) -> None:
     inside = {}
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        inside[patch] = np.all((centres >= low) & (centres < high), axis=1)
+        inside[patch] = _in_box(geometry, patch, centres)
         found, thin = area[inside[patch]].sum(), (high - low).min() < _LEAST_SIDE_MM
         if found < _LEAST_AREA_MM2 or thin:
             cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
@@ -122,7 +148,7 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
     along = np.linspace(0.0, 1.0, _ALONG_EDGE)[:, None, None]
     points = ((1.0 - along) * ends[:, 0] + along * ends[:, 1]).reshape(-1, 3)
     open_edges = cKDTree(points) if len(points) else None
-    others = [patch_box(geometry, other) for other in geometry["patches"] if other != patch]
+    others = [other for other in geometry["patches"] if other != patch]
     for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
         lacking = areas > 0.0
         beside = np.roll(areas, -step, axis) > 0.0
@@ -138,8 +164,8 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         distance, slope = field(beyond)
         rolls_over = np.einsum("nk,nk->n", slope, tangent) > _ROLLING_OVER
         goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~rolls_over
-        for low, high in others:
-            goes_on &= ~np.all((beyond >= low) & (beyond < high), axis=1)
+        for other in others:
+            goes_on &= ~_in_box(geometry, other, beyond)
         if open_edges is not None:
             near = open_edges.query(here)[0] < _NEAR_OPEN_EDGE * width
             goes_on = np.where(near, geometry["open_edges"] == "cut", goes_on)

@@ -72,7 +72,7 @@ def draw_section(
 def _centre(maps: Sequence[PressureMap]) -> Array:
     """Centre of pressure (3,) of all these patches together, the median of their elements out of contact."""
     centres = np.concatenate([pressed.centres_mm for pressed in maps])
-    force = np.concatenate([pressed.pressures_mpa * pressed.areas_mm2 for pressed in maps])
+    force = np.concatenate([pressed.forces_n for pressed in maps])
     return force @ centres / force.sum() if force.any() else np.median(centres, axis=0)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.shapes.mesh_bodies import body_mesh, body_surface
+from casadi_contact.verification.share import share_in_words
 
-MOST_BEYOND = 0.01  # of the load, from which on it is worth a word
 _CHUNK = 200  # poses whose pressed points are looked up at once: the mesh's tree is built anew by each look
 
 
@@ -42,15 +42,14 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
 def _pressed(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
     """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
     maps = model.pressure_maps(pose)
-    force = np.concatenate([each.pressures_mpa * each.areas_mm2 for each in maps])
+    force = np.concatenate([each.forces_n for each in maps])
     return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
 
 
 def words_beyond_open_edges(share: Array) -> str | None:
-    """In how many of the poses more than `MOST_BEYOND` of the load lies there, and how much at most; None for none."""
-    if not (count := int((share > MOST_BEYOND).sum())):
-        return None
-    return (
-        f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies beyond open edges of the moving "
-        "mesh, where its surface is taken to round off: a part that ends there carries less"
+    """`share_in_words` of `share_beyond_open_edges`."""
+    return share_in_words(
+        share,
+        "beyond open edges of the moving mesh, where its surface is taken to round off: a part that ends there carries "
+        "less",
     )

@@ -19,7 +19,7 @@ from casadi_contact.verification import Verdict, judge, own_model
 from problems.calibration.measurement import in_fixed_body
 from problems.calibration.problem import Calibration
 from problems.calibration.solve import CalibrationResult
-from problems.common.outcome import solver_record
+from problems.common.outcome import ended_in_words, solver_record
 from problems.common.records import DIGITS, rms_and_largest, write_summary
 
 _SAME = 1e-3  # standard deviations: starts that end closer together found the same estimate
@@ -174,6 +174,5 @@ def draw(
     for axis in (axes[0, 0], axes[1, 0]):
         axis.legend(fontsize=7)
     axes[0, 1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))  # beside curves that fill the panel
-    ended = result.ipopt_status.replace("_", " ").lower()
-    page.suptitle(f"Calibration: {ended} after {result.iterations} iterations")
+    page.suptitle(f"Calibration: {ended_in_words(result)}")
     save_page(page, path, dots_per_inch=80)

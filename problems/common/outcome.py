@@ -44,6 +44,11 @@ def solver_record(work: SolverWork) -> dict[str, Any]:
     return {"ipopt_status": work.ipopt_status, "ipopt_iterations": work.iterations, "seconds": work.seconds}
 
 
+def ended_in_words(work: SolverWork) -> str:
+    """How IPOPT ended, for a title: "solve succeeded after 8 iterations"."""
+    return f"{work.ipopt_status.replace('_', ' ').lower()} after {work.iterations} iterations"
+
+
 def print_verdict(console: Console, verdict: Verdict) -> None:
     """The first line of every report."""
     console.print(str(verdict), highlight=False, soft_wrap=True)

@@ -16,7 +16,7 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.learned_range import reasons
-from problems.common.outcome import print_reasons, print_verdict, solver_record
+from problems.common.outcome import ended_in_words, print_reasons, print_verdict, solver_record
 from problems.common.records import (
     DIGITS,
     load_columns,
@@ -160,6 +160,5 @@ def draw(problem: OptimalControl, result: ControlResult, ef: Array | None, kind:
         axis.set(title="actuators", ylabel=f"[{unit}]")
         axis.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "time [s]")
-    ended = result.ipopt_status.replace("_", " ").lower()
-    page.suptitle(f"Optimal control: {ended} after {result.iterations} iterations")
+    page.suptitle(f"Optimal control: {ended_in_words(result)}")
     save_page(page, path, dots_per_inch=72)

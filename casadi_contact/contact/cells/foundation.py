@@ -14,7 +14,7 @@ from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_pressures import CompiledPressures
 from casadi_contact.contact.kernel_source import C_FOLDER
-from casadi_contact.contact.pressure import law_number, layer_modulus
+from casadi_contact.contact.pressure import law_of
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array, as_poses, pose_or_poses, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
@@ -97,7 +97,7 @@ class CellFoundation(CompiledPressures):
 
 def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
     """The scene's patches in cells of this size."""
-    law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+    law = law_of(scene.material)
     body, charts = scene.surfaces()[0], patch_charts(scene)  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it
         body = MovingSurface(body.family, in_single_precision(body.parameters))

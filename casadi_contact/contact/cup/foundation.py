@@ -10,7 +10,7 @@ from casadi_contact.contact.cup.pressures import cup_moments
 from casadi_contact.contact.cup.quadrature import cup_loads
 from casadi_contact.contact.cup.source import cup_source
 from casadi_contact.contact.kernel_source import C_FOLDER
-from casadi_contact.contact.pressure import law_number, layer_modulus
+from casadi_contact.contact.pressure import law_of
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text
@@ -31,7 +31,7 @@ class CupFoundation(CompiledPressures):
             raise ValueError(f"points = {points}, expected a multiple of 4")
         self.points = points
         self.cup = cup_of(scene)
-        self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+        self.law = law_of(scene.material)
 
     @property
     def resolution(self) -> str:

@@ -11,7 +11,7 @@ from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.source import polar_source
-from casadi_contact.contact.pressure import law_number, layer_modulus
+from casadi_contact.contact.pressure import law_of
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text
@@ -36,7 +36,7 @@ class PolarFoundation(CompiledPressures):
         self.rays = rays
         self.lanes = 8 if rays.count % 8 == 0 else 4
         self.patches = smooth_patches(scene)
-        self.law = (law_number(scene.material.law), layer_modulus(scene.material), scene.material.thickness)
+        self.law = law_of(scene.material)
 
     @property
     def resolution(self) -> str:
