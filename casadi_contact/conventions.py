@@ -133,6 +133,15 @@ def possible_loads(patch_names: Sequence[str]) -> tuple[str, ...]:
     return (*WRENCH_NAMES, *(f"{component}_{patch}" for patch in patch_names for component in WRENCH_NAMES))
 
 
+def loads_of_total(component: str, load_names: Sequence[str], patch_names: Sequence[str]) -> tuple[str, ...]:
+    """The named loads whose sum is a component of the total wrench: that itself, where it is named, else those of all
+    patches; none where these are not all named."""
+    if component in load_names:
+        return (component,)
+    parts = tuple(f"{component}_{patch}" for patch in patch_names)
+    return parts if set(parts) <= set(load_names) else ()
+
+
 def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
     """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches.
 

@@ -32,7 +32,7 @@ from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.contact import PolarFoundation, SymbolicContact, foundation
 from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array
+from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
 from casadi_contact.files.toml import toml_tables, toml_text
 from casadi_contact.quantities import TORQUE, quantity
 from casadi_contact.scenes import Scene, load_scene
@@ -84,8 +84,7 @@ def joint_foundation(scene: Scene) -> SymbolicContact:
 def whole_wrench(scene: Scene) -> Scene:
     """The scene with every component of the wrench among its loads: those that it leaves out in total, with the
     loosest tolerance of their kind, or that of the other kind at the lever `LEVER_MM`."""
-    present = {name.partition("_")[0] for name in scene.load_names}
-    missing = [name for name in WRENCH_NAMES if name not in present]
+    missing = [name for name in WRENCH_NAMES if not loads_of_total(name, scene.load_names, scene.patch_names)]
     if not missing:
         return scene
     tolerances = dict(scene.tolerances)

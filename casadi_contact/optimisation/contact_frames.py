@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, symbolic
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, pose_index
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, loads_of_total, pose_index
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
@@ -149,10 +149,14 @@ class ContactFrames:
 
     def _total(self, component: str) -> ca.MX:
         """A component of the total wrench (1, n), from the patches' where the scene does not name it."""
-        parts = [self.load(name) for name in self.load_names if name.partition("_")[0] == component]
-        if not parts:
-            raise ValueError(f"a centre of pressure needs {component}, the loads are {', '.join(self.load_names)}")
-        return sum(parts[1:], parts[0])
+        names = loads_of_total(component, self.load_names, self._scene.patch_names)
+        if not names:
+            raise ValueError(
+                f"a centre of pressure needs {component} in total or of every patch, the loads are "
+                f"{', '.join(self.load_names)}"
+            )
+        first, *others = (self.load(name) for name in names)
+        return sum(others, first)
 
     def _normal_rows(self, patch: int, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:
         """Misfit of the named loads that a patch's normal load is made of."""

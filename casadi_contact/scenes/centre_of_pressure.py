@@ -19,12 +19,16 @@ _ANATOMICAL = {"cop_ap": "cop_x", "cop_ml": "cop_z"}  # of a joint that is press
 
 @dataclass(frozen=True)
 class CentreOfPressure:
-    """One coordinate, along axis 0 (x), 1 or 2: sign·T/F [mm] of the total force F and torque T by these names."""
+    """One coordinate, along axis 0 (x), 1 or 2: sign·T/F [mm] of the total force F and torque T by these names.
+
+    pressing: the sign of F where the body is pressed.
+    """
 
     axis: int
     force: str
     torque: str
     sign: float
+    pressing: float
 
     @property
     def made_of(self) -> tuple[str, str]:
@@ -40,10 +44,10 @@ def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPres
     name = name.removesuffix("_mm")
     if not name.startswith("cop_"):
         return None
-    pressed = {normal.component for normal in normals}
-    axis = next(iter(pressed)) if len(pressed) == 1 else None
+    pressed = {(normal.component, normal.sign) for normal in normals if normal.component is not None}
+    axis, pressing = next(iter(pressed)) if len(pressed) == 1 else (None, 0.0)
     if axis is None:
-        raise ValueError(f"{name}: the scene's patches are not pressed along one axis, expected forces and torques")
+        raise ValueError(f"{name}: the scene's patches are not pressed in one direction, expected forces and torques")
     a = _AXES.index(axis[-1])
     known = {f"cop_{_AXES[b]}": b for b in range(3) if b != a}
     known |= {alias: known[of] for alias, of in _ANATOMICAL.items() if a == 1}
@@ -53,4 +57,4 @@ def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPres
         )
     b = known[name]
     k = 3 - a - b
-    return CentreOfPressure(b, axis, f"T{_AXES[k]}", 1.0 if (b - k) % 3 == 1 else -1.0)
+    return CentreOfPressure(b, axis, f"T{_AXES[k]}", 1.0 if (b - k) % 3 == 1 else -1.0, pressing)

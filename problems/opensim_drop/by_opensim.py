@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +19,21 @@ import numpy as np
 import opensim
 from scipy.integrate import solve_ivp
 
-_COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _NOT_FINITE = 2  # status of the kernel
 
 
-def contact_wrench(library: Path, load_names: Sequence[str]) -> Callable[[np.ndarray], np.ndarray]:
-    """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body, by the exported function contact_loads."""
+def contact_wrench(library: Path, total: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body, by the exported function contact_loads,
+    whose loads a matrix (6, loads) adds up."""
     kernel = ctypes.CDLL(str(library.resolve())).contact_loads
     vector = np.ctypeslib.ndpointer(dtype=float, flags="C_CONTIGUOUS")
     kernel.argtypes, kernel.restype = (vector, vector), ctypes.c_int
-    places = [_COMPONENTS.index(name.partition("_")[0]) for name in load_names]
 
     def wrench(pose: np.ndarray) -> np.ndarray:
-        loads, total = np.empty(len(load_names)), np.zeros(6)
+        loads = np.empty(total.shape[1])
         if kernel(np.ascontiguousarray(pose), loads) == _NOT_FINITE:
             raise ValueError(f"the pose {pose} is not finite")
-        np.add.at(total, places, loads)
-        return total
+        return np.asarray(total @ loads)
 
     return wrench
 
@@ -74,7 +72,7 @@ class FallingBody:
 def simulate(library: Path, settings: Mapping[str, Any]) -> np.ndarray:
     """Poses (points, 6) [mm, rad] of the drop."""
     body = FallingBody(settings["mass_kg"], settings["inertia_kgm2"])
-    wrench_of = contact_wrench(library, settings["load_names"])
+    wrench_of = contact_wrench(library, np.array(settings["total"]))
     push = np.array(settings["push_n"])
 
     def rates(time: float, state: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.optimisation import total_selection
 from casadi_contact.structures import Surrogate
 
 
@@ -47,7 +48,7 @@ class Drop:
     def settings(self) -> dict[str, object]:
         """Plain values for another process."""
         return {
-            "load_names": list(self.surrogate.load_names),
+            "total": total_selection(self.surrogate.load_names, self.surrogate.scene.patch_names).tolist(),
             "start_pose": self.start_pose.tolist(),
             "mass_kg": self.mass_kg,
             "inertia_kgm2": self.inertia_kgm2,

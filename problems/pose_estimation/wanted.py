@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import LEVER_MM, Array
+from casadi_contact.conventions import LEVER_MM, Array, loads_of_total
 from casadi_contact.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of_pressure
@@ -39,14 +39,14 @@ class WantedLoads:
                 needed.add(name)
                 continue
             centres[name] = centre
-            parts = [{load for load in scene.load_names if load.partition("_")[0] == of} for of in centre.made_of]
+            parts = [_adding_up_to(component, scene, values) for component in centre.made_of]
             if not all(parts):
                 made_of, has = " and ".join(centre.made_of), ", ".join(scene.load_names)
                 raise ValueError(
-                    f"{name} needs {made_of}, scene {scene.name} has {has}: add what is missing to its loads.names and "
-                    "tolerances"
+                    f"{name} needs {made_of}, in total or of every patch, scene {scene.name} has {has}: add what is "
+                    "missing to its loads.names and tolerances"
                 )
-            needed |= parts[0] | parts[1]
+            needed |= {*parts[0], *parts[1]}
         unknown = needed - set(scene.load_names)
         if unknown:
             raise ValueError(
@@ -95,7 +95,7 @@ class WantedLoads:
         """The same as named loads alone, as `settle` takes them; None where a centre's force is not wanted itself."""
         targets = {name: curve for name, curve in self.values.items() if name not in self.centres}
         for name, centre in self.centres.items():
-            if centre.torque not in self.scene.load_names or not set(self._parts(centre)) <= set(targets):
+            if centre.torque not in self.scene.load_names or not set(self._adding_up_to(centre.force)) <= set(targets):
                 return None
             targets[centre.torque] = centre.sign * self.values[name] * self._force(centre)
         return targets
@@ -110,26 +110,34 @@ class WantedLoads:
         closely = np.minimum(least * COP_TOLERANCE_MM / LEVER_MM, ROUGHLY_N)
         return np.asarray(10.0 ** np.floor(np.log10(closely)))
 
-    def _parts(self, centre: CentreOfPressure) -> list[str]:
-        """The loads of the scene that the force of a centre of pressure is made of."""
-        return [load for load in self.scene.load_names if load.partition("_")[0] == centre.force]
-
     def _force(self, centre: CentreOfPressure) -> Array:
         """The wanted force (n,) of a centre of pressure."""
         zero = np.zeros(len(next(iter(self.values.values()))))
-        return np.asarray(sum((self.values.get(part, zero) for part in self._parts(centre)), zero))
+        return np.asarray(sum((self.values.get(part, zero) for part in self._adding_up_to(centre.force)), zero))
 
     def _one(self, name: str, loads: Array) -> Array:
         if name not in self.centres:
             return loads[:, self.load_names.index(name)]
         centre = self.centres[name]
         force, torque = (self._total(component, loads) for component in centre.made_of)
-        pressed = np.sign(self.scene.normal_loads[0].sign) * force > 0.0
+        pressed = centre.pressing * force > 0.0
         return centre.sign * np.where(pressed, torque, np.nan) / np.where(pressed, force, np.nan)
 
     def _total(self, component: str, loads: Array) -> Array:
-        columns = [i for i, load in enumerate(self.load_names) if load.partition("_")[0] == component]
+        columns = [self.load_names.index(name) for name in self._adding_up_to(component)]
         return np.asarray(loads[:, columns].sum(axis=1))
+
+    def _adding_up_to(self, component: str) -> tuple[str, ...]:
+        return _adding_up_to(component, self.scene, self.values)
+
+
+def _adding_up_to(component: str, scene: Scene, values: Mapping[str, Array]) -> tuple[str, ...]:
+    """The loads of the scene that a component of the total wrench is the sum of (`loads_of_total`), of these values
+    alone where they are enough."""
+    wanted = [name for name in scene.load_names if name in values]
+    return loads_of_total(component, wanted, scene.patch_names) or loads_of_total(
+        component, scene.load_names, scene.patch_names
+    )
 
 
 def off_by(names: Mapping[str, Array], errors: Array) -> str:

@@ -38,7 +38,7 @@ def report(
     scene = problem.model.scene
     foundations = models_on_grids(scene)
     grids = grids_in_words(foundations)
-    total = total_selection(scene.load_names).T
+    total = total_selection(scene.load_names, scene.patch_names).T
     result = replace(result, wrenches=_about(problem, result.poses, result.wrenches))
     ef = {
         name: _about(problem, result.poses, foundation(result.poses) @ total)

@@ -30,7 +30,7 @@ def test_a_knee_knows_its_directions_by_their_anatomical_names():
 @pytest.mark.parametrize(
     ("scene", "name", "said"),
     [
-        ("hip", "cop_x", "cop_x: the scene's patches are not pressed along one axis"),
+        ("hip", "cop_x", "cop_x: the scene's patches are not pressed in one direction"),
         ("knee", "cop_y", "unknown centre of pressure 'cop_y' of a scene pressed along Fy, expected cop_x, cop_z"),
         ("patellofemoral", "cop_ap", "of a scene pressed along Fx, expected cop_y, cop_z"),
     ],

@@ -17,6 +17,14 @@ int component(const std::string& load) {
   return place;
 }
 
+/* Loads of patches are not added to a total that has a name itself. */
+bool isNamedInTotal(int place) {
+  for (int i = 0; i < CONTACT_LOADS; i++) {
+    if (contact_load_names[i] == kComponents[place]) return true;
+  }
+  return false;
+}
+
 void push(const OpenSim::PhysicalFrame& frame, const SimTK::State& state, const SimTK::Vec3& at,
           const SimTK::SpatialVec& wrench, SimTK::Vector_<SimTK::SpatialVec>& bodyForces) {
   const SimTK::MobilizedBody& body = frame.getMobilizedBody();
@@ -40,6 +48,7 @@ SimTK::SpatialVec SurrogateContact::wrench(const SimTK::State& state) const {
   SimTK::SpatialVec total(SimTK::Vec3(0), SimTK::Vec3(0));
   for (int i = 0; i < CONTACT_LOADS; i++) {
     const int place = component(contact_load_names[i]);
+    if (isNamedInTotal(place) && contact_load_names[i] != kComponents[place]) continue;
     if (place < 3) total[1][place] += loads[i];
     else total[0][place - 3] += 1e-3 * loads[i];
   }

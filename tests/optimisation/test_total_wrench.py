@@ -1,0 +1,61 @@
+"""The total wrench counts every patch once, however a scene names its loads."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.assembly.file import whole_wrench
+from casadi_contact.conventions import WRENCH_NAMES
+from casadi_contact.optimisation import ContactFrames, total_selection
+from problems.pose_estimation.wanted import WantedLoads
+
+OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]
+BY_NAMES = {
+    "in total": ["Fy", *OTHERS],
+    "of both sides": ["Fy_med", "Fy_lat", *OTHERS],
+    "in total and of both sides": ["Fy_med", "Fy", "Fy_lat", *OTHERS],
+    "in total and of one side": ["Fy_lat", *OTHERS, "Fy"],
+}
+ONE_SIDE = ["Fy_med", *OTHERS]
+
+
+def knee(names):
+    tables = cc.load_scene("knee").tables
+    loads = {**tables["loads"], "names": names}
+    return cc.Scene.from_tables({**tables, "loads": loads, "tolerances": dict.fromkeys(names, 5.0)})
+
+
+@pytest.fixture(params=BY_NAMES.values(), ids=BY_NAMES)
+def model(request):
+    return cc.foundation(knee(request.param))
+
+
+def test_it_is_the_sum_over_the_patches(model):
+    pose = np.array([model.example_pose()])
+    total = total_selection(model.load_names, model.patch_names) @ model(pose)[0]
+    np.testing.assert_allclose(total, model.wrenches(pose)[0].sum(axis=0), rtol=1e-12, atol=1e-9)
+
+
+def test_a_centre_of_pressure_is_that_of_all_that_presses(model):
+    pose = np.array([model.example_pose()])
+    whole = model.wrenches(pose)[0].sum(axis=0)
+    centre = whole[5] / whole[1]  # Tz/Fy
+    wanted = WantedLoads.of(model.scene, {"cop_ap": np.array([centre])})
+    loads = model(pose)[:, [model.load_names.index(name) for name in wanted.load_names]]
+    assert wanted.got(loads)[0, 0] == pytest.approx(centre, rel=1e-9)
+    frames = ContactFrames(model, 1)
+    misfit = ca.Function("misfit", [frames.q], [frames.misfit({"cop_ap": centre})])
+    assert abs(float(misfit(frames.variables(pose)))) < 1e-6
+
+
+def test_of_one_side_alone_there_is_none():
+    scene = knee(ONE_SIDE)
+    with pytest.raises(ValueError, match="hold no Fy, expected all of .* in total or of every patch"):
+        total_selection(scene.load_names, scene.patch_names)
+    with pytest.raises(ValueError, match="cop_ap needs Fy and Tz, in total or of every patch"):
+        WantedLoads.of(scene, {"cop_ap": np.zeros(1)})
+    with pytest.raises(ValueError, match="a centre of pressure needs Fy in total or of every patch"):
+        ContactFrames(cc.foundation(scene), 1).misfit({"cop_ap": 0.0})
+    completed = whole_wrench(scene)
+    assert completed.load_names == (*ONE_SIDE, "Fy")
