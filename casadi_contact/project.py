@@ -14,8 +14,9 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
-from casadi_contact.motion.joint_cycle import JointCycle, driving_loads, read_joint_cycle, scene_cycles
-from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
+from casadi_contact.motion.columns import TextColumns
+from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.motion.load_cycle import KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.presets import PRESETS, Preset
 from casadi_contact.sampling import (
@@ -144,11 +145,20 @@ def walks(scene: Scene) -> bool:
     return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
 
 
-def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle] | list[JointCycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
-    if not walks(scene):
-        return [read_joint_cycle(path, scene) for path in cycle_files] or scene_cycles(scene)
-    return [read_cycle(path) for path in cycle_files] or reference_cycles()
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
+
+    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do.
+    """
+    if walks(scene):
+        return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
+    return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
+
+
+def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
+    header = set(TextColumns.read(path, "cycle file").header)
+    of_any_joint = set(column_names(()).values()) & header and not KNEE_POSE_COLUMNS & header
+    return read_joint_cycle(path, scene) if of_any_joint else read_cycle(path)
 
 
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:

@@ -21,6 +21,7 @@ COLUMNS = {
     "cop_ap_mm": "cop_ap_mm",
     "cop_ml_mm": "cop_ml_mm",
 }
+KNEE_POSE_COLUMNS = frozenset({COLUMNS["rz"], COLUMNS["ry"]})  # by which a file is a knee's
 _CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
 _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
 _LARGEST_COP_MM = 200.0

@@ -53,13 +53,20 @@ class Mesh(Shape):
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
         from casadi_contact.geometry.mesh_elements import grid_on_mesh
         from casadi_contact.shapes.mesh_bodies import body_field, patch_box
-        from casadi_contact.shapes.mesh_patches import check_patches, check_side, patch_mesh, patch_projection
+        from casadi_contact.shapes.mesh_patches import (
+            check_patches,
+            check_shared,
+            check_side,
+            patch_mesh,
+            patch_projection,
+        )
 
         check_patches(geometry)
         field, found = body_field(geometry, "fixed"), []
         for patch in geometry["patches"]:
             mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
             found.append(grid_on_mesh(mesh, field, grid, box, patch_projection(geometry, patch)))
+        check_shared(geometry, found)
         for patch, cells in zip(geometry["patches"], found, strict=True):
             check_side(geometry, patch, cells)
         return found
@@ -70,21 +77,22 @@ class Mesh(Shape):
         """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
         from casadi_contact.geometry.mesh_elements import open_triangles, triangles_on_mesh
         from casadi_contact.shapes.mesh_bodies import body_field
-        from casadi_contact.shapes.mesh_patches import check_patches, cut_cells, patch_mesh
+        from casadi_contact.shapes.mesh_patches import check_patches, check_shared, cut_cells, patch_mesh
 
         field, found = body_field(geometry, "fixed"), []
         if geometry["elements"] == "grid":
-            of_patch = dict(zip(geometry["patches"], self.cells(geometry, grid), strict=True))
-            for (patch, cells), ranges in zip(of_patch.items(), z_ranges_mm, strict=True):
+            for patch, cells, ranges in zip(geometry["patches"], self.cells(geometry, grid), z_ranges_mm, strict=True):
                 centres, normals, areas = cells
                 cut = cut_cells(geometry, patch, cells, field)
                 found += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
             return found
         check_patches(geometry)
-        for patch, ranges in zip(geometry["patches"], z_ranges_mm, strict=True):
-            mesh = patch_mesh(geometry, patch)
-            triangles, outermost = triangles_on_mesh(mesh, field), open_triangles(mesh)
-            found += [scattered_elements(*triangles, outermost, z_mm) for z_mm in ranges]
+        meshes = [patch_mesh(geometry, patch) for patch in geometry["patches"]]
+        triangles = [triangles_on_mesh(mesh, field) for mesh in meshes]
+        check_shared(geometry, triangles)
+        for mesh, (centres, normals, areas), ranges in zip(meshes, triangles, z_ranges_mm, strict=True):
+            outermost = open_triangles(mesh)
+            found += [scattered_elements(centres, normals, areas, outermost, z_mm) for z_mm in ranges]
         return found
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:

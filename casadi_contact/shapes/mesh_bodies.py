@@ -14,6 +14,7 @@ from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.mesh import FILE_AXES, load_mesh
 from casadi_contact.geometry.mesh_checks import Box
 from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.projection import DOWN
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
@@ -112,6 +113,14 @@ def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:
     bounds = geometry["patches"][patch]
     box = np.array([bounds.get(axis, _NO_BOUND) for axis in FILE_AXES])
     return box[:, 0], box[:, 1]
+
+
+def patch_view(geometry: Geometry, patch: str) -> tuple[list[float], list[float] | None]:
+    """How a patch is seen: where to the moving body presses (3,), and, unless the patch states `pressing` itself, the
+    scene's `cup_centre` (3,) [mm], if it has one."""
+    scene = geometry.get("pressing", DOWN)
+    own = geometry["patches"][patch].get("pressing")
+    return (list(scene), geometry.get("cup_centre")) if own is None else (own, None)
 
 
 def _source(geometry: Geometry, body: str) -> _Source:

@@ -21,6 +21,7 @@
     x = [-20.0, 20.0]                     # where the patch's elements lie, likewise y; no bound if left out
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
+    pressing = [-1.0, 0.0, 0.0]           # of this patch alone: a post's wall, a ridge that another direction sees
     spots = 8                             # how many root loads its networks add up, where it touches in several places
     split_z = [17.0]                      # or cut into parts, learned apart
 
@@ -74,8 +75,8 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
     for key, length in _LISTS.items():
         if key in values:
             values[key] = _numbers(f"geometry.{key}", values[key], length)
-    if "pressing" in values and not math.hypot(*values["pressing"]) > 0.0:
-        raise fail("geometry.pressing", values["pressing"], "a direction, for example [0.0, -1.0, 0.0]")
+    if "pressing" in values:
+        _check_direction("geometry.pressing", values["pressing"])
     values["placement"] = {
         body: _placement(f"geometry.placement.{body}", table)
         for body, table in table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False).items()
@@ -91,17 +92,24 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:
-    values = table_of(key, table, ("x", "y", "z", "anchor", "spots", "split_z"), complete=False)
-    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3)):
+    values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "spots", "split_z"), complete=False)
+    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3), ("pressing", 3)):
         listed = _numbers(f"{key}.{name}", values.get(name, [0.0, 1.0, 2.0][:length]), length)
         if length == 2 and listed[0] >= listed[1]:
             raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
+        if name == "pressing":
+            _check_direction(f"{key}.{name}", listed)
     spots = values.get("spots", 1)
     if isinstance(spots, bool) or not isinstance(spots, int) or not 1 <= spots <= MOST_SPOTS:
         raise fail(f"{key}.spots", spots, f"a whole number from 1 to {MOST_SPOTS}")
     if "split_z" in values:
         _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
     return values
+
+
+def _check_direction(key: str, direction: list[float]) -> None:
+    if not math.hypot(*direction) > 0.0:
+        raise fail(key, direction, "a direction, for example [0.0, -1.0, 0.0]")
 
 
 def _numbers(key: str, value: object, length: int) -> list[float]:

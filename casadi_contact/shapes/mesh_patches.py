@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,10 +11,10 @@ from scipy.spatial import cKDTree
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Projection, projection_of
+from casadi_contact.geometry.projection import LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box, patch_view
 from casadi_contact.shapes.shape import Geometry
 
 _LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no joint's
@@ -28,35 +29,39 @@ _NEAR_OPEN_EDGE = 1.5  # cells
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box.
 
-    Where the scene states `pressing` or `cup_centre`, only those that face the moving body.
+    Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face the moving body.
     """
     mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
-    if reaching or not {"pressing", "cup_centre"} & set(geometry):
-        return mesh
-    return mesh.part((mesh.area_vectors_mm2 * _inwards(geometry, mesh)).sum(axis=1) < 0.0)
+    return mesh if reaching else mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 
 def patch_walls(geometry: Geometry, longest_mm: float) -> TriangleMesh:
-    """The triangles of the patches that are too steep for elements, or undercut, divided until their edges are no
-    longer than `longest_mm`."""
+    """The triangles of the patches that are too steep for elements of all that hold them, or undercut, divided until
+    their edges are no longer than `longest_mm`."""
     import trimesh
 
     mesh = body_mesh(geometry, "fixed")
-    centres, inwards = mesh.corners_mm.mean(axis=1), _inwards(geometry, mesh)
-    inside = np.any([_in_box(geometry, patch, centres) for patch in geometry["patches"]], axis=0)
-    upward = -(mesh.normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1)
-    steep = mesh.part(inside & (upward <= LEAST_UPWARD))
-    if not len(steep.faces):
-        return steep
-    vertices, faces = trimesh.remesh.subdivide_to_size(steep.vertices_mm, steep.faces, longest_mm, max_iter=20)
-    return TriangleMesh(steep.name, np.asarray(vertices), np.asarray(faces))
+    centres, patches = mesh.corners_mm.mean(axis=1), geometry["patches"]
+    inside = np.array([_in_box(geometry, patch, centres) for patch in patches])
+    seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
+    walls = mesh.part(inside.any(axis=0) & ~(inside & seen).any(axis=0))
+    if not len(walls.faces):
+        return walls
+    vertices, faces = trimesh.remesh.subdivide_to_size(walls.vertices_mm, walls.faces, longest_mm, max_iter=20)
+    return TriangleMesh(walls.name, np.asarray(vertices), np.asarray(faces))
 
 
-def _inwards(geometry: Geometry, mesh: TriangleMesh) -> Array:
-    """Where to the moving body presses: at each triangle (n, 3) of a cup, of others everywhere alike (1, 3)."""
-    if "cup_centre" in geometry:
-        return np.asarray(mesh.corners_mm.mean(axis=1) - geometry["cup_centre"])
-    return np.array([geometry.get("pressing", DOWN)], dtype=float)
+def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:
+    """True (n,) where a surface at points (n, 3) with normals (n, 3) bears elements of a patch whose box holds it:
+    where it is not too steep, of triangles where it faces the moving body, or anywhere if nothing says where that is.
+    """
+    grid = geometry["elements"] == "grid"
+    if not grid and not {"pressing", "cup_centre"} & {*geometry, *geometry["patches"][patch]}:
+        return np.ones(len(points), dtype=bool)
+    pressing, centre = patch_view(geometry, patch)
+    inwards = np.array([pressing]) if centre is None else points - centre
+    upward = -(normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1)
+    return np.asarray(upward > (LEAST_UPWARD if grid else 0.0))
 
 
 def _in_box(geometry: Geometry, patch: str, points: Array) -> np.ndarray:
@@ -67,30 +72,38 @@ def _in_box(geometry: Geometry, patch: str, points: Array) -> np.ndarray:
 
 def patch_projection(geometry: Geometry, patch: str) -> Projection:
     """What a patch's elements and cells are laid out by: rays along `pressing`, or from the middle of a cup."""
-    mesh = patch_mesh(geometry, patch, reaching=True)
-    return projection_of(geometry.get("pressing", DOWN), geometry.get("cup_centre"), mesh)
+    return projection_of(*patch_view(geometry, patch), patch_mesh(geometry, patch, reaching=True))
 
 
 def check_patches(geometry: Geometry) -> None:
-    """Raise ValueError for a patch of hardly any surface, and for two that share some: it would count twice."""
+    """Raise ValueError for a patch of hardly any surface."""
     mesh = body_mesh(geometry, "fixed")
     centres, area = mesh.corners_mm.mean(axis=1), mesh.areas_mm2
-    inside = {}
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        inside[patch] = _in_box(geometry, patch, centres)
-        found, thin = area[inside[patch]].sum(), (high - low).min() < _LEAST_SIDE_MM
+        found, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < _LEAST_SIDE_MM
         if found < _LEAST_AREA_MM2 or thin:
             cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
             raise ValueError(
                 f"scene: geometry.patches.{patch} holds {found:.2g} mm² of the mesh {mesh.name} within its bounds, "
                 f"expected {_LEAST_AREA_MM2:g} mm² at least, and bounds {_LEAST_SIDE_MM:g} mm apart: {cure}"
             )
-    for one, other in itertools.combinations(inside, 2):
-        if (shared := area[inside[one] & inside[other]].sum()) > 0.0:
+
+
+def check_shared(geometry: Geometry, elements: Sequence[Cells]) -> None:
+    """Raise ValueError for two patches, with elements in their order, that share some surface: it would count twice.
+
+    Seen from different sides they share what both see: a post's wall and the floor below it nothing.
+    """
+    patches = dict(zip(geometry["patches"], elements, strict=True))
+    for one, other in itertools.permutations(patches, 2):
+        centres, normals, areas = patches[one]
+        points, normals = centres.reshape(-1, 3), normals.reshape(-1, 3)
+        both = _in_box(geometry, other, points) & _seen(geometry, other, points, normals)
+        if (shared := areas.ravel()[both].sum()) > 0.0:
             raise ValueError(
-                f"scene: geometry.patches.{one} and {other} share {shared:.3g} mm² of the mesh {mesh.name}, which "
-                "would carry load twice: let one begin where the other ends"
+                f"scene: geometry.patches.{one} and {other} share {shared:.3g} mm² of the mesh "
+                f"{body_mesh(geometry, 'fixed').name}, which would carry load twice: let one begin where the other ends"
             )
 
 
@@ -111,10 +124,11 @@ def check_side(geometry: Geometry, patch: str, cells: Cells) -> None:
     turned_away = shell & (behind < distance) & (np.einsum("nk,nk->n", slope @ R.T, normals) > 0.0)
     if distance.min() < -_NEAR_MM or near.sum() < _LEAST_NEAR or turned_away[near].mean() < _MOSTLY:
         return
-    cure = f"where to it presses, as geometry.pressing = {_opposite(normals[near])}"
+    key = f"geometry.patches.{patch}.pressing" if "pressing" in geometry["patches"][patch] else "geometry.pressing"
+    cure = f"where to it presses, as {key} = {_opposite(normals[near])}"
     raise ValueError(
         f"scene: the elements of the patch {patch} lie on the side of {mesh.name} that faces away from the moving "
-        f"body in its start pose: say {'where its hollow is' if 'cup_centre' in geometry else cure}"
+        f"body in its start pose: say {cure if patch_view(geometry, patch)[1] is None else 'where its hollow is'}"
     )
 
 

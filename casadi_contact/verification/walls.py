@@ -17,7 +17,7 @@ _FACING = 0.5  # cos of the angle between a wall's normal and the way to the bod
 
 def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
     """Share (n,) of the pressing force Σ p·A that lies on walls: triangles within the patches' boxes that are steeper
-    than 78 degrees seen along the rays that lay out elements, or undercut.
+    than 78 degrees seen along the rays that lay out elements, or undercut, for each patch that holds them.
 
     Neither elements nor cells know of it, so that it is no difference between them. Depths are minus the moving mesh's
     distance from the triangles' centres. 0 out of contact, and for scenes that are no meshes or whose elements are the
@@ -51,5 +51,5 @@ def words_on_walls(share: Array) -> str | None:
     return share_in_words(
         share,
         "on walls of the fixed mesh steeper than 78 degrees, such as a post's, where there are no elements: it is not "
-        "counted",
+        "counted, unless a patch of its own lies there (geometry.patches.NAME.pressing)",
     )

@@ -1,0 +1,91 @@
+"""A patch may state its own direction of pressing: a post's wall beside the floor that all else presses from above."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.optimisation import ContactFrames
+from casadi_contact.verification import share_on_walls
+from tests.support.meshes import ELASTIC, ball_mesh, mesh_scene_text, post_mesh, write_obj
+
+RADIUS_MM = 8.0
+FLOOR = "[geometry.patches.floor]\nx = [0.0, 30.0]\n"
+WALL = "[geometry.patches.wall]\nx = [-0.5, 0.5]\ny = [0.5, 16.0]\npressing = [-1.0, 0.0, 0.0]\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wall_patch")
+    write_obj(folder / "post.obj", *post_mesh())
+    write_obj(folder / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
+    return folder
+
+
+def scene_of(folder, patches=FLOOR + WALL, sensitive='["-Fy_floor", "-Fx_wall"]', **options):
+    path = folder / "corner.toml"
+    text = mesh_scene_text(folder / "ball.obj", folder / "post.obj", extra=patches, grid=(160, 160), **options)
+    text = text.replace('sensitive_pose = ["ty"]', 'sensitive_pose = ["ty", "tx"]')
+    path.write_text(text.replace('sensitive = ["Fy"]', f"sensitive = {sensitive}"))
+    return cc.load_scene(path)
+
+
+def force_n(overlap_mm):
+    """π·K/h·d²·(R - d/3): a ball on a plane, depth along the plane's normal."""
+    nu = ELASTIC["poissons_ratio"]
+    modulus = (1.0 - nu) * ELASTIC["youngs_modulus"] / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    return np.pi * modulus / ELASTIC["thickness"] * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0)
+
+
+@pytest.fixture(scope="module", params=["cells", "elements"])
+def model(request, folder):
+    scene = scene_of(folder)
+    return cc.CellFoundation(scene) if request.param == "cells" else cc.ElasticFoundation(scene, (160, 160))
+
+
+def corner(on_wall_mm, on_floor_mm):
+    """The ball as deep in the wall and in the floor."""
+    return np.array([RADIUS_MM - on_wall_mm, RADIUS_MM - on_floor_mm, 2.0, 0.0, 0.0, 0.0])
+
+
+def test_a_ball_in_the_corner_is_carried_by_floor_and_wall_as_by_two_planes(model):
+    on_wall, on_floor = 0.2, 0.3
+    pose = corner(on_wall, on_floor)
+    floor, wall = model.wrenches(pose)
+    for wrench, direction, overlap in ((floor, [0.0, -1.0, 0.0], on_floor), (wall, [-1.0, 0.0, 0.0], on_wall)):
+        force = force_n(overlap) * np.array(direction)
+        np.testing.assert_allclose(wrench[:3], force, atol=0.02 * force_n(overlap))
+        np.testing.assert_allclose(wrench[3:], np.cross(pose[:3], force), atol=0.02 * force_n(overlap) * RADIUS_MM)
+    np.testing.assert_allclose(model.gaps(corner(-1.5, -0.5)), [0.5, 1.5], atol=0.01)
+
+
+def test_load_on_the_wall_is_lost_no_longer(folder, model):
+    poses = np.array([corner(0.3, -0.5)])
+    assert share_on_walls(cc.ElasticFoundation(scene_of(folder, FLOOR, '["-Fy_floor"]')), poses) == 1.0
+    np.testing.assert_array_equal(share_on_walls(model, poses), 0.0)
+
+
+def test_ipopt_finds_the_pose_that_presses_both(model):
+    frames = ContactFrames(model, 1, locked={"tz": 2.0, "rx": 0.0, "ry": 0.0, "rz": 0.0})
+    wanted = {"Fy_floor": -force_n(0.3), "Fx_wall": -force_n(0.2)}
+    misfit = frames.misfit(wanted)
+    solver = ca.nlpsol("solver", "ipopt", {"x": ca.vec(frames.q), "f": ca.sumsqr(misfit)}, {"ipopt.print_level": 0})
+    found = solver(x0=frames.variables(np.array([corner(-2.0, -3.0)])))
+    assert solver.stats()["success"]
+    pose = frames.moved(np.array([corner(0.0, 0.0)]), found["x"])[0]
+    np.testing.assert_allclose(pose[:2], corner(0.2, 0.3)[:2], atol=0.005)
+
+
+def test_patches_seen_from_different_sides_share_what_both_see_alone(folder):
+    with pytest.raises(ValueError, match=r"floor and wall share .* which would carry load twice"):
+        cc.ElasticFoundation(
+            scene_of(
+                folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", "[-1.0, -1.0, 0.0]").replace("0.5, 16", "-0.5, 16")
+            )
+        )
+
+
+def test_a_direction_is_checked_and_the_far_side_of_a_wall_refused(folder):
+    for wrong, said in (("[0.0, 0.0, 0.0]", "a direction, for example"), ("[1.0, 0.0]", "3 numbers")):
+        with pytest.raises(ValueError, match=rf"geometry\.patches\.wall\.pressing.*{said}"):
+            scene_of(folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", wrong))
