@@ -26,7 +26,7 @@ from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import roots_source
@@ -229,9 +229,10 @@ class CompiledFoundation(ContactFunctions, Exportable):
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        path = self._kernel(name, loads, wanted, batch or 1) if compiled else None
+        symbol = name_of_batch(check_name(name), batch or 1)
+        path = self._kernel(symbol, loads, wanted, batch or 1) if compiled else None
         if path is not None:
-            return ca.external(name, str(path))
+            return ca.external(symbol, str(path))
         return model_callback(self, name, loads, wanted, batch)
 
     def _kernel(

@@ -1,5 +1,6 @@
 """Exported C, compiled without warnings, gives the same numbers."""
 
+import re
 import shutil
 import subprocess
 
@@ -75,6 +76,19 @@ def test_code_that_casadi_generates_is_linked_with_the_exported_file(kind, tmp_p
     for got, want in zip(ca.external("mine", str(tmp_path / "mine.so"))(at), mine(at), strict=True):
         np.testing.assert_allclose(got.full(), want.full(), rtol=1e-9, atol=1e-9 * np.abs(want.full()).max())
         assert want.full().any()
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["surrogate", "foundation"])
+def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tmp_path, monkeypatch):
+    """Linked with it, it would take the first pose for all: it calls for another name, which no linker finds there."""
+    monkeypatch.chdir(tmp_path)
+    model = load_surrogate("knee") if kind == "surrogate" else PolarFoundation(load_scene("sphere_on_plane"))
+    poses, name = ca.MX.sym("poses", 6, 3), model.export_name
+    loads = model.function(name=name, compiled=True, batch=3)(poses)
+    ca.Function("mine", [poses], [loads, ca.jacobian(ca.vec(loads), ca.vec(poses))]).generate("mine.c")
+    calls = set(re.findall(rf"\w*{name}(?=\()", (tmp_path / "mine.c").read_text()))
+    assert calls == {f"map3_{name}", f"jac_map3_{name}"}
 
 
 @needs_compiler

@@ -9,7 +9,7 @@ from functools import cache
 import casadi as ca
 
 from casadi_contact.transcription.functions import check_name
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
 from casadi_contact.transcription.kernel.network_functions import activation_loops
 from casadi_contact.transcription.kernel.source import Kernel, c_text
@@ -42,7 +42,7 @@ def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], bat
 
     outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.
     """
-    check_name(name)
+    name = name_of_batch(check_name(name), batch)
     source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
     library = shared_library(f"{source}\n{casadi_interface(name, outputs, batch)}")
     return ca.external(name, str(library))

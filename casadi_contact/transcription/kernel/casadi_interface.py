@@ -70,6 +70,14 @@ def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statemen
     return "\n".join(lines)
 
 
+def name_of_batch(name: str, batch: int) -> str:
+    """The name of a function of so many poses, that of CasADi's own ``map``.
+
+    Code that CasADi generates calls a function by its name alone, and must not find that of one pose under it.
+    """
+    return name if batch == 1 else f"map{batch}_{name}"
+
+
 def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> str:
     """C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x batch).
 
