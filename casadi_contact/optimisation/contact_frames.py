@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from numbers import Integral
 from typing import Any
 
 import casadi as ca
@@ -47,10 +48,8 @@ class ContactFrames:
         compiled: bool | None = None,
         variable: Callable[[int, int], ca.MX] | None = None,
     ) -> None:
-        if frames < 1:
-            raise ValueError(f"frames is {frames}, expected a number of 1 or more")
         model, space = symbolic(model), model.scene.pose_space
-        locked = _checked({} if locked is None else locked, space)
+        locked = checked_locked(locked, space, frames)
         self.columns = [i for i in space.free if POSE_NAMES[i] not in locked]
         if not self.columns:
             raise ValueError("all free pose parameters are locked, expected at least one that is not")
@@ -106,7 +105,8 @@ class ContactFrames:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
         middle of the range if left out, along the scene's sensitive pose parameters under the wanted normal loads.
 
-        Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions.
+        Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
+        loads, and another number of poses.
         """
         space, rest = self._scene.pose_space, np.tile(middle_pose(self.model), (self.frames, 1))
         for name, value in self._locked.items():
@@ -116,14 +116,23 @@ class ContactFrames:
         rest = space.onto(rest)
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
-        begin = as_poses(rest if poses is None else np.broadcast_to(poses, (self.frames, 6)))
+        begin = rest if poses is None else self.each_frame(poses)
         wanted = wanted or {}
+        normals = self._scene.normal_loads
+        self.model.check_loads([name for name in wanted if centre_of_pressure(name, normals) is None] or None)
         pressing: dict[str, Array] = {}
         for normal in self._scene.pressed:
             if set(normal.loads) <= set(wanted):
-                forces = np.stack([np.broadcast_to(wanted[name], self.frames) for name in normal.loads], axis=1)
+                forces = np.stack([_numbers(name, wanted[name], self.frames) for name in normal.loads], axis=1)
                 pressing |= dict(zip(normal.loads, normal.at_least(forces, _LEAST_START_N).T, strict=True))
         return settle_in_range(self.model, begin, rest, self.free, pressing)
+
+    def each_frame(self, poses: ArrayLike) -> Array:
+        """A pose (6,), or one for each frame (n, 6), as (n, 6); ValueError for another number of poses."""
+        given = as_poses(np.reshape(poses, (1, 6)) if np.shape(poses) == (6,) else poses)
+        if len(given) not in (1, self.frames):
+            raise ValueError(f"got {len(given)} poses, expected one, or one for each of {self.frames} frames")
+        return np.tile(given, (self.frames // len(given), 1))
 
     def variables(self, poses: Array) -> Array:
         """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
@@ -138,14 +147,11 @@ class ContactFrames:
 
     def _row(self, name: str, value: Any) -> Any:
         """A value for each frame, (1, n)."""
-        if isinstance(value, ca.MX | ca.SX):
+        if isinstance(value, ca.MX):
             if value.shape not in ((1, 1), (1, self.frames)):
                 raise ValueError(f"{name} has shape {value.shape}, expected (1, {self.frames})")
             return value if value.shape[1] == self.frames else ca.repmat(value, 1, self.frames)
-        numbers = np.asarray(value, dtype=float)
-        if numbers.shape not in ((), (1,), (self.frames,)) or not np.isfinite(numbers).all():
-            raise ValueError(f"{name} is {value}, expected a finite number, or one for each of {self.frames} frames")
-        return ca.DM(np.broadcast_to(numbers, self.frames)[None])
+        return ca.DM(_numbers(name, value, self.frames)[None])
 
     def _total(self, component: str) -> ca.MX:
         """A component of the total wrench (1, n), from the patches' where the scene does not name it."""
@@ -199,13 +205,32 @@ def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:
     return ca.mtimes(ca.sparsify(ca.DM(space.matrix)), poses) + ca.repmat(ca.DM(space.offset), 1, poses.shape[1])
 
 
-def _checked(locked: Mapping[str, Any], space: PoseSpace) -> dict[str, Any]:
-    """The given locked parameters that the scene leaves free; ValueError for others that contradict it, and for angles
-    that are too large for radians."""
-    symbols = [name for name, value in locked.items() if isinstance(value, ca.MX | ca.SX)]
+def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: int) -> dict[str, Any]:
+    """The given locked parameters that the scene leaves free: expressions as they are, numbers as one for each frame.
+
+    Raises ValueError for others that contradict the scene, for numbers that are not one or one for each of a whole
+    number of frames, and for angles that are too large for radians.
+    """
+    if not isinstance(frames, Integral) or frames < 1:
+        raise ValueError(f"frames is {frames!r}, expected a whole number of 1 or more")
+    locked = {} if locked is None else locked
+    symbols = {name: value for name, value in locked.items() if isinstance(value, ca.MX)}
     space.check_free(symbols, "locked to an expression")
-    numbers = space.free_curves({name: locked[name] for name in locked if name not in symbols}, "locked")
+    numbers = {name: _numbers(name, value, frames) for name, value in locked.items() if name not in symbols}
+    numbers = space.free_curves(numbers, "locked")
     for name in numbers:
         if name in POSE_NAMES[3:]:
-            check_radians("locked", name, np.asarray(locked[name], dtype=float))
-    return {name: locked[name] for name in locked if name in (*symbols, *numbers)}
+            check_radians("locked", name, numbers[name])
+    return symbols | numbers
+
+
+def _numbers(name: str, value: Any, frames: int) -> Array:
+    """A number for each frame (n,), from one, or n of them in a row or a column."""
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError, NotImplementedError):
+        numbers = np.full(1, np.nan)
+    vector = numbers.size == max(numbers.shape, default=1)
+    if not vector or numbers.size not in (1, frames) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} is {value}, expected a finite number, or one for each of {frames} frames")
+    return np.broadcast_to(numbers.ravel(), frames)

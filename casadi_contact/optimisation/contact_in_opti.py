@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, SymbolicContact, symbolic
-from casadi_contact.conventions import Array, as_poses, pose_index
-from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.conventions import Array, pose_index
+from casadi_contact.optimisation.contact_frames import ContactFrames, checked_locked
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.pose_range import pose_bounds
 
@@ -42,7 +42,7 @@ class ContactInOpti(ContactFrames):
         compiled: bool | None = None,
     ) -> None:
         model = symbolic(model)
-        _check_locked(model, locked or {})
+        _check_range(model, checked_locked(locked, model.scene.pose_space, frames))
         super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
         self._opti = opti
         bounded = np.flatnonzero(np.isfinite(self.lower) & np.isfinite(self.upper)).tolist()
@@ -67,9 +67,8 @@ class ContactInOpti(ContactFrames):
         self.begin_at(self.start_poses(wanted, poses))
 
     def begin_at(self, poses: ArrayLike) -> None:
-        """Set the start to poses (n, 6) as they are, but for the learned range."""
-        start = as_poses(np.broadcast_to(poses, (self.frames, 6)))
-        self._opti.set_initial(self.q, self.variables(start).reshape(self.frames, -1).T)
+        """Set the start to poses (n, 6) or (6,) as they are, but for the learned range."""
+        self._opti.set_initial(self.q, self.variables(self.each_frame(poses)).reshape(self.frames, -1).T)
 
     def poses(self, solution: ca.OptiSol) -> Array:
         """Poses (n, 6) of a solution, or of ``opti.debug``."""
@@ -82,15 +81,12 @@ class ContactInOpti(ContactFrames):
         return {**ipopt_options(**ipopt), "detect_simple_bounds": True}
 
 
-def _check_locked(model: SymbolicContact, locked: Mapping[str, Any]) -> None:
+def _check_range(model: SymbolicContact, locked: Mapping[str, Any]) -> None:
     low, high = pose_bounds(model)
     for name, value in locked.items():
         column = pose_index(name)
-        if isinstance(value, ca.MX):
-            continue
-        numbers = np.asarray(value, dtype=float)
-        if not ((numbers >= low[column]) & (numbers <= high[column])).all():
+        if not isinstance(value, ca.MX) and not ((value >= low[column]) & (value <= high[column])).all():
             raise ValueError(
-                f"{name} is locked at {numbers.min():.4g} to {numbers.max():.4g}, the surrogate learned "
+                f"{name} is locked at {value.min():.4g} to {value.max():.4g}, the surrogate learned "
                 f"{low[column]:.4g} to {high[column]:.4g}"
             )

@@ -199,7 +199,12 @@ def test_wrong_wishes_are_refused(knee, wanted, said):
     ("settings", "said"),
     [
         ({"frames": 0}, "frames is 0"),
-        ({"locked": {"rz": -5.0}}, "rz is locked at -5 to -5, the surrogate learned"),
+        ({"frames": 2.5}, "frames is 2.5, expected a whole number"),
+        ({"locked": {"rz": -2.0}}, "rz is locked at -2 to -2, the surrogate learned"),
+        ({"locked": {"rz": -30.0}}, "rz reaches 30, expected radians: is it in degrees"),
+        ({"locked": {"rz": np.nan}}, "rz is nan, expected a finite number"),
+        ({"locked": {"rz": [[-0.1, -0.2], [-0.3, -0.4]]}, "frames": 4}, "one for each of 4 frames"),
+        ({"locked": {"rz": ca.SX.sym("flexion")}}, "rz is flexion, expected a finite number"),
         ({"locked": {"flexion": 0.0}}, "unknown pose parameter 'flexion'"),
         ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "all free pose parameters"),
         ({"loads": ("Fy_med", "My")}, "My"),
@@ -208,3 +213,32 @@ def test_wrong_wishes_are_refused(knee, wanted, said):
 def test_wrong_frames_are_refused(knee, settings, said):
     with pytest.raises(ValueError, match=said):
         cc.ContactInOpti(ca.Opti(), knee, **settings)
+
+
+def test_numbers_for_each_frame_come_as_a_row_a_column_or_a_matrix_of_casadi(knee):
+    flexion, lateral = np.array([-0.2, -0.5, -0.8]), np.array([-400.0, -300.0, -500.0])
+    found = []
+    for form in (np.asarray, list, ca.DM, lambda values: ca.DM(values).T, lambda values: values[:, None]):
+        contact = cc.ContactFrames(knee, 3, locked={"rz": form(flexion)})
+        pressed = {"Fy_med": -600.0, "Fy_lat": form(lateral)}
+        poses = contact.start_poses(pressed)
+        assert contact.misfit(pressed).shape == (2, 3)
+        found.append(poses)
+        np.testing.assert_array_equal(poses[:, 5], flexion)
+        np.testing.assert_allclose(knee(poses, ["Fy_lat"])[:, 0], lateral, atol=1.0)
+    assert all((poses == found[0]).all() for poses in found)
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ({"poses": np.zeros((3, 6))}, "got 3 poses, expected one, or one for each of 2 frames"),
+        ({"poses": np.zeros((2, 5))}, r"shape \(2, 5\), expected \(n, 6\)"),
+        ({"wanted": {"Fy_medial": -600.0, "Fy_lat": -400.0}}, "Fy_medial.*, expected"),
+        ({"wanted": {"Fy_med": [-600.0] * 3, "Fy_lat": -400.0}}, "one for each of 2 frames"),
+    ],
+)
+def test_a_wrong_start_is_refused(knee, start, said):
+    contact = cc.ContactInOpti(ca.Opti(), knee, 2, locked=LOCKED)
+    with pytest.raises(ValueError, match=said):
+        contact.begin(**start)

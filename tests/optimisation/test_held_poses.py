@@ -55,7 +55,7 @@ def test_starts_lie_on_the_space(ball):
         ({"tx": 0.4, "tz": 0.0}, "locked: tz is tied to tx by the scene, given up to 0.4 off that"),
         ({"tz": 0.4}, "locked: tz is tied to tx by the scene, which is not given"),
         ({"ry": ca.MX.sym("ry")}, "locked to an expression: ry is locked at 0 by the scene"),
-        ({"rz": [0.0, -30.0]}, "locked: rz reaches 30, expected radians: is it in degrees"),
+        ({"rz": -30.0}, "locked: rz reaches 30, expected radians: is it in degrees"),
     ],
 )
 def test_locks_of_a_problem_that_contradict_the_scene_are_refused(ball, locked, said):
