@@ -119,8 +119,13 @@ class Assembly:
         return found[name]
 
     def contact_poses(self, name: str, poses: ArrayLike) -> Array:
-        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6)."""
-        count = len(self.bodies)
+        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6).
+
+        Raises ValueError for another shape, and for a contact that is not there.
+        """
+        count, shape = len(self.bodies), np.shape(poses)
+        if shape[-2:] != (count, 6) or len(shape) > 3 or 0 in shape:
+            raise ValueError(f"poses has shape {shape}, expected (n, {count}, 6): a pose of {', '.join(self.bodies)}")
         q = ca.MX.sym("q", 6, count)
         pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
         stacked = np.asarray(poses, dtype=float).reshape(-1, 6)

@@ -34,7 +34,7 @@ class Equilibrium:
 class Settling:
     """Settles the free pose parameters of bodies (by name), again and again for other poses and tensions.
 
-    Raises ValueError for bodies that the assembly has not.
+    Raises ValueError for bodies that the assembly has not, and unless some parameters are free, each named once.
     """
 
     def __init__(self, assembly: Assembly, free: Mapping[str, Sequence[str]]) -> None:
@@ -43,6 +43,9 @@ class Settling:
         self.rows = [
             6 * assembly.bodies.index(body) + pose_index(name) for body, names in free.items() for name in names
         ]
+        if not self.rows or len(set(self.rows)) < len(self.rows):
+            said = "; ".join(f"{body}: {', '.join(names)}" for body, names in free.items()) or "nothing"
+            raise ValueError(f"free is {said}, expected at least one pose parameter of a body, each named once")
         x, given, tensions = (
             ca.MX.sym("x", 6 * count),
             ca.MX.sym("given", 6 * count),
@@ -117,8 +120,8 @@ def settle_assembly(
     """Move the free pose parameters of bodies (by name) until what acts on them vanishes.
 
     poses (bodies, 6): start, and the values of locked parameters; applied: further generalised forces (6,) [N, N·mm] by
-    body; tensions [N] of the pulls. Raises ValueError for unknown names and wrong numbers; what does not converge is
-    reported, not raised.
+    body; tensions [N] of the pulls. Raises ValueError for unknown names, where nothing is free and for wrong numbers;
+    what does not converge is reported, not raised.
     """
     settle = Settling(assembly, free)
     return settle(poses, applied, tensions, tolerance=tolerance, max_iterations=max_iterations)

@@ -179,6 +179,14 @@ def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
     assert forces[0, 5] > 0.0
 
 
+def test_poses_of_a_contact_are_asked_for_in_one_shape(knee):
+    poses = knee.start_poses()
+    one, two = knee.contact_poses("tibiofemoral", poses), knee.contact_poses("tibiofemoral", [poses, poses])
+    np.testing.assert_array_equal(two, np.repeat(one, 2, axis=0))
+    with pytest.raises(ValueError, match=r"shape \(1, 6\), expected \(n, 2, 6\): a pose of femur, patella"):
+        knee.contact_poses("tibiofemoral", poses[:1])
+
+
 def test_a_spring_pulls_back_to_its_rest():
     spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
     assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
@@ -201,6 +209,9 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
         settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, {"body": [0.0, 1.0, 0.0]}, [1.0])
     with pytest.raises(ValueError, match="never pushes"):
         settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=[-1.0])
+    for free in ({}, {"body": ()}, {"body": ("tx", "tx")}):
+        with pytest.raises(ValueError, match="expected at least one pose parameter of a body, each named once"):
+            settle_assembly(held, np.zeros((1, 6)), free, tensions=[1.0])
     with pytest.raises(ValueError, match="unknown assembly 'elbow', expected one of knee_with_patella"):
         cc.load_assembly("elbow")
     with pytest.raises(FileNotFoundError, match=r"none\.toml does not exist"):
