@@ -22,9 +22,10 @@ ON_MODEL = "solved on the contact model"
 class Verdict:
     """What the contact model says of a solution on a surrogate; its text is the first line of a summary.
 
-    solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, NaN where there was
-    no model to ask; allowed (L,): the largest error of a verified frame; model: its name, or why there is none;
-    on_model (n,): frames that were solved on that model itself, which have no error.
+    solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
+    model gave no number, NaN where there was no model to ask; allowed (L,): the largest error of a verified frame;
+    model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
+    error.
     """
 
     load_names: tuple[str, ...]
@@ -112,20 +113,30 @@ def judge(
     loads: Sequence[str] | None = None,
     on_model: ArrayLike = False,
 ) -> Verdict:
-    """Evaluate a solution, poses (n, 6) and which of them are solved (n,), on a contact model.
+    """Evaluate a solution, poses (n, 6) and which of them are solved, (n,) or one word for all, on a contact model.
 
     model: `own_model` of the scene as a rule; where it is a reason in words, frames are not checked.
     tried: the surrogate or foundation that the problem was solved on.
     loads: those of it that the problem uses, all if left out. on_model (n,): frames that were solved on the
-    model itself, for want of a pose that the surrogate has learned.
+    model itself, for want of a pose that the surrogate has learned. Raises ValueError where solved or on_model is of
+    another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)
+        errors[np.isnan(errors)] = np.inf
         name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
-    alone = np.broadcast_to(np.asarray(on_model, dtype=bool), len(poses))
+    ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     errors[alone] = 0.0
     allowed = ALLOWED * np.array([tried.scene.tolerances[load] for load in names])
-    return Verdict(names, np.asarray(solved, dtype=bool), errors, allowed, name, alone)
+    return Verdict(names, ended, errors, allowed, name, alone)
+
+
+def _of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:
+    """Truth of each pose (n,)."""
+    truth = np.asarray(value, dtype=bool)
+    if truth.shape not in ((), (count,)):
+        raise ValueError(f"{key} has shape {truth.shape}, expected one for each of {count} poses, or one for all")
+    return np.broadcast_to(truth, count)

@@ -95,6 +95,18 @@ def test_a_model_that_gives_no_number_confirms_nothing(knee):
     verdict = judge(knee, poses, [True, True], Silent())
     assert verdict.verified.tolist() == [True, False]
     assert verdict.exit_code == 3
+    nowhere = judge(knee, poses[1:], [True], Silent())
+    assert nowhere.checked
+    assert nowhere.exit_code == 3
+    assert nowhere.words == ["solved, differs by inf N (Fy_med)"]
+
+
+def test_every_frame_has_a_word_on_whether_it_is_solved(knee):
+    poses = np.tile(POSE, (3, 1))
+    assert str(judge(knee, poses, True, knee)).startswith("3 of 3 solved and verified")
+    for words in ({"solved": [True]}, {"solved": [True] * 2}, {"solved": True, "on_model": [True]}):
+        with pytest.raises(ValueError, match="expected one for each of 3 poses"):
+            judge(knee, poses, model=knee, **words)
 
 
 def test_a_scene_without_a_model_of_its_own_says_so(knee):
