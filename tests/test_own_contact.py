@@ -246,6 +246,51 @@ def test_gaps_and_loads_that_are_no_numbers_are_named():
     assert report.converged[~spoilt_rows].all()
 
 
+@pytest.mark.parametrize("free", [("tx", "ty", "tz"), ("tx", "ty", "tz", "rx")])
+def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_and_no_others(free):
+    """From 300 N on its loads are not finite: a pose that wants 500 N reaches that border and is reported there."""
+
+    def fails_deep(poses):
+        loads = own_contact.wrenches(poses)
+        loads[np.linalg.norm(loads[:, 0, :3], axis=1) > 300.0] = np.nan
+        return loads
+
+    poses, _, wanted = lifted(8)
+    wanted["Fy"] = np.array([50.0, 100.0, 200.0, 250.0, 290.0, 310.0, 500.0, 900.0])
+    loads = wanted | ({"Tx": -2.0 * wanted["Fy"]} if len(free) > 3 else {})
+    _, report = cc.settle(cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps), poses, free, loads)
+    np.testing.assert_array_equal(report.converged, wanted["Fy"] < 300.0, report.reason)
+
+
+def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
+    """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads."""
+    asked = []
+
+    def counted(poses):
+        asked.append(len(poses))
+        return own_contact.wrenches(poses)
+
+    model, plain = (cc.CallableModel(own_contact.SCENE, f, own_contact.gaps) for f in (counted, own_contact.wrenches))
+    poses, *_ = lifted(2)
+    for at in (poses, poses + 0.01, poses):
+        asked.clear()
+        found = (*model.jacobian(at), *model.root_loads(at))
+        assert sum(asked) == 13 * len(poses)
+        for got, want in zip(found, (*plain.jacobian(at), *plain.root_loads(at)), strict=True):
+            np.testing.assert_array_equal(got, want)
+            got[:] = 0.0  # what a caller does to them is its own affair
+        np.testing.assert_array_equal(model.jacobian(at)[1], plain.jacobian(at)[1])
+
+
+@pytest.mark.parametrize("what", ["wrenches", "gaps"])
+def test_complex_loads_and_gaps_are_refused(what):
+    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps}
+    complex_one = functions | {what: lambda poses: functions[what](poses).astype(complex)}
+    model = cc.CallableModel(own_contact.SCENE, **complex_one)
+    with pytest.raises(ValueError, match=f"returned complex {what}, expected real ones"):
+        getattr(model, what)(np.zeros(6))
+
+
 def test_a_model_may_write_into_the_poses_it_is_given():
     def careless(function):
         def called(at):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import (
     POSE_NAMES,
@@ -112,15 +113,22 @@ class CallableModel:
         self._approach_mm = approach_mm
         self._reach_mm = reach_mm
         self._selection = load_selection(self.load_names, self.patch_names)
+        self._last: tuple[Array, Array, Array] | None = None  # poses, their wrenches, and the slopes of these
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape."""
-        wrenches = np.asarray(self._wrenches(poses.copy()), dtype=float)
-        expected = (len(poses), len(self.patch_names), 6)
-        if wrenches.shape != expected:
-            raise ValueError(f"the contact model returned wrenches of shape {wrenches.shape}, expected {expected}")
-        return wrenches
+        """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape, or
+        complex numbers."""
+        return self._returned("wrenches", self._wrenches(poses.copy()), (len(poses), len(self.patch_names), 6))
+
+    def _returned(self, what: str, array: ArrayLike, expected: tuple[int, ...]) -> Array:
+        """What a user's function returned, as real numbers of the expected shape."""
+        if np.iscomplexobj(array):
+            raise ValueError(f"the contact model returned complex {what}, expected real ones")
+        numbers = np.asarray(array, dtype=float)
+        if numbers.shape != expected:
+            raise ValueError(f"the contact model returned {what} of shape {numbers.shape}, expected {expected}")
+        return numbers
 
     @pose_or_poses
     def __call__(self, poses: Array) -> Array:
@@ -136,12 +144,21 @@ class CallableModel:
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads and their central-difference derivatives (n, loads, 6)."""
-        return self(poses), np.einsum("lpk,npkj->nlj", self._selection, self._wrench_slopes(poses))
+        wrenches, slopes = self.wrench_jacobian(poses)
+        selection = self._selection
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6)."""
-        return self.wrenches(poses), self._wrench_slopes(poses)
+        """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
+
+        The last ones are kept: `jacobian` and `root_loads` at the same poses, as a settling asks for both, cost the
+        user's function one evaluation of each.
+        """
+        last = self._last
+        if last is None or not np.array_equal(last[0], poses):
+            last = self._last = poses.copy(), self.wrenches(poses), self._wrench_slopes(poses)
+        return last[1].copy(), last[2].copy()
 
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:
@@ -151,13 +168,13 @@ class CallableModel:
         there is no such function.
         """
         if self._gaps is not None:
-            gaps = np.asarray(self._gaps(poses.copy()), dtype=float)
-            if gaps.shape != (len(poses), len(self.patch_names)):
-                expected = (len(poses), len(self.patch_names))
-                raise ValueError(f"the contact model returned gaps of shape {gaps.shape}, expected {expected}")
+            gaps = self._returned("gaps", self._gaps(poses.copy()), (len(poses), len(self.patch_names)))
             if len(lost := np.argwhere(~np.isfinite(gaps))):
                 said = self._said(poses, gaps, *lost[0])
-                raise ValueError(f"the contact model returned the {said}, expected a finite number")
+                raise ValueError(
+                    f"the contact model returned the {said}, expected a finite number (a bound, 20 say, where nothing "
+                    "lies opposite)"
+                )
             return gaps
         directions = np.stack(self._directions())
 
@@ -206,7 +223,7 @@ class CallableModel:
 
         Raises ValueError for `overlaps_without_load`, naming the pose.
         """
-        wrenches = self.wrenches(poses)
+        wrenches, slopes = self.wrench_jacobian(poses)
 
         def gaps(rows: np.ndarray) -> tuple[Array, Array]:
             found = self.gaps(poses[rows])
@@ -217,7 +234,7 @@ class CallableModel:
                 )
             return found, self._gap_slopes(poses[rows])
 
-        return signed_roots(self.scene, wrenches, self._wrench_slopes(poses), gaps)
+        return signed_roots(self.scene, wrenches, slopes, gaps)
 
     def _gap_slopes(self, poses: Array) -> Array:
         """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""

@@ -139,7 +139,8 @@ class Equilibrium:
         return np.abs(misfit / newton_scales(self.names, LEVER_MM)).max(axis=1)
 
     def residuals(self, poses: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
-        """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]."""
+        """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]; NaN all three
+        where the model gives no finite loads, or none within a difference's step of them."""
         model, n0 = self.model, self.model.scene.reference_load
         loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
@@ -165,7 +166,10 @@ class Equilibrium:
                 loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
             )
             r[:, columns] = vector - wanted / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
-        return r, self._space.along(slope)[..., list(self.free)] * self.free_scales, misfit
+        slope = self._space.along(slope)[..., list(self.free)] * self.free_scales
+        lost = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
+        r[lost], slope[lost], misfit[lost] = np.nan, np.nan, np.nan
+        return r, slope, misfit
 
     def moved(self, poses: Array, steps: Array) -> Array:
         """Poses (n, 6) after comparable steps (n, free) of the free parameters, what is tied to them following."""

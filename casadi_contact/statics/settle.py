@@ -167,6 +167,8 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
 
     taken = 0
     for begun in (np.zeros(size), *shakes):
+        if not np.isfinite(residuals(begun)[0]).all():
+            continue
         with np.errstate(divide="ignore", invalid="ignore"):  # SciPy divides by a step of length zero
             found = least_squares(
                 lambda steps: residuals(steps)[0][0],
