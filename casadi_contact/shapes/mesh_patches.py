@@ -21,7 +21,7 @@ _LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no j
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
 _ABOVE_MM, _BELOW_MM, _LARGEST_SHELL_MM = 0.5, 1e-3, 25.0
-_ROLLING_OVER = 0.3  # sine of the angle that the surface falls away by within a cell: there the part ends
+_ROLLING_OVER = 0.3  # sine of the angle that the surface turns away by within a cell: there the part ends
 _ALONG_EDGE = 9  # points of each open edge
 _NEAR_OPEN_EDGE = 1.5  # cells
 
@@ -155,6 +155,9 @@ def _opposite(normals: Array) -> list[float]:
 def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:
     """True (nx, nz) for cells beside which the surface goes on in no patch, or the mesh was cut open: contact that
     reaches them may be larger than the model knows. At a rim of the part contact ends indeed.
+
+    What lies beside a cell is looked at a step of the grid away, and not nearer than the field's nodes lie, which round
+    off a rim.
     """
     centres, normals, areas = cells
     mesh, cut = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool)
@@ -170,13 +173,14 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         at_end[axis] = slice(-1, None) if step > 0 else slice(0, 1)
         beside[tuple(at_end)] = False
         rows = np.nonzero(lacking & ~beside)
-        here, normal, width = centres[rows], normals[rows], np.sqrt(areas[rows])
-        sideways = step * _along(cells, axis, rows)
+        here, normal, sideways = centres[rows], normals[rows], step * _along(cells, axis, rows)
+        width = np.maximum(np.linalg.norm(sideways, axis=1), geometry["spacing"])
         tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent
         distance, slope = field(beyond)
-        rolls_over = np.einsum("nk,nk->n", slope, tangent) > _ROLLING_OVER
+        turned = np.linalg.norm(np.cross(normal, slope), axis=1) > _ROLLING_OVER * np.linalg.norm(slope, axis=1)
+        rolls_over = turned & (np.einsum("nk,nk->n", slope, tangent) > 0.0)
         goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~rolls_over
         for other in others:
             goes_on &= ~_in_box(geometry, other, beyond)
@@ -188,12 +192,13 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
 
 
 def _along(cells: Cells, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
-    """Directions (n, 3) in which the grid runs along an axis at cells by their rows: to or from the neighbour there,
-    or, of a cell that has none, as between all cells together."""
+    """Steps (n, 3) [mm] of the grid along an axis at cells by their rows: to or from the neighbour there, or, of a cell
+    that has none, the mean one between all cells."""
     centres, _, areas = cells
     both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)
     steps = np.where(both[..., None], np.diff(centres, axis=axis), 0.0)
-    summed = sum(np.pad(steps, [side if each == axis else (0, 0) for each in range(3)]) for side in ((0, 1), (1, 0)))
-    found, mean = np.asarray(summed)[rows], steps.sum(axis=(0, 1))
-    found[~found.any(axis=1)] = mean if mean.any() else np.eye(3)[2 * axis]
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    sides = [[side if each == axis else (0, 0) for each in range(3)] for side in ((0, 1), (1, 0))]
+    summed = np.sum([np.pad(steps, side) for side in sides], axis=0)[rows]
+    count = np.sum([np.pad(both, side[:2]) for side in sides], axis=0)[rows]
+    mean = steps.sum(axis=(0, 1)) / both.sum() if both.any() else np.sqrt(areas.max()) * np.eye(3)[2 * axis]
+    return np.where(count[:, None] > 0, summed / np.maximum(count, 1)[:, None], mean)

@@ -47,6 +47,14 @@ def test_a_ball_presses_the_wall_of_a_deep_cup_as_it_presses_its_pole(deep_cup, 
     assert not model.at_edge(pose)[0]
 
 
-def test_contact_that_reaches_the_rim_of_a_deep_cup_is_said_to(deep_cup):
-    towards_rim = np.cos(2.0) * POLE + np.sin(2.0) * ACROSS
-    assert cc.ElasticFoundation(deep_cup).at_edge([*DEPTHS * towards_rim, 0.0, 0.0, 0.0])[0]
+def test_contact_that_reaches_a_cup_s_open_edge_is_said_to_and_at_the_rim_of_a_closed_one_it_ends(deep_cup, tmp_path):
+    """All around, however the grid's lines cross the rim."""
+    around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)[:, None]
+    towards_rim = np.cos(2.0) * POLE + np.sin(2.0) * (np.cos(around) * ACROSS + np.sin(around) * np.cross(POLE, ACROSS))
+    poses = np.pad(DEPTHS * towards_rim, ((0, 0), (0, 3)))
+    points, faces = shell_mesh(CUP_MM, 22.0, 1.5, np.deg2rad(HALF_ANGLE_DEG), POLE)
+    inside = faces[(faces < len(points) // 2).all(axis=1)]
+    said = f"pressing = {POLE.tolist()}\ncup_centre = [0.0, 0.0, 0.0]"
+    open_cup = scene_of(tmp_path, ball_mesh(BALL_MM, 1.5), (points, inside), said, grid=(60, 60))
+    assert cc.ElasticFoundation(open_cup).at_edge(poses).all()
+    assert not cc.ElasticFoundation(deep_cup).at_edge(poses).any()
