@@ -28,7 +28,7 @@ _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 class Regions:
     """weight (n,): how often each fixed point was near, times its area and that of all that was near with it. axis: of
     the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
-    rising. centre_mm (3,): of the moving body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
+    rising. centre_mm (3,): of the fixed body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
     patch, on the moving body's file. round: whether the moving body bulges all over where it touches, away from its
     anchors. hollow: whether the fixed body is a cup about the centre."""
 
@@ -50,8 +50,7 @@ class Regions:
 def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
     there are valleys between places."""
-    near = pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
-    pivot = centre_of_normals(pair.points_mm[near], pair.normals[near], pair.areas_mm2[near])
+    centre, pivot = _centre_and_pivot(pair, meeting)
     touched = []
     for angles in itertools.product(np.radians(_TURNS_DEG), repeat=3):
         R = rotation(angles)
@@ -68,10 +67,10 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
         depth, cuts = _valleys(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
-    facing = np.einsum("nk,nk->n", _unit(pivot - pair.points_mm), pair.normals)
+    facing = np.einsum("nk,nk->n", _unit(centre - pair.points_mm), pair.normals)
     seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
     hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
-    found = Regions(weight, best[1], best[2], pivot, np.zeros((0, 3)), round=True, hollow=hollow)
+    found = Regions(weight, best[1], best[2], centre, np.zeros((0, 3)), round=True, hollow=hollow)
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
     anchors = [
@@ -82,6 +81,22 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     areas = pair.areas_mm2[rows]
     bulging = float(areas @ (np.einsum("nk,nk->n", away, slopes) > 0.0)) / float(areas.sum())
     return replace(found, anchors_mm=np.array(anchors), round=bulging > _ROUND)
+
+
+def _centre_and_pivot(pair: Pair, meeting: Meeting) -> tuple[Array, Array]:
+    """The middle (3,) of the fixed body's curvature where the bodies touch, and what the moving body turns about: that,
+    or a point towards the middle of its own from which it rolls no farther than it is near. About the middle of a
+    shallow dish a condyle would roll from place to place, as if these were patches."""
+    near, spot = (pair.near(np.eye(3), meeting.translation_mm, pair.scale * mm) for mm in (REACH_MM, _SPOT_MM))
+    points, areas = pair.points_mm[near], pair.areas_mm2[near]
+    slopes = _unit(pair.distances(np.eye(3), meeting.translation_mm)[1][near])
+    fixed, moving = (centre_of_normals(points, normals, areas) for normals in (pair.normals[near], slopes))
+    middle = areas @ points / areas.sum()
+    if np.linalg.norm(fixed - middle) <= np.linalg.norm(moving - middle):
+        return fixed, fixed
+    rolled_mm = np.sin(np.radians(max(_TURNS_DEG))) * float(np.linalg.norm(fixed - moving))
+    share = min(1.0, float(np.sqrt(pair.areas_mm2[spot].sum() / np.pi)) / rolled_mm)
+    return fixed, moving + share * (fixed - moving)
 
 
 def _unit(vectors: Array) -> Array:

@@ -155,6 +155,16 @@ def test_large_flat_triangles_tell_where_a_surface_is_as_small_ones_do(triangles
     assert (joint.kind, joint.patches) == ("other", ("contact",))
 
 
+@pytest.mark.parametrize("dish_mm", [45.0, 100.0, 200.0, 400.0])
+def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
+    """Turned about the dish's far centre it would roll from one end to the other, to places that are no patches."""
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    dish = sheet_mesh(48.0, 2.0, lambda x, z: (x**2 + z**2) / (2.0 * dish_mm) - 25.0)
+    _, regions, joint, _ = seen(checked_mesh("condyle", condyle, faces), checked_mesh("dish", *dish))
+    assert joint.patches == ("contact",)
+    np.testing.assert_allclose(regions.anchors_mm, 0.0, atol=1.0)
+
+
 def test_an_open_surface_inside_out_is_refused():
     ball, box = ball_on_box(3.0)
     top = box.part(box.normals[:, 1] > 0.9)
