@@ -59,14 +59,14 @@ def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
 
 
 def unsettled(scene: Scene, report: ReferenceReport) -> list[str]:
-    """How many frames of the reference motion have no pose, the reason for the first, and whose motion it is."""
+    """How many frames tried of the reference motion have no pose, the reason for the first, and whose motion it is."""
     without = ~report.converged
     if not without.any():
         return []
     whose = "made up" if "motion" in scene.tables else "measured in another knee"
     return [
-        f"whether it can move so: {int(without.sum())} of {without.size} frames of the reference motion ({whose}) find "
-        f"no pose ({report.reason[without][0]}); give measured cycles of this joint"
+        f"whether it can move so: {int(without.sum())} of {without.size} frames tried of the reference motion "
+        f"({whose}) find no pose ({report.reason[without][0]}); give measured cycles of this joint"
     ]
 
 

@@ -1,6 +1,8 @@
 """A proposed scene needs no editing: it loads, settles its reference motion, and says what was not told."""
 
+import sys
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,9 +13,10 @@ import casadi_contact as cc
 from casadi_contact.cli import app
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.proposal.joint import Joint
-from casadi_contact.proposal.propose import _lost_at_edges, _sampling
+from casadi_contact.proposal.propose import _lost_at_edges, _sampling, propose
 from casadi_contact.proposal.text import scene_text
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
+from casadi_contact.sampling.reference import reference_poses
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
 
 POLE = [0.2, 0.8, 0.5]
@@ -64,6 +67,22 @@ def test_a_button_in_a_groove(folder):
     assert report.assumed == {"ty": 1.0}, "the made-up motion leaves it still"
     planned = {chunk.domain for chunk in plan_chunks(scene, motion, settings)}
     assert planned == {1, 2, 3, 4, 5, 6, 7}, "every domain can be drawn"
+
+
+def test_a_motion_that_a_joint_can_mostly_not_follow_is_tried_in_two_cycles_alone(folder, monkeypatch):
+    """Frames without a pose take seconds each, a walk of 1414 frames minutes."""
+    tried = []
+
+    def every_other(model, cycles, **given):
+        tried.append(len(cycles))
+        poses, report = reference_poses(model, cycles, **given)
+        found = report.converged & (np.arange(report.converged.shape[1]) % 2 == 0)
+        return poses, replace(report, converged=found)
+
+    monkeypatch.setattr(sys.modules[propose.__module__], "reference_poses", every_other)
+    proposal = propose(folder / "ball.obj", folder / "cup.obj", name="stuck")
+    assert (tried, proposal.frames, len(proposal.poses)) == ([2], 202, 102)
+    assert any("100 of 202 frames tried of the reference motion" in line for line in proposal.untold)
 
 
 def test_a_small_joint_is_sampled_about_its_motion_on_its_own_scale():
