@@ -66,7 +66,8 @@ class Pair:
 
     def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
         """The translation (3,) at which the body, coming along a direction from clear of the fixed one, first touches
-        it: steps of the smallest gap never pass a surface. None where it passes by."""
+        it: steps of the smallest gap never pass a surface. None where it passes by, and where it comes with the
+        hollow of an open surface ahead: behind one, distances are negative however far it is."""
         size = np.linalg.norm(np.ptp(self.points_mm, axis=0)) + np.linalg.norm(np.ptp(self.moving.vertices_mm, axis=0))
         here = self.moving.vertices_mm @ R.T + t
         back = (here @ direction).max() - (self.points_mm @ direction).min()
@@ -74,7 +75,7 @@ class Pair:
         for _ in range(_TOUCH_STEPS):
             gap = float(self.distances(R, t)[0].min())
             if gap < _TOUCH_MM:
-                return t
+                return t if gap > -self.scale * _SPACING_MM else None
             t, travelled = t + gap * direction, travelled + gap
             if travelled > 2.0 * size:
                 return None

@@ -165,6 +165,16 @@ def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
     np.testing.assert_allclose(regions.anchors_mm, 0.0, atol=1.0)
 
 
+def test_an_open_condyle_touches_with_its_outside_and_never_with_its_hollow():
+    """Behind an open surface distances are negative however far it is: the way there is no touch."""
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
+    pair = Pair.of(checked_mesh("condyle", condyle, faces), checked_mesh("insert", box.vertices, box.faces))
+    down = np.array([0.0, -1.0, 0.0])
+    np.testing.assert_allclose(pair.dropped(np.eye(3), np.zeros(3), down), [0.0, 29.0, 0.0], atol=0.1)
+    assert pair.dropped(np.eye(3), np.zeros(3), -down) is None
+
+
 def test_an_open_surface_inside_out_is_refused():
     ball, box = ball_on_box(3.0)
     top = box.part(box.normals[:, 1] > 0.9)
