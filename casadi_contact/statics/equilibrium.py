@@ -134,9 +134,13 @@ class Equilibrium:
         columns = [self.model.load_names.index(name) for name in self.names]
         return loads[:, columns] - self.wanted[rows]
 
+    def each_in_newtons(self, misfit: Array) -> Array:
+        """Sizes (..., targets) [N] of misfits, torques over LEVER_MM."""
+        return np.abs(misfit / newton_scales(self.names, LEVER_MM))
+
     def in_newtons(self, misfit: Array) -> Array:
         """Largest misfit of each row (rows,) [N], torques over LEVER_MM."""
-        return np.abs(misfit / newton_scales(self.names, LEVER_MM)).max(axis=1)
+        return self.each_in_newtons(misfit).max(axis=1)
 
     def residuals(self, poses: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
         """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]; NaN all three

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array
+from casadi_contact.quantities import quantity
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
 NOT_FINITE = "the contact model's loads are not finite"
@@ -203,8 +204,9 @@ def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray,
         if not np.isfinite(misfit[row]).all():
             reasons[row] = NOT_FINITE
             continue
-        worst = int(np.abs(misfit[row]).argmax())
-        left = f"{equations.names[worst]} is off by {misfit[row, worst]:.4g}"
+        worst = int(equations.each_in_newtons(misfit[row]).argmax())
+        name = equations.names[worst]
+        left = f"{name} is off by {misfit[row, worst]:.4g} {quantity(name).unit}"
         if pulls[row]:
             reasons[row] = f"no equilibrium: a wanted load pulls, contact only pushes; {left}"
         elif stalled[row]:

@@ -115,7 +115,18 @@ def test_an_unreachable_load_ends_at_the_nearest_pose_with_a_reason():
     model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
     _, report = cc.settle(model, at(29.9), ("ty",), {"Fx": -100.0})  # a plane without friction carries no Fx
     assert not report.converged[0]
-    assert "Fx is off by 100" in report.reason[0]
+    assert "Fx is off by 100 N" in report.reason[0]
+
+
+def test_the_reason_names_what_is_most_wrong_torques_over_25_mm(knee):
+    """Two forces alone hold ty and rx: a torque that is no third one leaves all three off, and the forces most."""
+    poses, _ = walking(1)
+    _, report = cc.settle(knee, poses, ("ty", "rx"), {"Fy_med": -700.0, "Fy_lat": -700.0, "Tx": 3000.0})
+    off_n = {name: abs(float(off[0])) / (LEVER_MM if name[0] == "T" else 1.0) for name, off in report.misfit.items()}
+    worst = max(off_n, key=lambda name: off_n[name])
+    assert not report.converged[0]
+    assert abs(report.misfit["Tx"][0]) > abs(report.misfit[worst][0])  # N·mm are many
+    assert report.reason[0].endswith(f"{worst} is off by {report.misfit[worst][0]:.4g} N")
 
 
 def test_damped_dynamics_finds_the_same_equilibrium(knee):
