@@ -22,7 +22,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.files import short
 from casadi_contact.motion.columns import TextColumns, write_columns
-from casadi_contact.motion.load_cycle import check_radians
+from casadi_contact.motion.load_cycle import OverTime, check_radians, checked_curves
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number
@@ -34,9 +34,9 @@ _SEED = 2015
 
 
 @dataclass(frozen=True)
-class JointCycle:
+class JointCycle(OverTime):
     """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
-    (n,)."""
+    (n,). Raises ValueError as `checked_curves` does, for no load, and for angles that are too large for radians."""
 
     name: str
     time_s: Array
@@ -45,8 +45,11 @@ class JointCycle:
     centres: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if len(self.time_s) < 2 or np.any(np.diff(self.time_s) <= 0.0):
-            raise ValueError(f"cycle {self.name}: expected at least 2 frames and a time that rises")
+        curves = {"time_s": self.time_s, **self.pose, **self.loads, **self.centres}
+        checked = checked_curves(self.name, curves)
+        object.__setattr__(self, "time_s", checked["time_s"])
+        for key in ("pose", "loads", "centres"):
+            object.__setattr__(self, key, {name: checked[name] for name in getattr(self, key)})
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         for name in sorted({"rx", "ry", "rz"} & set(self.pose)):

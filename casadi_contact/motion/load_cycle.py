@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
 from casadi_contact.motion.columns import read_columns, write_columns
@@ -31,6 +32,22 @@ def check_radians(where: str, column: str, angles: Array) -> None:
     """ValueError for angles (n,) of a column that are too large for radians; where: what the column is of."""
     if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
         raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
+
+
+def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Curves (n,) of a cycle by name, time_s [s] among them. Raises ValueError for fewer than 2 frames, other shapes,
+    numbers that are not finite, and a time that does not rise."""
+    count = len(np.atleast_1d(curves["time_s"]))
+    if count < 2:
+        raise ValueError(f"cycle {cycle} has {count} frames, expected at least 2")
+    checked = {key: np.asarray(curve, dtype=float) for key, curve in curves.items()}
+    for key, curve in checked.items():
+        if curve.shape != (count,) or not np.isfinite(curve).all():
+            raise ValueError(f"cycle {cycle}: {key} is not {count} finite numbers")
+    if np.any(np.diff(checked["time_s"]) <= 0.0):
+        frame = int(np.argmax(np.diff(checked["time_s"]) <= 0.0)) + 1
+        raise ValueError(f"cycle {cycle}: time does not rise at frame {frame}, expected rows sorted by time")
+    return checked
 
 
 class OverTime:
@@ -62,17 +79,8 @@ class LoadCycle(OverTime):
     cop_ml_mm: Array
 
     def __post_init__(self) -> None:
-        count = len(self.time_s)
-        if count < 2:
-            raise ValueError(f"cycle {self.name} has {count} frames, expected at least 2")
-        for key in COLUMNS:
-            curve = np.asarray(getattr(self, key), dtype=float)
-            if curve.shape != (count,) or not np.isfinite(curve).all():
-                raise ValueError(f"cycle {self.name}: {key} is not {count} finite numbers")
+        for key, curve in checked_curves(self.name, {key: getattr(self, key) for key in COLUMNS}).items():
             object.__setattr__(self, key, curve)
-        if np.any(np.diff(self.time_s) <= 0.0):
-            frame = int(np.argmax(np.diff(self.time_s) <= 0.0)) + 1
-            raise ValueError(f"cycle {self.name}: time does not rise at frame {frame}, expected rows sorted by time")
         for key in ("fy_med", "fy_lat"):
             if getattr(self, key).max() > 0.0:
                 frame = int(np.argmax(getattr(self, key)))

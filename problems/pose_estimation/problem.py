@@ -36,6 +36,10 @@ from problems.pose_estimation.wanted import WantedLoads
 class Cycle(reference.Cycle, Protocol):
     """A measured cycle: `LoadCycle` of a knee, `JointCycle` of any scene."""
 
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+
     def wanted(self) -> Mapping[str, Array]:
         """Measured loads [N, N·mm] and centres of pressure [mm] by name, each (n,)."""
 

@@ -28,7 +28,7 @@ from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
-from problems.pose_estimation.problem import Cycle, PoseEstimation
+from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts
 
@@ -186,7 +186,7 @@ def _print(
 
 def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracked: Tracked, verdict: Verdict) -> None:
     cycle = problem.cycle
-    columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": cycle.time_s, "cycle_percent": _percent(cycle)}
+    columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": cycle.time_s, "cycle_percent": cycle.percent}
     columns |= pose_columns(result.poses)
     ef = tracked.ef
     named = {"wanted": tracked.wanted, "got": tracked.got, **({} if ef is None else {"ef": ef.fine})}
@@ -203,18 +203,12 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     write_columns(path, columns, digits=DIGITS)
 
 
-def _percent(cycle: Cycle) -> Array:
-    """Percentage of the cycle (n,), 0 to 100."""
-    time_s = cycle.time_s
-    return np.asarray(100.0 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]))
-
-
 def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: str, path: Path) -> None:
     """What is wanted (wanted, got, EF) and the poses over the cycle, as a PNG."""
     wide = max(len(tracked.names), len(_PANELS))
     page = new_page(3.5 * wide, 8.5)
     parts = panels(page, 2, wide, {(0, column) for column in range(len(tracked.names))})
-    percent, failed = _percent(problem.cycle), ~result.converged
+    percent, failed = problem.cycle.percent, ~result.converged
     for column, name in enumerate(tracked.names):
         unit = quantity(name).unit
         panel, axis = parts[0, column], parts[0, column].curves

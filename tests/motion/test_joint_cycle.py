@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.joint_cycle import column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.scenes import Scene
 
 JOINTS = ("hip", "patellofemoral", "glenohumeral")
@@ -125,3 +125,17 @@ def test_columns_in_other_units_are_refused_with_the_unit_that_is_expected(tmp_p
     (tmp_path / "cycle.csv").write_text(f"{header}\n0.0,{row}\n0.1,{row}\n")
     with pytest.raises(ValueError, match=said):
         read_joint_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
+
+
+@pytest.mark.parametrize(
+    ("time_s", "pose", "loads", "said"),
+    [
+        ([0.0, 1.0, 2.0], {}, {"Fy": [1.0, 2.0]}, "Fy is not 3 finite numbers"),
+        ([0.0, 1.0], {"rx": [0.0, np.nan]}, {"Fy": [1.0, 2.0]}, "rx is not 2 finite numbers"),
+        ([0.0, 1.0, 1.0], {}, {"Fy": [1.0, 2.0, 3.0]}, "time does not rise at frame 2"),
+        ([0.0], {}, {"Fy": [1.0]}, "has 1 frames"),
+    ],
+)
+def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said):
+    with pytest.raises(ValueError, match=said):
+        JointCycle("walk", time_s, pose, loads)
