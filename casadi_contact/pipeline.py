@@ -62,6 +62,7 @@ __all__ = [
     "build",
     "calibrate",
     "chart",
+    "check_table",
     "evaluate",
     "export",
     "read_motion",
@@ -101,8 +102,7 @@ def build(
     Raises ValueError for input that cannot be used or a device that cannot be had, OSError for a folder that cannot be
     written or that another process works in.
     """
-    if table is not None and (cycles or model != "elements"):
-        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
+    check_table(table, cycles, model)
     project = Project.open(scene, preset, None if folder is None else Path(folder))
     with folder_lock(project.folder):
         if table is not None:
@@ -114,6 +114,12 @@ def build(
         export(project)
         report(project)
     return project_surrogates(project)
+
+
+def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
+    """ValueError for cycles or another model beside a table of samples: nothing is drawn then."""
+    if table is not None and (cycles or model != "elements"):
+        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
 
 
 def _draw(

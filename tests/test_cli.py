@@ -85,6 +85,8 @@ def test_shell_completion_can_be_installed():
         ("info /", "/"),
         ("cycle none.mot --map a=b", "none.mot"),
         ("build knee --table none.csv", "none.csv"),
+        ("build knee --table none.csv --model foundation", "got a table of samples and a model, expected one"),
+        ("sample knee --table none.csv --cycles walk.csv", "got a table of samples and cycles, expected one"),
         ("build knee --cycles none.csv", "none.csv"),
         ("build none.toml", "none.toml"),
         ("export hip", "run casadi-contact build hip --preset quick first"),

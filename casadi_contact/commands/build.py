@@ -57,6 +57,7 @@ def build(
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     check_device(device, scheduler)
     files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
+    pipeline.check_table(table, files, model)
     if within:
         project = _project_within(scene, out, preset, table, force_tol, torque_tol)
     else:
@@ -112,9 +113,11 @@ def sample(
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
     check_device(device, scheduler)
+    files = [*(cycles or []), *(more_cycles or [])]
+    pipeline.check_table(table, files, model)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
-        _sample(project, [*(cycles or []), *(more_cycles or [])], table, model, executor, device)
+        _sample(project, files, table, model, executor, device)
 
 
 def train(
@@ -168,8 +171,6 @@ def _sample(
     project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None, device: str
 ) -> None:
     if table is not None:
-        if cycle_files:
-            raise ValueError("got cycle files and a table of samples, expected one of them")
         samples = pipeline.take_table(project, table)
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
@@ -182,8 +183,7 @@ def _sample(
             models=model_pair(model),
             device=device,
         )
-    if report is not None:
-        console.print(str(report), highlight=False)
+    console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():
         reasons = samples.provenance["dropped"].get(domain, {})
         listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
