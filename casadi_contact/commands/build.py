@@ -102,7 +102,7 @@ def _project_within(
 
 def sample(
     scene: SceneName,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     cycles: Cycles = None,
     more_cycles: MoreCycles = None,
     table: Table = None,
@@ -122,7 +122,7 @@ def sample(
 
 def train(
     scene: SceneName,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
     scheduler: Scheduler = None,
     device: Device = "cpu",
@@ -135,20 +135,20 @@ def train(
         _train(project, executor, device, structure)
 
 
-def calibrate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
     for path in pipeline.calibrate(Project.open(scene, preset, out)):
         console.print(f"calibrated {path}", highlight=False)
 
 
-def evaluate(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+def evaluate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Print and write the errors per domain and the speed on an unseen walking sequence."""
     _evaluate(Project.open(scene, preset, out))
 
 
 def export(
     scene: SceneName,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
     fmu: Annotated[

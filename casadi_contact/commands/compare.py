@@ -8,7 +8,15 @@ import typer
 
 from casadi_contact import benchmark, pipeline
 from casadi_contact.cluster import cluster_workers
-from casadi_contact.commands.arguments import Out, PresetName, SceneName, Scheduler, console, say_shipped
+from casadi_contact.commands.arguments import (
+    DEFAULT_PRESET,
+    Out,
+    PresetName,
+    SceneName,
+    Scheduler,
+    console,
+    say_shipped,
+)
 from casadi_contact.pipeline import Project
 from casadi_contact.progress import progress_bars
 from casadi_contact.report import kernel_speed_tables, read_kernel_speed
@@ -17,7 +25,7 @@ from casadi_contact.report.choice_table import choice_table
 
 def chart(
     scene: SceneName,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     peers: Annotated[
         bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
     ] = False,
@@ -38,7 +46,7 @@ def chart(
         console.print(f"written {path}", highlight=False)
 
 
-def speed(scene: SceneName, preset: PresetName = "quick", out: Out = None) -> None:
+def speed(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
@@ -56,7 +64,7 @@ def choose(
     force_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the forces [N]")] = None,
     torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the torques [N·mm]")] = None,
     loads: Annotated[str | None, typer.Option(help="only these, as Fy_med,Fy_lat; all if left out")] = None,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
 ) -> None:
     """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk.

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact import pipeline
-from casadi_contact.commands.arguments import Cycles, ModelName, Out, PresetName, console
+from casadi_contact.commands.arguments import DEFAULT_PRESET, Cycles, ModelName, Out, PresetName, console
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project
@@ -22,7 +22,7 @@ def cut(
     scene: Annotated[str, typer.Argument(help="the path of a mesh scene's .toml, its patches whole")],
     to: Annotated[Path | None, typer.Option(help="file of the cut scene; SCENE_parts.toml if left out")] = None,
     cycles: Cycles = None,
-    preset: PresetName = "quick",
+    preset: PresetName = DEFAULT_PRESET,
     model: ModelName = "foundation",
     worth: Annotated[
         float, typer.Option(help="share of the error that one more part must take off: less for more parts")
