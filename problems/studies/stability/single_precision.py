@@ -174,7 +174,7 @@ def measure(bench: Bench, count: int = 20) -> tuple[list[Line], None]:
             "Jacobian, relative error": relative_error(slopes32, slopes, double.load_names),
             "Hessians of networks, relative error": hessian_error(double, poses),
             **{
-                f"{label}: IPOPT converged / ended at the pose of float64 (0.01 mm) / iterations": (
+                f"{label}: loads carried / ended at the pose of float64 (0.01 mm) / iterations": (
                     f"{solved[label]} / {ended[label]} / {np.median(used[label]):.0f}"
                 )
                 for label in used
