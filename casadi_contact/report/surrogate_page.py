@@ -147,7 +147,7 @@ def _training(surrogate: Surrogate) -> str:
 
 def _dropped(samples: Samples | None) -> list[str]:
     if samples is None:
-        return [paragraph("No samples lie beside the surrogates: what was dropped is not known here.")]
+        return [paragraph("No samples of this scene lie beside the surrogates: what was dropped is not known here.")]
     shares, reasons = dropped_shares(samples), samples.provenance.get("dropped", {})
     if not any(shares.values()):
         return [paragraph("None.")]

@@ -113,7 +113,7 @@ def test_what_a_file_does_not_record_is_said(surrogate):
         "not judged",
         "does not record the sampled poses",
         "never calibrated",
-        "No samples lie beside",
+        "No samples of this scene lie beside",
         "how the fits converged",
     ):
         assert said in text
