@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.proposal.meeting import Meeting
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 from casadi_contact.proposal.regions import Regions
@@ -108,8 +108,4 @@ def _angle_deg(pair: Pair, regions: Regions) -> float:
     for number in (0, len(regions.cuts_mm)):
         mean = (regions.weight * (patch == number)) @ pair.normals
         means.append(mean / max(float(np.linalg.norm(mean)), 1e-300))
-    return float(np.degrees(np.arccos(np.clip(_dot(means[0], means[1]), -1.0, 1.0))))
-
-
-def _dot(a: Array, b: Array) -> float:
-    return float(a @ b)
+    return float(np.degrees(np.arccos(np.clip(means[0] @ means[1], -1.0, 1.0))))

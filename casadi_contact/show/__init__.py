@@ -3,7 +3,6 @@
 A wrong sign or frame shows here first.
 """
 
-from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.show.contact_picture import MOST_FRAMES, draw_contact, loads_text, pressures_text
 from casadi_contact.show.contact_pose import contact_pose
 from casadi_contact.show.fit_picture import draw_fit, surface_fits
@@ -18,7 +17,6 @@ __all__ = [
     "draw_fit",
     "loads_text",
     "pressures_text",
-    "read_poses",
     "surface_fits",
     "view_of",
 ]
