@@ -142,7 +142,7 @@ def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = 
 
 
 def evaluate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
-    """Print and write the errors per domain and the speed on an unseen walking sequence."""
+    """Print and write the errors per domain and the speed on unseen poses of the scene's motion."""
     _evaluate(Project.open(scene, preset, out))
 
 

@@ -9,8 +9,11 @@ from casadi_contact.quantities import FORCE, TORQUE, of_kind
 
 
 def choice_table(choice: Choice) -> Table:
-    """The chosen model and the next better one: time per pose, how it was found, RMS errors on unseen walking."""
-    table = Table(title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen walking")
+    """The chosen model and the next better one: time per pose, how it was found, RMS errors on unseen poses of
+    the scene's motion."""
+    table = Table(
+        title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen poses of its motion"
+    )
     errors = [("force_rms_n", FORCE), ("torque_rms_nmm", TORQUE)]
     asked = [(error, kind) for error, kind in errors if of_kind(choice.loads, kind)]
     for column in ("", "model", "time [µs]", "time is", *(f"RMS {kind.name} [{kind.unit}]" for _, kind in asked)):

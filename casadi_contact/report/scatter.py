@@ -15,7 +15,7 @@ Measured = tuple[Point, Timing, float]
 
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
     """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
-    (unseen walking if left out)."""
+    (unseen poses of the scene's motion if left out)."""
     errors = errors_of(front)
     figure, axes = panels(front, len(errors), title, measured)
     shown = []
@@ -27,7 +27,7 @@ def draw_speed_accuracy(front: Front, title: str = "time per pose against error"
 
 def draw_gradient_hessian_time(front: Front) -> Any:
     """Time of the Jacobian and of the Lagrangian Hessian against the RMS error of the forces, of a scene without these
-    of the torques, on the unseen walking sequence."""
+    of the torques, on unseen poses of its motion."""
     kind, error = errors_of(front)[0]
     figure, axes = panels(front, 2, "time of derivatives of all loads against error")
     shown = []

@@ -21,7 +21,10 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     loads = content["loads"]
     teacher = f"EF {content['teacher']}" if content["teacher"] else "the samples"
     tables = []
-    for key, title in (("rms", "RMS error per domain (Table 2)"), ("max", "Largest error per domain (Table 3)")):
+    for key, title in (
+        ("rms", "RMS error per domain [EF15 Table 2]"),
+        ("max", "Largest error per domain [EF15 Table 3]"),
+    ):
         table = Table(title=f"{title}, unseen samples against {teacher}")
         for column in ("model", "domain", "samples"):
             table.add_column(column)
@@ -36,7 +39,7 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     if "walking" not in content:
         return tables
     walking = content["walking"]
-    table = Table(title=f"Speed and accuracy on {walking['poses']} unseen walking poses inside D1 (Table 4)")
+    table = Table(title=f"Speed and accuracy on {walking['poses']} unseen poses of its motion inside D1 [EF15 Table 4]")
     table.add_column("model")
     units = {quantity(load).kind.name: quantity(load).unit for load in loads}
     kinds = [kind for kind in next(iter(walking["models"].values()))["converged"] if kind in units]
