@@ -6,6 +6,8 @@ import unicodedata
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
 from rich.text import Text
 
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, directions of writing, line breaks other than a new line
@@ -17,7 +19,16 @@ def printable(text: str) -> str:
 
 
 class PlainConsole(Console):
-    """A rich console that takes names and paths literally: no markup, no emoji codes, no escape sequences."""
+    """A rich console that takes names and paths literally: no markup, no emoji codes, no escape sequences. Columns
+    of tables are as wide as their longest words, on a narrow terminal and in a file too: rich would cut numbers off."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As rich's own."""
+        for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
+            words = (column.header, *column.cells)
+            column.min_width = max(Measurement.get(self, self.options, word).minimum for word in words)
+            options["crop"] = False
+        super().print(*objects, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """The text with the style asked for, and none of its own."""

@@ -31,6 +31,19 @@ def test_a_console_obeys_neither_names_nor_markup(terminal):
         assert control not in out.getvalue()
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_table_keeps_every_digit_and_name_however_narrow_the_terminal_is(terminal):
+    out = io.StringIO()
+    table = Table(title="Loads")
+    for column in ("structure", "Fy_med (N)", "Tx (N·mm)"):
+        table.add_column(column)
+    table.add_row("two_stage", "0.0943", "18573.25")
+    PlainConsole(file=out, force_terminal=terminal, width=20).print(table)
+    for word in ("structure", "Fy_med", "(N·mm)", "two_stage", "0.0943", "18573.25"):
+        assert word in out.getvalue()
+    assert "…" not in out.getvalue()
+
+
 def test_a_hostile_name_in_an_error_is_one_harmless_line():
     command = [sys.executable, "-m", "casadi_contact.cli", "info", f"{EVIL}\n.h5"]
     done = subprocess.run(command, capture_output=True, check=False)

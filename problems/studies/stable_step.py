@@ -130,7 +130,12 @@ def run(
     forces = numbers(axial, "axial")
     model = load_surrogate(surrogate)
     table = Table(title="Largest stable fixed step [ms]")
-    for column in ("axial [N]", "stiffness [N/mm]", "fastest rate [1/s]", *SCHEMES):
+    for column in (
+        "axial [N]",
+        "stiffness [N/mm]",
+        "fastest rate [1/s]",
+        *(scheme.replace("_", " ") for scheme in SCHEMES),
+    ):
         table.add_column(column, justify="right")
     for force in forces:
         simulator = knee_simulator.build(model, Waveforms.constant(flexion_deg, force))
