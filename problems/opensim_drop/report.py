@@ -26,7 +26,8 @@ def report(drop: Drop, compared: Comparison, out: Path) -> None:
     travel = np.ptp(compared.casadi, axis=0)
     for name, unit, far, off in zip(POSE_NAMES, POSE_UNITS, travel, compared.difference, strict=True):
         table.add_row(f"{name} ({unit})", f"{far:.3g}", f"{off:.1e}")
-    PlainConsole().print(table)
+    console = PlainConsole()
+    console.print(table)
     columns = {"time_s": drop.times_s, **pose_columns(compared.casadi)}
     columns |= {f"opensim_{name}": values for name, values in pose_columns(compared.opensim).items()}
     write_columns(out / "opensim_drop.csv", columns, digits=DIGITS)
@@ -39,6 +40,7 @@ def report(drop: Drop, compared: Comparison, out: Path) -> None:
         },
     )
     _draw(drop, compared, out / "opensim_drop.png")
+    console.print(f"results in {out}", highlight=False)
 
 
 def _draw(drop: Drop, compared: Comparison, path: Path) -> None:

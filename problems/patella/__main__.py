@@ -66,6 +66,7 @@ def run(
     write_columns(out / "patella.csv", columns, digits=DIGITS)
     summary = {"walk": walk.name, "verdict": str(verdict), "random_starts": reached}
     write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})
+    console.print(f"results in {out}", highlight=False)
     end_with(verdict, NAME, out)
 
 

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from casadi_contact import load_surrogate
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.files import replacing
+from casadi_contact.files import writable_folder, write_text
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
@@ -106,6 +106,7 @@ def run(
     out: Annotated[Path, typer.Option(help="result file (JSON)")] = RESULTS / "muscle_settings.json",
 ) -> None:
     """Table of all settings on all cycles of a folder: RMS error (mean) medial, lateral [N]."""
+    writable_folder(out.parent)  # before minutes of solving
     walks, contact = read_walks(folder), load_surrogate(surrogate)
     lines: dict[str, dict[str, dict[str, float]]] = {}
     table = Table(title="Predicted less measured compression, medial and lateral: RMS (mean) [N]")
@@ -114,10 +115,10 @@ def run(
     for name, setting in SETTINGS.items():
         lines[name] = {cycle: prediction_error(contact, *walks[cycle], setting) for cycle in walks}
         table.add_row(name, *(error_cell(error) for error in lines[name].values()))
-    PlainConsole().print(table)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(out) as beside:
-        beside.write_text(json.dumps(lines, indent=1) + "\n", "utf-8")
+    write_text(out, json.dumps(lines, indent=1) + "\n")
+    console = PlainConsole()
+    console.print(table)
+    console.print(f"results in {out}", highlight=False)
 
 
 def error_cell(error: Mapping[str, float]) -> str:

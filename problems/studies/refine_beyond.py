@@ -133,6 +133,7 @@ def run(
     report(result, out / "refine_beyond.csv")
     if result.added:
         result.surrogate.save(out / "refined.h5")
+    print(f"results in {out}")
     if not result.passed:
         print(f"refine_beyond: not within tolerance after {rounds} rounds", file=sys.stderr)
         raise typer.Exit(2)

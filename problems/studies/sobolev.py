@@ -150,7 +150,9 @@ def run(
         row_count = len(rows.roots) * (7 if what == "slopes" else 1)
         lines.append({"what": what, "poses": len(rows.roots), "rows": row_count, **best})
     write_summary(out / f"{NAME}.json", {"hidden": [hidden, hidden], "steps": steps, "seeds": seeds, "fits": lines})
-    PlainConsole().print(_table(lines))
+    console = PlainConsole()
+    console.print(_table(lines))
+    console.print(f"results in {out}", highlight=False)
 
 
 def _table(lines: Sequence[dict[str, Any]]) -> Table:

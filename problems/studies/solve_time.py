@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.benchmark.candidate import Candidate
@@ -30,6 +29,7 @@ from casadi_contact.project import reference_motion_cycles, shipped_surrogates
 from casadi_contact.report.figure import save
 from casadi_contact.report.scatter import draw_speed_accuracy
 from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.terminal import PlainConsole
 from problems.common.command import RESULTS, new_app, run_command
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.solve import solve
@@ -125,7 +125,9 @@ def run(
         table.add_row(
             point.name, ms, f"{point.force_rms_n:.3g}", f"{point.torque_rms_nmm:.3g}", point.failure or point.remark
         )
-    Console().print(table)
+    console = PlainConsole()
+    console.print(table)
+    console.print(f"results in {out}", highlight=False)
 
 
 def main() -> None:

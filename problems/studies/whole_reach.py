@@ -26,7 +26,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import casadi_contact as cc
@@ -37,6 +36,7 @@ from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
 from casadi_contact.structures import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
+from casadi_contact.terminal import PlainConsole
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary
 from problems.studies.stability.out_of_range import VALID
@@ -90,8 +90,10 @@ def run(
         )
     microseconds = {name: timing.median_us for name, timing in timings.items()}
     write_summary(out / f"{NAME}.json", {"domains": record, "microseconds": microseconds})
-    Console().print(_table(record, model.load_names))
-    typer.echo(", ".join(f"{name} {us:.2f} µs" for name, us in microseconds.items()) + " a pose (single calls, median)")
+    console = PlainConsole()
+    console.print(_table(record, model.load_names))
+    times = ", ".join(f"{name} {us:.2f} µs" for name, us in microseconds.items())
+    console.print(f"{times} a pose (single calls, median)", f"results in {out}", sep="\n", highlight=False)
 
 
 def _table(record: dict[str, Any], names: Sequence[str]) -> Table:

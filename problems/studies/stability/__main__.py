@@ -62,6 +62,7 @@ def run(
             write_table(_in_order(measured), out, plan.settings, curves)  # after every row: an interruption keeps them
     draw(curves, out / "stability.png")
     print_table(_in_order(measured))
+    typer.echo(f"results in {out}")
 
 
 def _in_order(measured: Mapping[int, list[Line]]) -> list[Line]:
