@@ -60,7 +60,8 @@ def report(
     relative = in_fixed_body(result.poses, result.place)
     solved = np.full(len(relative), result.solved)
     verdict = judge(problem.model, relative, solved, own_model(problem.model.scene))
-    same = sum(same_estimate(result, other) for other in others)
+    compared = others if result.uncertainty.identifiable.any() else []  # else there is no estimate to reach again
+    same = sum(same_estimate(result, other) for other in compared)
     columns = _columns(problem, result, truth)
     table = Table(title=f"Calibration of {problem.model.scene.name}, {len(relative)} frames")
     for name in columns:
@@ -76,14 +77,14 @@ def report(
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start; "
         f"sum of squares over degrees of freedom {result.misfit:.3g}, at most {result.largest_misfit:.3g} expected"
-        + (f"; {same} of {len(others)} random starts reach it" if others else ""),
+        + (f"; {same} of {len(compared)} random starts reach it" if compared else ""),
         highlight=False,
     )
     if not result.explained:
         console.print("standard deviations are scaled by its root: the stated ones do not explain it", highlight=False)
     console.print(f"relative poses, scene's own material: {verdict}", highlight=False)
     write_columns(out / "calibration.csv", columns, digits=DIGITS)
-    write_summary(out / "calibration.json", _summary(problem, result, others, verdict, same, columns))
+    write_summary(out / "calibration.json", _summary(problem, result, compared, verdict, same, columns))
     draw(problem, result, others, truth, out / "calibration.png")
     console.print(f"results in {out}", highlight=False)
 
@@ -106,7 +107,7 @@ def _columns(problem: Calibration, result: CalibrationResult, truth: Mapping[str
 def _summary(
     problem: Calibration,
     result: CalibrationResult,
-    others: Sequence[CalibrationResult],
+    compared: Sequence[CalibrationResult],
     verdict: Verdict,
     same: int,
     columns: Mapping[str, Any],
@@ -122,7 +123,7 @@ def _summary(
         "largest_misfit": result.largest_misfit,
         "explained": result.explained,
         **solver_record(result),
-        "random_starts": {"tried": len(others), "same": same},
+        "random_starts": {"tried": len(compared), "same": same},
         "load_error": {
             name: rms_and_largest(error)
             for name, error in zip(problem.measured.load_names, result.load_error.T, strict=True)

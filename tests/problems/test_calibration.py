@@ -156,6 +156,14 @@ def test_a_measurement_written_is_read_back(knee, tmp_path):
     assert again.load_deviation.tolist() == [7.0] * 4 + [100.0] * 3
 
 
+def test_no_start_reaches_an_estimate_that_the_data_do_not_determine(tmp_path, monkeypatch, capsys):
+    options = ("--frames", FRAMES, "--starts", 1, "--parameters", "youngs_modulus,thickness")
+    assert command(monkeypatch, "--out", tmp_path, *options) == 2
+    said = capsys.readouterr().out
+    assert "not identifiable together: youngs_modulus, thickness" in said
+    assert "random starts" not in said
+
+
 def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, capsys):
     assert command(monkeypatch, "--out", tmp_path, "--frames", FRAMES, "--starts", 1) == 0
     assert "1 of 1 random starts reach it" in capsys.readouterr().out.replace("\n", " ")
