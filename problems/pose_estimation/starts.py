@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
+from casadi_contact.conventions import Array, pose_index
 from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.workers import worker_pool
 from problems.common.contact import ContactSource
+from problems.common.same_poses import same_poses
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, PoseEstimation, build
 
-SAME_MM = 0.01  # rotations over 25 mm
 LIFTS_MM = (-1.0, 3.0)  # of each patch: too deep, and out of contact
 ASIDE_MM, ASIDE_RAD = 4.0, 0.1  # along and about whatever does not press
 
@@ -112,8 +112,7 @@ def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple
     problem = build(source.load(), cycle)
     start = moved(problem, reference, np.random.default_rng(seed))
     result = solve_and_complete(problem, start, "the model alone")
-    same = np.abs((result.poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM
-    return StartOutcome.of(result.converged, same, result.iterations)
+    return StartOutcome.of(result.converged, same_poses(result.poses, reference), result.iterations)
 
 
 def solve_from_random_starts(

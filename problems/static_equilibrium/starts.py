@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.conventions import Array
+from problems.common.same_poses import same_poses
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult, held_moves, solve
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # starts out of contact, and too deep
-SAME_MM = 0.01  # rotations over 25 mm
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def solve_from_lifts(
             moves = rng.uniform(-1.0, 1.0, result.poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
             moves[:, 1] = lift * rng.uniform(0.0, 1.0, len(moves))
             again = solve(problem, result.poses + moves)
-            off = held_moves(problem, result.poses, again.poses - result.poses)
-            near = np.abs(off * POSE_IN_MM).max(axis=1) < SAME_MM
+            held = result.poses + held_moves(problem, result.poses, again.poses - result.poses)
+            near = same_poses(held, result.poses)
             same.append((near & again.converged).mean())
             used.append(again.iterations)
         shares.append(float(np.mean(same)))

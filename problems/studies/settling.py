@@ -16,14 +16,14 @@ import numpy as np
 import typer
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, pose_index
+from casadi_contact.conventions import pose_index
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.statics import settle
 from problems.common.command import new_app, run_command
 from problems.common.contact import ContactSource
+from problems.common.same_poses import same_poses
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.solve import solve
-from problems.pose_estimation.starts import SAME_MM
 
 NAME = "studies.settling"
 _TOLERANCE_N = 0.01
@@ -69,7 +69,7 @@ def settled_starts(
         starts[:, pose_index(name)] += random.uniform(-most, most, count)
     wanted = {name: curve[rows] for name, curve in targets.items()}
     found, report = settle(model, starts, problem.free, wanted, tolerance=_TOLERANCE_N)
-    same = report.converged & (np.abs((found - poses) * POSE_IN_MM).max(axis=1) < SAME_MM)
+    same = report.converged & same_poses(found, poses)
     return SettledStarts(report.converged, same, report.iterations, report.reason)
 
 

@@ -13,9 +13,10 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.statics import settle
+from problems.common.same_poses import same_poses
 from problems.studies.stability.methods import Bench
 from problems.studies.stability.normals import normal_of
-from problems.studies.stability.starts import LIFTS_MM, same_poses
+from problems.studies.stability.starts import LIFTS_MM
 from problems.studies.stability.table import Line
 
 FRAMES = 20

@@ -20,9 +20,10 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.network import Network
 from casadi_contact.structures import PatchSurrogate, Surrogate, TwoStageSurrogate
 from problems import pose_estimation
+from problems.common.same_poses import same_poses
 from problems.studies.stability.derivative_steps import relative_error
 from problems.studies.stability.methods import METHODS, SURROGATES, Bench
-from problems.studies.stability.starts import one_frame, same_poses
+from problems.studies.stability.starts import one_frame
 from problems.studies.stability.table import Line
 
 LIFT_MM = 0.05  # of the start for IPOPT: inside contact, where both structures have derivatives

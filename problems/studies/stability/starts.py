@@ -8,16 +8,16 @@ import numpy as np
 from rich.progress import track
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
+from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
 from problems import pose_estimation
+from problems.common.same_poses import same_poses
 from problems.studies.stability.methods import SYMBOLIC, Bench
 from problems.studies.stability.table import Line
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # gap of the nearer side at the start; below zero, overlap
-SAME_MM = 0.01  # rotations over 25 mm
 FRAMES = 20
 FREE = ("tx", "ty", "tz", "rx")
 _MOVES = {"tx": 4.0, "tz": 1.0, "rx": 0.05}
@@ -38,11 +38,6 @@ def one_frame(cycle: LoadCycle, frame: int) -> LoadCycle:
     """One frame of a cycle, twice, since a cycle has two frames or more."""
     curves = {key: np.repeat(getattr(cycle, key)[frame], 2) for key in COLUMNS if key != "time_s"}
     return LoadCycle(f"{cycle.name}, frame {frame}", time_s=np.array([0.0, 1.0]), **curves)
-
-
-def same_poses(poses: Array, reference: Array) -> np.ndarray:
-    """True (n,) where poses (n, 6) differ by less than 0.01 mm, rotations over 25 mm."""
-    return np.asarray(np.abs((poses - reference) * POSE_IN_MM).max(axis=1) < SAME_MM)
 
 
 def by_ipopt(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: Array) -> tuple[Array, Array]:
