@@ -16,6 +16,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.quantities import quantity
+from casadi_contact.structures import Surrogate
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import (
     Verdict,
@@ -147,7 +148,7 @@ def report(
         "structure": getattr(problem.model, "structure", kind),
         "scene": scene.name,
     }
-    if (result.on_model & ~result.on_rim).any():
+    if _learnable(problem, result):
         summary["refine"] = _REFINE
     if starts is not None:
         summary["random_starts"] = starts.record()
@@ -177,11 +178,15 @@ def _print(
         table.add_row(f"{name} ({quantity(name).unit})", *cells)
     console.print(table)
     print_outcome(console, result)
-    learnable = int((result.on_model & ~result.on_rim).sum())
-    if learnable:
+    if learnable := _learnable(problem, result):
         console.print(f"{learnable} frames on the contact model fit on the insert: {_REFINE}", highlight=False)
     if starts is not None:
         console.print(str(starts), highlight=False)
+
+
+def _learnable(problem: PoseEstimation, result: PoseResult) -> int:
+    """How many frames that a surrogate does not know it could be taught; a foundation learns nothing."""
+    return int((result.on_model & ~result.on_rim).sum()) if isinstance(problem.model, Surrogate) else 0
 
 
 def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracked: Tracked, verdict: Verdict) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from casadi_contact.verification import judge
 from problems import pose_estimation
 from problems.pose_estimation.completion import complete, solve_and_complete
 from problems.pose_estimation.reach import beyond_reach_mm
+from problems.pose_estimation.report import _learnable
 from problems.pose_estimation.search import search
 from problems.pose_estimation.wanted import WantedLoads
 
@@ -83,6 +85,12 @@ def test_the_verdict_tells_frames_on_the_contact_model_apart(completed, knee, fo
         assert words == ("solved on the contact model" if result.on_model[frame] else expected)
     assert f"{int(result.on_model.sum())} of them on it alone" in str(verdict)
     assert verdict.exit_code == 2
+
+
+def test_only_a_surrogate_is_to_be_refined_a_foundation_learns_nothing(completed, foundation):
+    problem, result = completed
+    assert _learnable(problem, result) == (result.on_model & ~result.on_rim).sum() > 0
+    assert _learnable(SimpleNamespace(model=foundation), result) == 0
 
 
 def test_a_frame_that_the_optimiser_missed_is_solved_from_the_pose_of_the_contact_model(knee, foundation, monkeypatch):
