@@ -156,9 +156,10 @@ def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[L
 
 
 def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
-    header = set(TextColumns.read(path, "cycle file").header)
-    of_any_joint = set(column_names(()).values()) & header and not KNEE_POSE_COLUMNS & header
-    return read_joint_cycle(path, scene) if of_any_joint else read_cycle(path)
+    header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
+    if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
+        return read_joint_cycle(path, scene)
+    return read_cycle(path)
 
 
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:

@@ -15,14 +15,13 @@ from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, lo
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
-from casadi_contact.optimisation.starts import settle_in_range, touching
+from casadi_contact.optimisation.starts import LEAST_START_N, settle_in_range, touching
 from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.pose_space import PoseSpace
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
-_LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 
 
 class ContactFrames:
@@ -124,7 +123,7 @@ class ContactFrames:
         for normal in self._scene.pressed:
             if set(normal.loads) <= set(wanted):
                 forces = np.stack([_numbers(name, wanted[name], self.frames) for name in normal.loads], axis=1)
-                pressing |= dict(zip(normal.loads, normal.at_least(forces, _LEAST_START_N).T, strict=True))
+                pressing |= dict(zip(normal.loads, normal.at_least(forces, LEAST_START_N).T, strict=True))
         return settle_in_range(self.model, begin, rest, self.free, pressing)
 
     def each_frame(self, poses: ArrayLike) -> Array:
@@ -226,11 +225,12 @@ def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: i
 
 def _numbers(name: str, value: Any, frames: int) -> Array:
     """A number for each frame (n,), from one, or n of them in a row or a column."""
+    wrong = ValueError(f"{name} is {value}, expected a finite number, or one for each of {frames} frames")
     try:
         numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, NotImplementedError):
-        numbers = np.full(1, np.nan)
+    except (TypeError, ValueError, NotImplementedError):  # words, symbols, rows of unequal length
+        raise wrong from None
     vector = numbers.size == max(numbers.shape, default=1)
     if not vector or numbers.size not in (1, frames) or not np.isfinite(numbers).all():
-        raise ValueError(f"{name} is {value}, expected a finite number, or one for each of {frames} frames")
+        raise wrong
     return np.broadcast_to(numbers.ravel(), frames)

@@ -13,7 +13,7 @@ from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
-_LEAST_FORCE_N = 20.0  # of each side, so that a start is always in contact
+LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 
 
 def start_or_default(start: ArrayLike | None, default: Array) -> Array:
@@ -87,14 +87,14 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
     if len(pressed) == 1:
         names = pressed[0].loads
         forces = loads[:, [WRENCH_NAMES.index(name.partition("_")[0]) for name in names]]
-        at_least = pressed[0].at_least(forces, _LEAST_FORCE_N)
+        at_least = pressed[0].at_least(forces, LEAST_START_N)
         return settle_in_range(model, poses, rest, free, dict(zip(names, at_least.T, strict=True)))
     if len(pressed) != 2:
         return settle_in_range(model, poses, rest, free, {})
     sides = model.scene.sensitive_loads
     down = -loads[:, WRENCH_NAMES.index("Fy")]
     first = (loads[:, WRENCH_NAMES.index("Tx")] - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
-    least = np.minimum(_LEAST_FORCE_N, np.maximum(0.5 * down, 1.0))
+    least = np.minimum(LEAST_START_N, np.maximum(0.5 * down, 1.0))
     first = np.clip(first, least, np.maximum(down - least, least))
     shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
     return settle_in_range(model, poses, rest, free, shares)

@@ -93,12 +93,12 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 def _patch(key: str, table: object) -> dict[str, Any]:
     values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "spots", "split_z"), complete=False)
-    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3), ("pressing", 3)):
+    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3)):
         listed = _numbers(f"{key}.{name}", values.get(name, [0.0, 1.0, 2.0][:length]), length)
         if length == 2 and listed[0] >= listed[1]:
             raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
-        if name == "pressing":
-            _check_direction(f"{key}.{name}", listed)
+    if "pressing" in values:
+        _check_direction(f"{key}.pressing", _numbers(f"{key}.pressing", values["pressing"], 3))
     spots = values.get("spots", 1)
     if isinstance(spots, bool) or not isinstance(spots, int) or not 1 <= spots <= MOST_SPOTS:
         raise fail(f"{key}.spots", spots, f"a whole number from 1 to {MOST_SPOTS}")

@@ -9,30 +9,19 @@ import casadi_contact as cc
 from casadi_contact.verification import share_on_walls, words_on_walls
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
-from tests.support.meshes import ELASTIC, ball_mesh, mesh_scene_text, post_mesh, write_obj
-
-RADIUS_MM = 8.0
+from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
+from tests.support.meshes import mesh_scene_text
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("walls")
-    write_obj(folder / "post.obj", *post_mesh())
-    write_obj(folder / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
-    return folder
+    return write_corner(tmp_path_factory.mktemp("walls"))
 
 
 def model_of(folder, elements="grid"):
     path = folder / f"{elements}.toml"
     path.write_text(mesh_scene_text(folder / "ball.obj", folder / "post.obj", elements=elements))
     return cc.ElasticFoundation(cc.load_scene(path), (160, 160))
-
-
-def force_n(overlap_mm):
-    """π·K/h·d²·(R - d/3): a ball on a plane, depth along the plane's normal."""
-    nu = ELASTIC["poissons_ratio"]
-    modulus = (1.0 - nu) * ELASTIC["youngs_modulus"] / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    return np.pi * modulus / ELASTIC["thickness"] * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0)
 
 
 def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_two_planes(folder):
