@@ -43,8 +43,8 @@ class WantedLoads:
             if not all(parts):
                 made_of, has = " and ".join(centre.made_of), ", ".join(scene.load_names)
                 raise ValueError(
-                    f"{name} needs {made_of}, in total or of every patch, scene {scene.name} has {has}: add what is "
-                    "missing to its loads.names and tolerances"
+                    f"{name} needs {made_of}, scene {scene.name} has {has}: add what is missing, in total or of every "
+                    "patch, to its loads.names and tolerances"
                 )
             needed |= {*parts[0], *parts[1]}
         unknown = needed - set(scene.load_names)

@@ -10,6 +10,7 @@ import casadi_contact as cc
 from casadi_contact.contact import CupFoundation, PolarFoundation, Rays
 from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.verification import judge, own_model
 from casadi_contact.verification.verify import loads_on
 from problems import pose_estimation, static_equilibrium
@@ -133,6 +134,24 @@ def test_a_cycle_file_holds_any_loads_and_centres_of_a_scene(tmp_path, patellofe
     assert list(cycle.targets()) == ["Fx_med", "Fx_lat"]
     with pytest.raises(ValueError, match=r"3 loads \(Fx_med, Fx_lat, cop_z\) cannot tell 5 pose parameters"):
         pose_estimation.build(patellofemoral, cycle)
+
+
+@needs_compiler
+def test_a_knee_of_which_something_else_was_measured_has_the_columns_of_any_joint(tmp_path):
+    knee = cc.foundation("knee")
+    known = np.array([knee.example_pose()] * 2)
+    loads = dict(zip(knee.load_names, knee(known[:1])[0], strict=True))
+    row = [loads[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")]
+    text = "time_s,rz_rad,ry_rad,Fy_med_N,Fy_lat_N,Fx_N,Fz_N\n"
+    rows = [[time, known[0, 5], known[0, 4], *row] for time in (0.0, 1.0)]
+    (tmp_path / "rig.csv").write_text(text + "\n".join(",".join(map(repr, map(float, each))) for each in rows))
+    (cycle,) = reference_motion_cycles(knee.scene, [tmp_path / "rig.csv"])
+    result = pose_estimation.solve(pose_estimation.build(knee, cycle))
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(result.loads[:, :2], [row[:2]] * 2, atol=1.0)
+    (tmp_path / "knee.csv").write_text(text.replace("rz_rad", "flexion_rz_rad") + "0,0,0,-1,-1,0,0\n")
+    with pytest.raises(ValueError, match="lacks the columns rotation_ry_rad, cop_ap_mm, cop_ml_mm"):
+        reference_motion_cycles(knee.scene, [tmp_path / "knee.csv"])
 
 
 def test_a_cycle_that_prescribes_what_presses_is_told_so(tmp_path, patellofemoral):
