@@ -148,7 +148,7 @@ class Assembly:
 
     def _in_ground(self, contact: Contact, poses: ca.MX) -> ca.MX:
         """Total wrench (6) of a contact on its fixed body, about the ground's origin and in its frame."""
-        total = ca.sparsify(ca.DM(total_selection(contact.model.load_names, contact.model.scene.patch_names)))
+        total = ca.sparsify(ca.DM(total_selection(contact.model.load_names, contact.model.patch_names)))
         wrench = ca.mtimes(total, self._contact_loads(contact, poses))
         origin, R = placed(self._pose(contact.fixed, poses), ca.DM(contact.fixed_frame))
         force = ca.mtimes(R, wrench[:3])

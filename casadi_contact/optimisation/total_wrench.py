@@ -30,7 +30,7 @@ def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Fun
     back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
     wrench.
     """
-    total = ca.sparsify(ca.DM(total_selection(model.load_names, model.scene.patch_names)))
+    total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
     pose = ca.MX.sym("pose", 6)
     loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
     return ca.Function(name, [pose], [ca.mtimes(total, loads)])

@@ -63,12 +63,12 @@ def lifting_energy(model: ContactModel, poses: Array) -> Array:
     heights = (width * (np.arange(_PANELS)[:, None] + 0.5 * (nodes + 1.0))).ravel()
     lifted = np.repeat(poses, len(heights), axis=0)
     lifted[:, 1] += np.tile(heights, len(poses))
-    downward = -(model(lifted) @ total_selection(model.load_names, model.scene.patch_names)[1])
+    downward = -(model(lifted) @ total_selection(model.load_names, model.patch_names)[1])
     return downward.reshape(len(poses), -1) @ np.tile(0.5 * width * weights, _PANELS)
 
 
 def unbalanced(simulation: Simulation, other: ContactModel) -> Array:
     """Wrench (n, 6) [N, N·mm] left over when another model's contact takes the place of the simulation's."""
     return np.asarray(
-        other(simulation.poses) @ total_selection(other.load_names, other.scene.patch_names).T - simulation.wrenches
+        other(simulation.poses) @ total_selection(other.load_names, other.patch_names).T - simulation.wrenches
     )

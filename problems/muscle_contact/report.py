@@ -283,7 +283,7 @@ def _draw_patella(
     assert result.patella is not None
     walk, groove = problem.walk, problem.extensor.contact
     loads = groove.model(result.patella.contact_poses, patellar.load_names)
-    selection = total_selection(patellar.load_names, groove.model.scene.patch_names)[:3]
+    selection = total_selection(patellar.load_names, groove.model.patch_names)[:3]
     resultant = loads @ selection.T
     held = {
         "quadriceps": result.muscle_forces_n[:, quadriceps(walk.muscles.names)].sum(axis=1),

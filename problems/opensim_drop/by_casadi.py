@@ -16,7 +16,7 @@ def simulate(drop: Drop, tolerance: float = 1e-10) -> Array:
     state = ca.MX.sym("state", 12)
     pose, velocity, spin = state[:6], state[6:9], state[9:]
     surrogate = drop.surrogate
-    total = total_selection(surrogate.load_names, surrogate.scene.patch_names)
+    total = total_selection(surrogate.load_names, surrogate.patch_names)
     wrench = total @ surrogate.function(compiled=True)(pose)
     force = -wrench[:3] + ca.DM(drop.push_n) - 1e-3 * drop.damping_ns_per_m * velocity
     torque = -wrench[3:] + ca.cross(pose[:3], wrench[:3]) - 1e3 * drop.damping_nms_per_rad * spin

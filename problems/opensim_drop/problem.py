@@ -48,7 +48,7 @@ class Drop:
     def settings(self) -> dict[str, object]:
         """Plain values for another process."""
         return {
-            "total": total_selection(self.surrogate.load_names, self.surrogate.scene.patch_names).tolist(),
+            "total": total_selection(self.surrogate.load_names, self.surrogate.patch_names).tolist(),
             "start_pose": self.start_pose.tolist(),
             "mass_kg": self.mass_kg,
             "inertia_kgm2": self.inertia_kgm2,

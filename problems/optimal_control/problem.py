@@ -78,7 +78,7 @@ def point_function(model: SymbolicContact, rig: Rig, held: Sequence[str]) -> ca.
     steps = pose_steps(model.scene.sensitive_pose)
     pose = q * steps
     loads = model.function(compiled=True)(pose)
-    contact = ca.mtimes(ca.DM(total_selection(model.load_names, model.scene.patch_names)), loads)
+    contact = ca.mtimes(ca.DM(total_selection(model.load_names, model.patch_names)), loads)
     actuators = u * (LOAD_SCALE_N * POSE_IN_MM)
     stiffness, rest = np.append(rig.stiffness, 0.0), np.append(rig.rest_mm_rad, 0.0)
     damping = np.append(rig.damping, _FLEXION_DAMPING)

@@ -43,7 +43,7 @@ def start_values(problem: OptimalControl) -> Array:
     loads, held = wanted.at(wanted.time_s[0] + node_times)
     named = dict(zip(wanted.held, held.T, strict=True)), dict(zip(model.load_names, loads.T, strict=True))
     poses = pose_estimation.solve(pose_estimation.build(model, JointCycle("wanted", node_times, *named))).poses
-    total = loads @ total_selection(model.load_names, model.scene.patch_names).T
+    total = loads @ total_selection(model.load_names, model.patch_names).T
     total[:, 3:] -= np.cross(poses[:, :3], total[:, :3])  # about the moving origin
     motion = CubicSpline(node_times, poses)
     actuators = CubicSpline(node_times, total)(problem.times) / (LOAD_SCALE_N * POSE_IN_MM)

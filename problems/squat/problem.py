@@ -159,7 +159,7 @@ def _moment_function(model: SymbolicContact, mechanics: LegMechanics) -> ca.Func
     a, knee = ca.MX.sym("a", len(MUSCLES)), ca.MX.sym("knee", 3)
     pose = _poses(phi, knee)
     loads = model.function(compiled=True)(pose)
-    wrench = ca.mtimes(ca.sparsify(ca.DM(total_selection(model.load_names, model.scene.patch_names))), loads)
+    wrench = ca.mtimes(ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names))), loads)
     motion, across, _, within = mechanics.residuals(phi, rate, bend, a, pose, wrench)
     left = ca.vertcat(motion / _MOMENT_NM, across[:2] / _FORCE_N, across[2] / _MOMENT_NM)
     medial = -loads[model.load_names.index("Fy_med")]

@@ -69,7 +69,7 @@ def solve(
     converged = np.abs(misfit).max(axis=1) <= TOLERANCE_N
     return EquilibriumResult(
         poses=poses,
-        wrenches=problem.model(poses) @ total_selection(problem.model.load_names, problem.model.scene.patch_names).T,
+        wrenches=problem.model(poses) @ total_selection(problem.model.load_names, problem.model.patch_names).T,
         misfit_n=misfit,
         converged=converged,
         reason=_reasons(problem, poses, misfit, converged, outcome),

@@ -52,7 +52,7 @@ def test_a_called_back_foundation_gives_its_wrench_and_analytic_jacobian():
     foundation = cc.ElasticFoundation(cc.load_scene("knee"), (40, 30))
     called, x = wrench_function(foundation), ca.MX.sym("x", 6)
     slope = ca.Function("slope", [x], [ca.jacobian(called(x), x)])
-    pick = total_selection(foundation.load_names, foundation.scene.patch_names)
+    pick = total_selection(foundation.load_names, foundation.patch_names)
     wrench, jacobian = foundation.jacobian(POSE[None])
     np.testing.assert_allclose(np.asarray(called(POSE)).ravel(), pick @ wrench[0], rtol=1e-12)
     np.testing.assert_allclose(np.asarray(slope(POSE)), pick @ jacobian[0], rtol=1e-12)

@@ -52,7 +52,7 @@ def by_quantity(lines, method):
 class LinearModel:
     """Wrench = matrix·pose, as a contact model without contact."""
 
-    load_names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+    load_names, patch_names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("all",)
 
     def __init__(self, matrix):
         self.matrix = np.asarray(matrix, dtype=float)

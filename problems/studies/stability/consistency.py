@@ -24,7 +24,7 @@ def stiffness(model: Any, poses: Array) -> Array:
     pose, wrench = ca.MX.sym("pose", 6), ca.MX.sym("wrench", 6)
     forces = generalised_forces(pose, wrench)
     slopes = ca.Function("slopes", [pose, wrench], [ca.jacobian(forces, pose), ca.jacobian(forces, wrench)])
-    total = total_selection(model.load_names, model.scene.patch_names)
+    total = total_selection(model.load_names, model.patch_names)
     loads, jacobians = model.jacobian(poses)
     result = np.empty((len(poses), 6, 6))
     for k, at in enumerate(poses):
