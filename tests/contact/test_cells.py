@@ -6,6 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
+from casadi_contact.contact.cells.patches import BOXES
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
 from casadi_contact.contact.kernels import point_distances
 from casadi_contact.conventions import rotation
@@ -54,6 +55,15 @@ def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path, size):
         assert (g.reshape(-1, points.shape[1]).min(axis=1) < touch_mm(size)).all()
         carried += len(carries)
     assert carried > 100
+
+
+@pytest.mark.parametrize("size_mm", [0.5, 0.85, 1.2, 1.7, 2.4, 5.0])
+def test_few_boxes_that_are_looked_at_together_are_empty(ball_mesh, size_mm):
+    """The search for cells in contact takes as long for an empty box as for a cell."""
+    (patch,) = cc.CellFoundation(ball_mesh, Cells(size_mm, size_mm), compiled=False).patches
+    sizes = np.diff(patch.patch.blocks)
+    assert sizes.sum() == len(patch.patch.corners)
+    assert sizes.sum() >= 0.4 * (BOXES * -(-sizes // BOXES)).sum()
 
 
 @pytest.mark.parametrize(("name", "overrides", "overlap", "force"), ON_PLANE)

@@ -10,7 +10,7 @@ from casadi_contact.contact.cells.basis import Cells, middles
 from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.conventions import Array
 
-BLOCK_MM = 4.0  # diagonal of a block of cells, at most
+BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
 BOXES = 8  # that the kernel looks at together
 
 
@@ -84,9 +84,15 @@ def _single(x: Array) -> Array:
 
 
 def _block(step: Array) -> tuple[int, int]:
-    """Cells along the sides of a block: those that fill its boxes, `BOXES` together, best; of these the most."""
-    sides = [(a, b) for a in range(1, 9) for b in range(1, 9) if a * b == 1 or np.hypot(*(step * [a, b])) <= BLOCK_MM]
-    return max(sides, key=lambda side: (np.prod(side) / -(-np.prod(side) // BOXES), np.prod(side)))
+    """Cells along the sides of a block: those that fill its boxes, `BOXES` together, best; of these the most. Where
+    more than half of the boxes would stay empty, as of large cells, `BOXES` cells as close together as can be."""
+    sides = [(a, b) for a in range(1, 9) for b in range(1, 9)]
+    across = {side: float(np.hypot(*(step * side))) for side in sides}
+    within = [side for side in sides if np.prod(side) == 1 or across[side] <= BLOCK_MM]
+    best = max(within, key=lambda side: (np.prod(side) / -(-np.prod(side) // BOXES), np.prod(side)))
+    if 2 * np.prod(best) >= BOXES:
+        return best
+    return min((side for side in sides if np.prod(side) == BOXES), key=lambda side: across[side])
 
 
 def _in_blocks(held: np.ndarray, side: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
