@@ -71,8 +71,8 @@ INLINE Lanes for_rows(const Lanes *weight, int lane) {
 #endif
 }
 
-/* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a point, along z */
-INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Four v[10]) {
+/* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a lane's point, along z */
+INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Four sums[10][BLOCK]) {
   Lanes sum[10];
   for (int r = 0; r < 4; r += ROWS) {
     Lanes along_x[4], along_y[4];
@@ -89,8 +89,8 @@ INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], c
     }
   }
   for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) {
-    v[n] = part_of(sum[n], 0);
-    for (int k = 1; k < ROWS; k++) v[n] += part_of(sum[n], k);
+    sums[n][lane] = part_of(sum[n], 0);
+    for (int k = 1; k < ROWS; k++) sums[n][lane] += part_of(sum[n], k);
   }
 }
 
@@ -100,24 +100,26 @@ INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   static const int along_z[20] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
   const double s = 1.0 / FIELD_SPACING;
-  Lanes node[3], share[3], beyond[3], weights[3][4][4];
+  Lanes node[3], share[3], beyond[3], weights[3][4][4], columns[10][4], found[20];
   Whole first;
-  Four part[20][BLOCK], along[4][BLOCK];
+  Four sums[10][BLOCK];
   for (int i = 0; i < 3; i++) {
     node[i] = place_on((q[i] - field_origin[i]) * s, counts[i], share + i, beyond + i);
     spline_weights(share[i], order, weights[i]);
   }
   first = whole_of((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2]);
-  for (int m = 0; m <= order; m++) to_rows(weights[2][m], along[m]);
   KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-    Four v[10];
-    sum_rows(FIELD_COEFFICIENTS + first[l], l, order, weights[0], weights[1], v);
-    for (int n = 0; n < wanted; n++) part[n][l] = v[of[n]] * along[along_z[n]][l];
+    sum_rows(FIELD_COEFFICIENTS + first[l], l, order, weights[0], weights[1], sums);
   }
-  out->g = sums_of(part[0]);
-  for (int i = 0; i < 3; i++) out->slope[i] = s * sums_of(part[1 + i]);
-  for (int k = 0; k < 6 && order >= 2; k++) out->bend[k] = s * s * sums_of(part[4 + k]);
-  for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = s * s * s * sums_of(part[10 + k]);
+  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) to_columns(sums[n], columns[n]);
+  for (int k = 0; k < wanted; k++) {
+    const Lanes *column = columns[of[k]], *weight = weights[2][along_z[k]];
+    found[k] = column[0] * weight[0] + column[1] * weight[1] + (column[2] * weight[2] + column[3] * weight[3]);
+  }
+  out->g = found[0];
+  for (int i = 0; i < 3; i++) out->slope[i] = s * found[1 + i];
+  for (int k = 0; k < 6 && order >= 2; k++) out->bend[k] = s * s * found[4 + k];
+  for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = s * s * s * found[10 + k];
   if (any((beyond[0] != 0.0) | (beyond[1] != 0.0) | (beyond[2] != 0.0))) leave_grid(beyond, order, out);
 }
 

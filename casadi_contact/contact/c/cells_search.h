@@ -114,8 +114,9 @@ FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame,
   fill_up(s->ids, nodes);
 }
 
-/* Values in BLOCK slots, with order 2 slopes by twist; first: depths found at the nodes themselves, 0 before that. */
-INLINE void fill_slots(const Patch *p, const int *slots, const Lanes *first, const double *pose, const Frame *frame,
+/* Values in BLOCK slots, with order 2 slopes by twist; first: depths found at the nodes themselves, 0 before that. What
+ * then is found is returned. */
+INLINE Lanes fill_slots(const Patch *p, const int *slots, const Lanes *first, const double *pose, const Frame *frame,
                        int order, Scratch *s) {
   int ids[BLOCK];
   Four row[BLOCK];
@@ -127,7 +128,7 @@ INLINE void fill_slots(const Patch *p, const int *slots, const Lanes *first, con
   column[3] = first ? *first : pick(at.sigma > FLATTEST + FLATTEST_WIDTH, at.d, all(0.0));
   to_rows(column, row);
   for (int l = 0; l < BLOCK; l++) memcpy(s->value[slots[l]], row + l, sizeof(Four));
-  if (order < 2) return;
+  if (order < 2) return column[3];
   value_slopes(&at, frame, slopes);
   for (int i = 0; i < 3; i++) {
     const Lanes rest[4] = {slopes[i][4], slopes[i][5], all(0.0), all(0.0)};
@@ -139,6 +140,7 @@ INLINE void fill_slots(const Patch *p, const int *slots, const Lanes *first, con
       memcpy(s->slopes[slots[l]][i] + 4, others + l, sizeof(Four));
     }
   }
+  return column[3];
 }
 
 /* Of the corners of BLOCK near cells: v their values, and the depths found at the nodes themselves */
@@ -170,7 +172,7 @@ INLINE void hull_of(const Lanes v[12], Lanes *lowest, Lanes *highest) {
 FUNCTION void keep_cells(Scratch *s) {
   int kept = 0, agains = s->agains;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
-    const unsigned there = (1u << (s->near - k < BLOCK ? s->near - k : BLOCK)) - 1;
+    const unsigned there = lowest_bits(s->near - k);
     Lanes v[12], depths[4], lowest, highest, least;
     int some[BLOCK];
     unsigned left, high;
@@ -203,7 +205,7 @@ FUNCTION void keep_cells(Scratch *s) {
 FUNCTION void sort_cells(const Patch *p, Scratch *s) {
   int cells = 0, full = 0;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
-    const unsigned there = (1u << (s->near - k < BLOCK ? s->near - k : BLOCK)) - 1;
+    const unsigned there = lowest_bits(s->near - k);
     Lanes v[12], depths[4], lowest, highest;
     int some[BLOCK];
     unsigned left, inside;
@@ -226,14 +228,14 @@ FUNCTION void sort_cells(const Patch *p, Scratch *s) {
 INLINE void search(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   int agains = 0;
   find_cells(p, pose, frame, s);
+  memset(s->is_again, 0, s->nodes * sizeof s->is_again[0]);
   for (int k = 0; k < s->nodes; k += BLOCK) {
+    const unsigned there = lowest_bits(s->nodes - k);
+    unsigned deep;
     int slots[BLOCK];
     for (int l = 0; l < BLOCK; l++) slots[l] = k + l;
-    fill_slots(p, slots, 0, pose, frame, 1, s);
-    for (int l = 0; l < BLOCK && k + l < s->nodes; l++) {
-      s->again[agains] = k + l, s->is_again[k + l] = 0;
-      agains += s->value[k + l][3] > SMALL_DEPTH - SMALL_DEPTH_WIDTH;
-    }
+    deep = there & bits_of(fill_slots(p, slots, 0, pose, frame, 1, s) > SMALL_DEPTH - SMALL_DEPTH_WIDTH);
+    for (int l = 0; l < BLOCK; l++) s->again[agains] = k + l, agains += deep >> l & 1;
   }
   s->agains = agains;
   keep_cells(s);

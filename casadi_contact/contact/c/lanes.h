@@ -59,17 +59,6 @@ INLINE double sum_of(Lanes x) {
   return (y[0] + y[1]) + (y[2] + y[3]);
 }
 
-/* The sum of each of BLOCK rows */
-INLINE Lanes sums_of(const Four row[BLOCK]) {
-  Four sums[BLOCK / 4];
-  for (int k = 0; k < BLOCK / 4; k++, row += 4) {
-    const Four a = SHUFFLED(row[0], row[1], 0, 4, 2, 6) + SHUFFLED(row[0], row[1], 1, 5, 3, 7);
-    const Four b = SHUFFLED(row[2], row[3], 0, 4, 2, 6) + SHUFFLED(row[2], row[3], 1, 5, 3, 7);
-    sums[k] = SHUFFLED(a, b, 0, 1, 4, 5) + SHUFFLED(a, b, 2, 3, 6, 7);
-  }
-  return joined(sums);
-}
-
 INLINE void transpose(const Four row[4], Four column[4]) {
   const Four a = SHUFFLED(row[0], row[1], 0, 4, 2, 6), b = SHUFFLED(row[0], row[1], 1, 5, 3, 7);
   const Four c = SHUFFLED(row[2], row[3], 0, 4, 2, 6), d = SHUFFLED(row[2], row[3], 1, 5, 3, 7);
@@ -137,6 +126,9 @@ INLINE unsigned bits_of(Mask mask) {
   return bits;
 #endif
 }
+
+/* One for each of the first `count` lanes, or for all */
+INLINE unsigned lowest_bits(int count) { return (1u << (count < BLOCK ? count : BLOCK)) - 1; }
 
 INLINE int first_bit(unsigned bits) { return __builtin_ctz(bits); }
 
