@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -79,7 +79,7 @@ def train(
     samples = project.samples()
     if project.preset.active:
         models_to_ask(project, samples)  # refused here, not after hours of training
-    around = moved_samples(samples, teacher, update)
+    around, model = moved_samples(samples, teacher, update), teacher_of(samples) if teacher is None else teacher
     command = build_command(project, samples)
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     paths, made = [], surrogates_made(project)
@@ -91,7 +91,7 @@ def train(
                 project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device
             )
             surrogate = _active_rounds(project, samples, surrogate, folder, command, update, workers, device)
-        made[name] = with_trust(surrogate, samples, around)
+        made[name] = with_trust(surrogate, samples, around, model, _told(update, f"{name}: poses over the range"))
         made[name].save(path)
         paths.append(path)
     return paths
@@ -152,12 +152,13 @@ def moved_samples(samples: Samples, own: WrenchModel | None = None, update: Upda
     teacher = teacher_of(samples) if own is None else own
     if teacher is None:
         return None
+    count = None if own is None else len(samples) // 3
+    return samples_around(samples, teacher, count=count, progress=_told(update, "poses around the samples"))
 
-    def tell(done: int, total: int) -> None:
-        if update is not None:
-            update("poses around the samples", done, total, "")
 
-    return samples_around(samples, teacher, count=None if own is None else len(samples) // 3, progress=tell)
+def _told(update: Update | None, what: str) -> Callable[[int, int], None] | None:
+    """What tells an `Update` (done, all) of one stage; None where none listens."""
+    return None if update is None else lambda done, total: update(what, done, total, "")
 
 
 def fit_surrogate(

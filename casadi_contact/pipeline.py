@@ -46,6 +46,7 @@ from casadi_contact.sampling import (
     model_name_of,
     model_pair,
     reference_motion,
+    teacher_of,
 )
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
@@ -242,7 +243,7 @@ def calibrate(project: Project) -> list[Path]:
     Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
     """
     samples = project.samples()
-    around = moved_samples(samples)
+    around, model = moved_samples(samples), teacher_of(samples)
     surrogates = project_surrogates(project)
     for structure, surrogate in surrogates.items():
         if around is None and "around" in surrogate.record.get("coverage", {}):
@@ -251,7 +252,7 @@ def calibrate(project: Project) -> list[Path]:
                 "not here: build again with that model"
             )
     for structure, surrogate in surrogates.items():
-        with_trust(surrogate, samples, around).save(project.surrogate_path(structure))
+        with_trust(surrogate, samples, around, model).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]
 
 

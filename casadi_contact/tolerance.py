@@ -23,7 +23,7 @@ from casadi_contact.pipeline import sample
 from casadi_contact.presets import Effort, Preset, effort_for
 from casadi_contact.project import Project, Update, alone
 from casadi_contact.quantities import FORCE, TORQUE, of_kind
-from casadi_contact.sampling import foundations
+from casadi_contact.sampling import foundations, teacher_of
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate, with_trust
@@ -124,7 +124,7 @@ def train_to_tolerance(
     for name in (this.samples_path.name, this.motion_path.name):
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
-    trusted = with_trust(surrogate, samples, moved_samples(samples))
+    trusted = with_trust(surrogate, samples, moved_samples(samples), teacher_of(samples))
     trusted.save(project.surrogate_path(STRUCTURE))
     if missed:
         raise ValueError(

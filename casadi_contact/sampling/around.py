@@ -9,6 +9,7 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
+from casadi_contact.scenes import Scene
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
 AROUND_COUNTS = (4000, 40_000)  # at least, at most; in between a third as many as the samples
@@ -39,21 +40,22 @@ def samples_around(
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
     poses = samples.scene.pose_space.onto(poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3))
+    return asked(model, samples.scene, poses, progress)
+
+
+def asked(
+    model: WrenchModel, scene: Scene, poses: Array, progress: Callable[[int, int], None] | None = None
+) -> Samples:
+    """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`."""
+    count = len(poses)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
+    domain = np.ones(count, dtype=np.uint8)
     parts = []
     for first in range(0, count, _AT_ONCE):
-        parts.append(evaluated(model, poses[first : first + _AT_ONCE], len(samples.scene.parts)))
+        parts.append(evaluated(model, poses[first : first + _AT_ONCE], len(scene.parts)))
         if progress is not None:
             progress(min(first + _AT_ONCE, count), count)
     wrenches, gaps, edge = (np.concatenate(column) for column in zip(*parts, strict=True))
     kept = ~edge & np.isfinite(wrenches).all(axis=(1, 2))
-    domain = np.ones(count, dtype=np.uint8)
-    return Samples(
-        samples.scene,
-        poses[kept],
-        wrenches[kept],
-        gaps[kept],
-        domain[kept],
-        role[kept],
-        dropped=Dropped(poses[~kept], domain[~kept]),
-    )
+    lost = Dropped(poses[~kept], domain[~kept])
+    return Samples(scene, poses[kept], wrenches[kept], gaps[kept], domain[kept], role[kept], dropped=lost)

@@ -6,11 +6,29 @@ from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
+from scipy.cluster.vq import kmeans2
 from scipy.special import logsumexp, softmax
 
 from casadi_contact.conventions import Array
 
 _ROWS = 2000  # rows worked on at once
+
+
+def thinned(points: Array, cell: float) -> Array:
+    """One point of each cell of a grid so wide: spread evenly over the region, however densely it was sampled."""
+    _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
+    return points[np.sort(first)]
+
+
+def spread_centres(points: Array, count: int) -> Array:
+    """At most `count` centres (K, d) of points (n, d) by k-means, the same for the same points."""
+    distinct = np.unique(points, axis=0)
+    if len(distinct) < len(points):  # k-means divides by the distance of the first centres
+        points = distinct
+    if len(points) <= count:
+        return points
+    centres, member = kmeans2(points, count, iter=20, minit="++", rng=np.random.default_rng(0))
+    return np.asarray(centres[np.bincount(member, minlength=count) > 0])
 
 
 def _blocks(points: Array, centres: Array, bandwidth: float) -> Iterator[Array]:

@@ -9,8 +9,9 @@ all others are kept and printed as they are:
     valid_share      0.98                                           share of held-back samples with validity above 0.9
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
-    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples: share with validity above 0.9,
-                                                                    and of errors below the expected error
+    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
+                                                                    validity above 0.9, and of errors below the
+                                                                    expected error (see `coverage`)
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
     active           [33000, 34000]                                 samples that each active round added (see `active`)

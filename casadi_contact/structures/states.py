@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.scenes import Scene
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, weighted_mean
 
 _FAR = 1e8  # pose parameters and root loads are cut off here, so that every finite pose has finite numbers
@@ -46,3 +47,10 @@ class States:
         v = ca.fmin(ca.fmax(roots, -_FAR), _FAR) + 2.0 * scale
         y = ca.vertcat(x, 0.5 * (v + ca.sqrt(v * v + scale**2)) / scale)
         return ca.mtimes(ca.DM(values.T), kernel_expressions(y, self.centres, self.bandwidth)[1])
+
+
+def state_columns(scene: Scene) -> list[int]:
+    """Columns of the pose that tell the state of a contact beside its root loads, which stand for as many sensitive
+    parameters. Of a ball in a cup, whose three are told by one root load, all six do."""
+    told = len(scene.sensitive_pose) <= len(scene.patch_names)
+    return [pose_index(name) for name in (scene.insensitive_pose if told else POSE_NAMES)]

@@ -42,6 +42,7 @@ from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpa
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 from casadi_contact.structures.states import States
 
+SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at 0.9
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
 _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),

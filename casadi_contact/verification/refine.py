@@ -162,4 +162,4 @@ def _trained_on(
     record["refined"] = int(record.get("refined", 0)) + 1
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
     around = samples_around(everything, model, count=len(everything) // 3)
-    return with_trust(kind(surrogate.scene, networks, record), everything, around)
+    return with_trust(kind(surrogate.scene, networks, record), everything, around, model)

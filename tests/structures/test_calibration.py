@@ -7,9 +7,10 @@ import pytest
 
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
-from casadi_contact.structures import load_surrogate, with_trust
-from casadi_contact.structures.calibration import FITTED, quantile_of_unseen, state_columns
+from casadi_contact.structures import PatchSurrogate, load_surrogate, with_trust
 from casadi_contact.structures.distrust import Confirmation
+from casadi_contact.structures.error_bounds import FITTED, quantile_of_unseen
+from casadi_contact.structures.states import state_columns
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -210,3 +211,85 @@ def test_the_expected_error_covers_moved_poses_too(surrogate):
     for row in ("around", "outside"):
         shares = [share for load, share in coverage[row].items() if load != "valid"]
         assert min(shares) > 0.8, row
+
+
+class NoisyModel:
+    """A contact model that the surrogate meets but for an error that depends on the pose: `amplitude` of each load."""
+
+    def __init__(self, surrogate, amplitude):
+        self.surrogate, self.amplitude = surrogate, amplitude
+
+    def wrenches(self, poses):
+        noise = np.sin(1e4 * poses.sum(axis=1)) * self.amplitude(poses)
+        return self.surrogate.wrenches(poses) * (1.0 + noise)[:, None, None]
+
+
+def drawn_from(model, poses, seed=7):
+    wrenches, count = model.wrenches(poses), len(poses)
+    role = np.random.default_rng(seed).choice([TRAIN, VALIDATION, TEST], count, p=[0.6, 0.2, 0.2]).astype(np.uint8)
+    gaps, domain = np.full((count, 1), np.nan), np.ones(count, dtype=np.uint8)
+    return Samples(model.surrogate.scene, poses, wrenches, gaps, domain, role)
+
+
+def test_the_expected_error_holds_over_the_whole_range_where_validity_is_high(surrogate):
+    """Errors grow where tz and rx are large together, which no sample is: those tell too little of the rest of their
+    range, and a contact model at hand is asked there."""
+
+    def amplitude(poses):
+        unit = (poses - POSE_CENTRE) / POSE_SPREAD
+        return NOISE * (1.0 + 20.0 * np.maximum(unit[:, 2] + unit[:, 3], 0.0))
+
+    model, unit = NoisyModel(surrogate, amplitude), np.random.default_rng(4).uniform(-1.0, 1.0, (8000, 6))
+    poses = POSE_CENTRE + POSE_SPREAD * unit
+    samples = drawn_from(model, poses[:4000][unit[:4000, 2] + unit[:4000, 3] < 0.3])
+    unseen = poses[4000:]
+    wanted = drawn_from(model, unseen).loads(surrogate.load_names)
+    errors = np.abs(surrogate(unseen) - wanted)
+
+    def covered(trusted):
+        counted = (trusted.validity(unseen) > 0.5)[:, None] & (wanted != 0.0)
+        return np.mean((errors <= trusted.expected_error(unseen))[counted])
+
+    asked = with_trust(surrogate, samples, model=model)
+    assert covered(with_trust(surrogate, samples)) < 0.9
+    assert 0.93 < covered(asked) < 0.99
+    shares = [share for load, share in asked.info().coverage["range"].items() if load != "valid"]
+    assert 0.93 < np.mean(shares) < 0.99
+
+
+class BallInCup(PatchSurrogate):
+    """A hip's head, t off the centre of its cup, presses as deep as it is off by more than its clearance, that way:
+    s = 18·(|t| - 0.4 mm), F = 1000 N·max(s, 0)²·t/|t|."""
+
+    def trust_roots(self, poses):
+        return 18.0 * (np.linalg.norm(poses[:, :3], axis=1, keepdims=True) - 0.4)
+
+    def wrenches(self, poses):
+        side = poses[:, :3] / np.linalg.norm(poses[:, :3], axis=1, keepdims=True)
+        force = 1000.0 * np.maximum(self.trust_roots(poses), 0.0) ** 2 * side
+        return np.hstack([force, np.zeros_like(force)])[:, None]
+
+    def __call__(self, poses, loads=None):
+        return np.einsum("lpk,npk->nl", self.scene.part_selection(self.load_names), self.wrenches(poses))
+
+
+def test_a_force_towards_a_side_that_was_never_sampled_is_not_valid():
+    """The root load of a hip tells how large its force is and not where it points: upwards all sizes were sampled."""
+    hip = load_scene("hip")
+    surrogate = BallInCup(hip, random_surrogate(hip, "patch").networks)
+    model = NoisyModel(surrogate, lambda poses: NOISE)
+    poses = np.random.default_rng(4).uniform(-1.0, 1.0, (20_000, 6)) * [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]
+    force = np.abs(surrogate.wrenches(poses)[:, 0, :3])
+    size = np.linalg.norm(force, axis=1)
+    sampled = (size < 2500.0) & (force[:, 0] < 400.0)
+    sideways = (size < 2400.0) & (force[:, 0] > 800.0)
+    samples = drawn_from(model, poses[sampled][:3000])
+
+    def valid_shares(trusted):
+        validity = trusted.validity(poses)
+        return np.mean(validity[sampled] > 0.5), np.mean(validity[sideways] > 0.5)
+
+    like_samples, towards_a_side = valid_shares(with_trust(surrogate, samples, model=model))
+    assert like_samples > 0.97
+    assert towards_a_side < 0.15
+    assert valid_shares(with_trust(surrogate, samples))[1] > 0.7  # nothing but the model tells

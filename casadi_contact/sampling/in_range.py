@@ -1,0 +1,57 @@
+"""Poses drawn evenly over the whole sampled range, with a contact model's loads: where a user's own poses may lie.
+
+Samples lie where loads were asked for. Within the ranges of their pose parameters there are poses that press towards
+another side, or lie farther from the next sample, than any of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import TEST, Dropped, Samples
+from casadi_contact.sampling.around import asked
+from casadi_contact.sampling.chunk import WrenchModel
+
+IN_RANGE_COUNT = 2000  # at most, and a third as many as the samples
+MOST_DRAWN = 200  # times as many poses, of which too few may be valid
+_AT_ONCE = 20_000  # poses
+
+
+def samples_in_range(
+    samples: Samples,
+    model: WrenchModel,
+    validity: Callable[[Array], Array],
+    roots: Callable[[Array], Array],
+    *,
+    count: int | None = None,
+    seed: int = 13,
+    progress: Callable[[int, int], None] | None = None,
+) -> Samples:
+    """Poses within the range of the samples that are not test rows, of a validity above 0.1, and the model's loads.
+
+    validity (n,) and root loads (n, P) of poses (n, 6) are a surrogate's; where one is above zero a patch is pressed.
+    Half of the poses are pressed, as far as `MOST_DRAWN` times as many hold them: chance seldom presses. Roles, poses
+    that are dropped, and progress are those of `samples_around`.
+    """
+    count = min(len(samples) // 3, IN_RANGE_COUNT) if count is None else count
+    known = samples.poses[samples.role != TEST]
+    low, width = known.min(axis=0), np.ptp(known, axis=0)
+    rng = np.random.default_rng(seed)
+    halves: tuple[list[Array], list[Array]] = [], []
+    wanted = (count // 2, count - count // 2)
+    for _ in range(0, MOST_DRAWN * count, _AT_ONCE):
+        poses = samples.scene.pose_space.onto(low + width * rng.random((_AT_ONCE, 6)))
+        poses = poses[validity(poses) > 0.1]
+        pressed = (roots(poses) > 0.0).any(axis=1)
+        for half, most, rows in zip(halves, wanted, (pressed, ~pressed), strict=True):
+            half.extend(poses[rows][: most - len(half)])
+        if all(len(half) == most for half, most in zip(halves, wanted, strict=True)):
+            break
+    found = [*halves[0], *halves[1]]
+    if not found:
+        return replace(samples.select(role=()), dropped=Dropped())
+    return asked(model, samples.scene, np.array(found), progress)

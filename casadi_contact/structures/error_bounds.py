@@ -1,0 +1,134 @@
+"""The expected error's numbers in a `Trust`: error levels, their shares and what grows outside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix, eye, hstack
+from scipy.spatial import cKDTree
+
+from casadi_contact.conventions import Array
+from casadi_contact.dataset import Samples
+from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.gaussian_kernels import spread_centres, thinned
+from casadi_contact.structures.states import States, state_columns
+from casadi_contact.structures.trust import SURE, Trust
+
+COVERAGE = 0.95  # share of unseen errors that shall lie below the expected error
+FITTED = 0.96  # share of validation errors that do: of unseen poses, which are spread otherwise, a hundredth fewer
+CENTRES = 256
+BANDWIDTH = 0.5  # of the scales, the deviation of an even spread over the sampled range
+ROOT_SCALE = 0.3  # of a root load's range, over which its scale as a state's coordinate is that of a pose parameter
+NEIGHBOURS = 60  # samples around a centre that its error level comes from
+LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
+_LEAST_ROWS = 40  # of fewer no quantile is taken
+_FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `FITTED`: fewer tell no error
+_LEAST_GROWTH = 1.0
+
+
+def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, unseen: Sequence[Samples]) -> Trust:
+    """Error levels from the samples around each centre, shares θ by quantile regression on unseen poses, growth from
+    those of them that are not valid.
+
+    unseen: the held-out samples, then other poses with the contact model's loads, of which the valid ones give shares.
+    Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero. A
+    load that is carried in fewer than `_FEW_ROWS` of their poses may be as wrong as it is large. The valid rows of each
+    of the others count as much as all held-out samples, and these as they are; each domain and each of the others has
+    its coverage.
+    """
+    names = surrogate.load_names
+    rows_of = np.repeat(np.arange(len(unseen)), [len(part) for part in unseen])
+    every = reduce(Samples.join_samples, unseen)
+    roots = surrogate.trust_roots(every.poses)
+    excess = trust.excess(every.poses, roots, surrogate.trust_claims(every.poses))
+    wanted = every.loads(names)
+    errors, loaded = np.abs(surrogate(every.poses) - wanted), wanted != 0.0
+    # Where the levels know a row's own error, its share of them looks too small: each half is fitted on levels from
+    # the other.
+    used, half = (excess < -SURE) | (rows_of == 0), np.arange(len(every)) % 2 == 0
+    group = np.where(rows_of == 0, every.domain, -rows_of.astype(int))
+    level, features = np.zeros_like(errors), trust.features(every.poses, roots)
+    for rows in (half, ~half):
+        others = _levelled(trust, surrogate, training.join_samples(every.rows(used & ~rows)))
+        level[rows] = others.level(every.poses[rows], roots[rows])
+    trust = _levelled(trust, surrogate, training.join_samples(every.rows(used)))
+    shares = np.zeros_like(trust.shares)
+    for k in range(len(names)):
+        rows = loaded[:, k] & used
+        if len(np.unique(every.poses[rows], axis=0)) < _FEW_ROWS:
+            trust.levels[:, k] = level[:, k] = trust.usual_loads[k]
+            shares[k, 0] = max(1.0, float((errors[rows, k] / trust.usual_loads[k]).max(initial=0.0)))
+            continue
+        counts = np.bincount(rows_of[rows], minlength=len(unseen))
+        weights = np.where(rows_of == 0, 1.0, (counts[0] / np.maximum(counts, 1))[rows_of])
+        ratios = errors[:, k] / level[:, k]
+        shares[k] = _quantile_shares(features[rows], ratios[rows], weights[rows])
+        # One formula for all groups may give to one what another lacks: none has less than its share.
+        bound = features @ shares[k]
+        of_groups = [quantile_of_unseen((ratios / bound)[rows & (group == one)]) for one in np.unique(group)]
+        shares[k] *= max(1.0, *of_groups)
+    trust = replace(trust, shares=shares)
+    inside = level * (features @ shares.T)
+    growing = trust.outside(excess)
+    growth = np.ones(len(names))
+    for k in range(len(names)):
+        rows = loaded[:, k] & (growing > 1e-3)
+        if rows.sum() >= _LEAST_ROWS:
+            missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
+            growth[k] = max(float(np.quantile(missing, COVERAGE)), _LEAST_GROWTH)
+    return replace(trust, growth=growth)
+
+
+def quantile_of_unseen(ratios: Array) -> float:
+    """What a share `FITTED` of further ratios of the same kind lies below: of n ratios the one at (n + 1)/n of that
+    share, for the largest of a few is not the largest there is (conformal prediction, Vovk et al. 2005); 0 of none."""
+    count = len(ratios)
+    return float(np.quantile(ratios, min(1.0, FITTED * (count + 1) / count))) if count else 0.0
+
+
+def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
+    """Centres spread over the states of the known poses, and around each the quantile of the nearest ones' errors."""
+    scene, names, columns = surrogate.scene, surrogate.load_names, state_columns(surrogate.scene)
+    sqrt_12 = np.sqrt(12.0)  # range over deviation of an even spread
+    states = States(
+        columns=np.array(columns, dtype=float),
+        scale=trust.scales[columns],
+        root_scale=np.maximum(ROOT_SCALE * trust.root_high, trust.boundary_root) / sqrt_12,
+        centres=np.zeros((0, len(columns) + len(trust.root_high))),
+        bandwidth=BANDWIDTH,
+    )
+    points = states.points(known.poses, surrogate.trust_roots(known.poses))
+    states = replace(states, centres=spread_centres(thinned(points, 0.5 * BANDWIDTH), CENTRES))
+    wanted = known.loads(names)
+    errors, loaded = np.abs(surrogate(known.poses) - wanted), wanted != 0.0
+    levels = np.zeros((len(states.centres), len(names)))
+    for k in range(len(names)):
+        rows = loaded[:, k]
+        if not rows.any():
+            continue
+        count = min(NEIGHBOURS, int(rows.sum()))
+        _, near = cKDTree(points[rows]).query(states.centres, k=count)
+        own = errors[rows, k]
+        local = np.quantile(own[near.reshape(-1, count)], COVERAGE, axis=1)
+        levels[:, k] = np.maximum(local, LEAST_LEVEL * np.quantile(own, COVERAGE))
+    least = 1e-9 * np.maximum(trust.usual_loads, scene.boundary_load)
+    return replace(trust, states=states, levels=np.maximum(levels, least))
+
+
+def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:
+    """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ w·(q·max(r, 0) + (1 - q)·max(-r, 0)), r = ratio -
+    features·θ, q = `FITTED`, as a linear programme in θ and the parts of r (Koenker and Bassett 1978)."""
+    count, columns = features.shape
+    cost = np.concatenate([np.zeros(columns), FITTED * weights, (1.0 - FITTED) * weights])
+    parts = hstack([csr_matrix(features), eye(count), -eye(count)]).tocsr()
+    answer = linprog(cost, A_eq=parts, b_eq=ratios, bounds=(0.0, None), method="highs")
+    if answer.x is None:
+        raise ValueError(f"the expected error cannot be fitted ({answer.message}), expected finite errors")
+    # All zero would promise no error at all; the constant share keeps the bound above zero.
+    shares = np.maximum(answer.x[:columns], 0.0)  # HiGHS keeps bounds to a tolerance
+    shares[0] = max(shares[0], 1e-6)
+    return shares

@@ -1,0 +1,43 @@
+"""Poses over the whole sampled range that are asked of a contact model."""
+
+import numpy as np
+
+from casadi_contact.contact import ElasticFoundation
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.sampling.in_range import samples_in_range
+from casadi_contact.scenes import load_scene
+
+SCENE = load_scene("sphere_on_plane")
+LOW, HIGH = np.array([-3.0, 29.0, -2.0, -0.1, -0.2, -0.3]), np.array([3.0, 30.5, 1.0, 0.1, 0.1, 0.2])
+
+
+def drawn(validity=lambda poses: np.ones(len(poses)), count=400):
+    """With the two corners as samples, and a test row far beyond them."""
+    poses = np.array([LOW, HIGH, HIGH + 5.0])
+    role = np.array([TRAIN, VALIDATION, TEST], dtype=np.uint8)
+    samples = Samples(SCENE, poses, np.zeros((3, 1, 6)), np.ones((3, 1)), np.ones(3, dtype=np.uint8), role)
+    model = ElasticFoundation(SCENE, (20, 20))
+    return samples_in_range(samples, model, validity, lambda poses: 30.0 - poses[:, 1:2], count=count), model
+
+
+def test_poses_lie_all_over_the_range_with_the_models_loads_and_half_of_them_press():
+    """The sphere's radius is 30 mm: it presses where its centre is lower."""
+    found, model = drawn()
+    poses = np.concatenate([found.poses, found.dropped.poses])
+    assert len(poses) == 400
+    assert (poses >= LOW).all()
+    assert (poses <= HIGH).all()
+    for column in (0, 2, 3, 4, 5):
+        counts, _ = np.histogram(poses[:, column], 4, (LOW[column], HIGH[column]))
+        assert counts.min() > 50
+    assert np.mean(poses[:, 1] < 30.0) == 0.5
+    np.testing.assert_array_equal(found.wrenches, model.wrenches(found.poses))
+    assert abs(np.mean(found.role == TEST) - 0.5) < 0.05
+    assert not (found.role == TRAIN).any()
+
+
+def test_poses_that_are_not_valid_are_not_asked_and_fewer_are_found_where_few_are():
+    found, _ = drawn(lambda poses: np.where(poses[:, 0] > 0.0, 1.0, 0.05))
+    assert (found.poses[:, 0] > 0.0).all()
+    none, _ = drawn(lambda poses: np.zeros(len(poses)), count=10)
+    assert len(none) == 0
