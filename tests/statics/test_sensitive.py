@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.pipeline import Project, reference_motion_cycles
+from casadi_contact.project import Project, reference_motion_cycles
 from casadi_contact.sampling import SamplePoint, found_sensitive_pose
 from tests.contact.test_elastic_foundation import at
 

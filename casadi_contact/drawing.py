@@ -1,0 +1,154 @@
+"""A project's samples: drawn from a contact model around the reference motion, or taken from a table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.dataset import Samples, read_sample_table, write_samples
+from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
+from casadi_contact.files import write_npz
+from casadi_contact.project import Project, Update, alone, reference_motion_cycles, surrogates_made
+from casadi_contact.sampling import (
+    ReferenceReport,
+    SamplingSettings,
+    draw_samples,
+    elastic_foundations,
+    model_name_of,
+    model_pair,
+    reference_motion,
+)
+from casadi_contact.sampling.chunk import WrenchModel
+from casadi_contact.sampling.draw import ModelPair
+from casadi_contact.sampling.drops import refuse_many_dropped
+from casadi_contact.scenes import Scene
+from casadi_contact.training.arrays import arrays_for
+
+
+class DrawnModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that samples can be drawn from."""
+
+
+def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
+    """ValueError for cycles or another model beside a table of samples: nothing is drawn then."""
+    if table is not None and (cycles or model != "elements"):
+        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
+
+
+def draw(
+    project: Project,
+    cycles: Sequence[Path],
+    model: DrawnModel | str,
+    progress: Update | None,
+    executor: Executor | None,
+    device: str,
+) -> None:
+    """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
+
+    def tell(done: int, total: int) -> None:
+        if progress is not None:
+            progress("samples", done, total, "")
+
+    if isinstance(model, str):
+        sample(project, cycles, tell, executor, model_pair(model), device)
+        return
+    if model.scene.digest != project.scene.digest:
+        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
+
+    with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
+        sample(project, cycles, tell, here, models=_Given(model))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A user's own model, to settle on and to evaluate samples on; samples are named after its class."""
+
+    model: DrawnModel
+
+    @property
+    def stands_for(self) -> type:
+        return type(self.model)
+
+    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return self.model, self.model
+
+
+@alone
+def sample(
+    project: Project,
+    cycle_files: Sequence[Path] = (),
+    progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
+    device: str = "cpu",
+) -> tuple[Samples, ReferenceReport]:
+    """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
+
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
+    another contact model than the elastic foundation. device: a torch device evaluates the elastic foundation in this
+    process; its samples are those of the processor to rounding, not to the last bit.
+
+    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` and for gaps of the wrong
+    sign (the file is kept), and for a device that cannot be had, does not know the models, or has an executor beside
+    it.
+    """
+    if device != "cpu":
+        if executor is not None:
+            raise ValueError(f"got device {device!r} and an executor, expected one of them")
+        with ThreadPoolExecutor(1) as here:
+            return sample(project, cycle_files, progress, here, _on_device(models, device))
+    cycles = reference_motion_cycles(project.scene, cycle_files)
+    settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
+    motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
+    samples = draw_samples(
+        project.scene,
+        motion,
+        project.samples_path,
+        settings=settings,
+        executor=executor,
+        models=models,
+        progress=progress,
+    )
+    inputs, names = np.array(motion.point.inputs), np.array(report.names)
+    files = np.array([str(path) for path in cycle_files], dtype=str)
+    content = {"inputs": inputs, "cycles": names, "files": files, "curves": motion.curves, "poses": motion.poses}
+    write_npz(project.motion_path, **content)
+    refuse_many_dropped(samples, settings.most_dropped)
+    if model_name_of(samples) is None:
+        refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
+    return samples, report
+
+
+def _on_device(models: ModelPair, device: str) -> ModelPair:
+    if models is not elastic_foundations:
+        raise ValueError(f"got device {device!r} with another contact model, expected the elements' (--model elements)")
+    arrays_for(device)
+    from casadi_contact.bridges.torch_foundation import FoundationsOn  # imports torch
+
+    return FoundationsOn(device)
+
+
+@alone
+def take_table(project: Project, table: Path) -> Samples:
+    """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
+
+    Raises ValueError for a table that cannot serve the preset's structures, and for a folder in which other samples are
+    drawn or learned already.
+    """
+    samples = read_sample_table(table, project.scene)
+    if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
+        refuse_missing_gaps(samples, str(table))
+    if project.samples_path.is_file():
+        there = project.samples().provenance
+        learned = (project.folder / "training").exists() or surrogates_made(project)
+        if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
+            changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
+            raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
+    write_samples(project.samples_path, samples)
+    return samples
