@@ -70,6 +70,19 @@ def as_poses(poses: ArrayLike) -> Array:
     return array
 
 
+def pose_text(pose: ArrayLike, patch_names: Sequence[str] = ()) -> str:
+    """A pose (6,) as messages name it, in mm and degrees; with the flexion, -rz, between a medial and a lateral patch.
+
+    >>> pose_text([5.0, -2.5, 0.0, 0.0, 0.0, -0.5], ("med", "lat"))
+    'tx 5 mm, ty -2.5 mm, tz 0 mm, rx 0°, ry 0°, rz -28.65° (flexion 28.65°)'
+    """
+    values = np.asarray(pose, dtype=float)
+    said = [f"{name} {value:.4g} mm" for name, value in zip(POSE_NAMES[:3], values[:3], strict=True)]
+    said += [f"{name} {value:.4g}°" for name, value in zip(POSE_NAMES[3:], np.degrees(values[3:]), strict=True)]
+    flexion = f" (flexion {-np.degrees(values[5]):.4g}°)" if {"med", "lat"} <= set(patch_names) else ""
+    return ", ".join(said) + flexion
+
+
 def _is_one_pose(poses: ArrayLike) -> bool:
     try:
         return np.shape(poses) == (6,)

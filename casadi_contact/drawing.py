@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
-from casadi_contact.files import write_npz
 from casadi_contact.project import Project, Update, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
@@ -22,11 +19,14 @@ from casadi_contact.sampling import (
     elastic_foundations,
     model_name_of,
     model_pair,
+    models_identity,
     reference_motion,
 )
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
+from casadi_contact.sampling.folder import begun
+from casadi_contact.sampling.motion_file import kept_motion, motion_origin, write_motion
 from casadi_contact.scenes import Scene
 from casadi_contact.training.arrays import arrays_for
 
@@ -94,9 +94,12 @@ def sample(
     another contact model than the elastic foundation. device: a torch device evaluates the elastic foundation in this
     process; its samples are those of the processor to rounding, not to the last bit.
 
-    Raises ValueError where more of a domain was dropped than the settings' ``most_dropped`` and for gaps of the wrong
-    sign (the file is kept), and for a device that cannot be had, does not know the models, or has an executor beside
-    it.
+    The reference motion is kept beside the samples: a later call goes on around it, and asks a model of one's own for a
+    few of the samples again (`sampling.agreement`).
+
+    Raises ValueError for samples of something else, where more of a domain was dropped than the settings'
+    ``most_dropped`` and for gaps of the wrong sign (the file is kept), and for a device that cannot be had, does not
+    know the models, or has an executor beside it.
     """
     if device != "cpu":
         if executor is not None:
@@ -105,7 +108,15 @@ def sample(
             return sample(project, cycle_files, progress, here, _on_device(models, device))
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
-    motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
+    origin = motion_origin(project.scene, cycles, settings, models_identity(models))
+    drawn, space = begun(project.samples_path), project.scene.pose_space
+    kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
+    if kept is None:
+        motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
+    else:
+        motion, report = kept
+    if drawn is None:
+        write_motion(project.motion_path, motion, report, cycle_files, origin)
     samples = draw_samples(
         project.scene,
         motion,
@@ -115,10 +126,8 @@ def sample(
         models=models,
         progress=progress,
     )
-    inputs, names = np.array(motion.point.inputs), np.array(report.names)
-    files = np.array([str(path) for path in cycle_files], dtype=str)
-    content = {"inputs": inputs, "cycles": names, "files": files, "curves": motion.curves, "poses": motion.poses}
-    write_npz(project.motion_path, **content)
+    if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
+        write_motion(project.motion_path, motion, report, cycle_files, origin)
     refuse_many_dropped(samples, settings.most_dropped)
     if model_name_of(samples) is None:
         refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
@@ -150,5 +159,6 @@ def take_table(project: Project, table: Path) -> Samples:
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
+    project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
     write_samples(project.samples_path, samples)
     return samples

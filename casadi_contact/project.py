@@ -21,11 +21,11 @@ from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.presets import PRESETS, Preset
 from casadi_contact.sampling import (
     ReferenceMotion,
-    SamplePoint,
     SamplingSettings,
     found_sensitive_pose,
     reference_motion,
 )
+from casadi_contact.sampling.motion_file import motion_in
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate, ready_surrogates
 
@@ -169,11 +169,8 @@ def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
     """
     try:
         content = read_npz(project.motion_path)
-        if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):
-            raise ValueError("curves or poses are not finite")
-        point = SamplePoint.of_inputs([str(name) for name in content["inputs"]], project.scene.pose_space)
-        cycles = [str(name) for name in content["cycles"]]
-        return ReferenceMotion(point, content["curves"], content["poses"]), cycles
+        motion = motion_in(content, project.scene.pose_space)
+        return motion, [str(name) for name in content["cycles"]]
     except FileNotFoundError:
         raise FileNotFoundError(
             f"{project.motion_path} does not exist: run {project.command('sample')} first"

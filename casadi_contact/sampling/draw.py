@@ -11,7 +11,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,6 +23,7 @@ import numpy as np
 from casadi_contact.contact import CellFoundation, ContactModel, ElasticFoundation, foundation
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.sampling.agreement import refuse_other_loads
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
@@ -93,8 +94,11 @@ def model_pair(name: str) -> ModelPair:
 
 def model_name_of(samples: Samples) -> str | None:
     """The name in `MODELS` of what samples were drawn from; None for a user's own model, and for a table."""
-    names = {_full_name(models): name for name, models in MODELS.items()}
-    return names.get(samples.provenance.get("models", ""))
+    return _name_of(samples.provenance.get("models", ""))
+
+
+def _name_of(full_name: str) -> str | None:
+    return next((name for name, models in MODELS.items() if _full_name(models) == full_name), None)
 
 
 def models_of(samples: Samples) -> ModelPair | None:
@@ -112,6 +116,11 @@ def teacher_of(samples: Samples) -> WrenchModel | None:
 def settings_of(samples: Samples) -> SamplingSettings:
     """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
     return SamplingSettings.from_table(samples.provenance["settings"])
+
+
+def models_identity(models: ModelPair) -> dict[str, str]:
+    """What tells models apart that samples, or a reference motion, come from."""
+    return {"models": _full_name(models), "package": _version("casadi_contact")}
 
 
 def _full_name(models: ModelPair) -> str:
@@ -137,7 +146,8 @@ def draw_samples(
 
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
     the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
-    ValueError if `path` holds samples of another plan.
+    ValueError if `path` holds samples of another plan, or of a user's own model that has changed since
+    (`refuse_other_loads`).
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings
@@ -148,26 +158,30 @@ def draw_samples(
     identity = {
         "scene": scene.to_toml(),
         "settings": settings.to_table(),
-        "models": _full_name(models),
-        "package": _version("casadi_contact"),
+        **models_identity(models),
         "plan_digest": plan_digest(chunks),
     }
+    job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+    own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
         refuse_other(there, {**identity, "scene": scene.digest}, path)
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
+        if own:
+            refuse_other_loads(_models(job)[1], replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     folder = ChunkFolder(path, identity)
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
+    if own and drawn:
+        refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder)
     if progress is not None:
         progress(len(drawn), len(chunks))
     missing = [number for number in range(len(chunks)) if number not in drawn]
     if missing:
         with worker_pool(executor) as workers:
-            job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
             futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
             with cancelled_if_left(futures):
                 for future in as_completed(futures):
@@ -226,14 +240,19 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
     for asked, got in zip(chunks, drawn, strict=True):
         if got.dropped:
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
-    columns = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
     provenance = {key: value for key, value in identity.items() if key != "scene"}
     versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.pressed, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
-    return Samples(scene, **columns, provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
+    return replace(_joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
+
+
+def _joined(scene: Scene, drawn: list[DrawnChunk]) -> Samples:
+    """The samples of these chunks, without provenance."""
+    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
+    return Samples(scene, **columns)
 
 
 def _version(name: str) -> str:

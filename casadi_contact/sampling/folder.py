@@ -19,6 +19,15 @@ from casadi_contact.files import read_npz, write_npz, write_text
 from casadi_contact.sampling.chunk import DrawnChunk
 
 _RECORD = "plan.json"
+_NAMED = {"scene": "another scene", "plan_digest": "another reference motion", "cycles": "other cycles"}
+
+
+def begun(path: Path) -> Path | None:
+    """Where samples for the samples file `path` lie that an earlier run drew: there, or in its folder of chunks."""
+    if path.exists():
+        return path
+    folder = partial_folder(path)
+    return folder if any(folder.glob("chunk-*.npz")) else None
 
 
 class ChunkFolder:
@@ -35,7 +44,7 @@ class ChunkFolder:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OSError(f"cannot write samples to {path}: {error.strerror or error}") from None
-        if not record.exists():
+        if not record.exists() or begun(path) is None:
             write_text(record, text)
         try:
             there = json.loads(record.read_text("utf-8"))
@@ -77,7 +86,6 @@ def refuse_other(there: Mapping[str, Any], wanted: Mapping[str, Any], where: Pat
             got, new = there[key], wanted[key]
             name = next(n for n in sorted({*got, *new}) if got.get(n) != new.get(n))
             raise ValueError(f"{where} was drawn with {name} = {got.get(name)}, now {new.get(name)}: {cure}")
-        if key in ("scene", "plan_digest"):
-            what = "scene" if key == "scene" else "reference motion"
-            raise ValueError(f"{where} was drawn with another {what}: {cure}")
+        if key in _NAMED:
+            raise ValueError(f"{where} was drawn with {_NAMED[key]}: {cure}")
         raise ValueError(f"{where} was drawn with {key} {there.get(key)}, now {wanted[key]}: {cure}")

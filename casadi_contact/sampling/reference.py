@@ -123,7 +123,7 @@ def reference_motion(
             f"{', '.join(zero)} without any load in all cycles, expected a range to sample: "
             f"give the scene's sampling.fixed_offsets an entry for {', '.join(zero)}"
         )
-    poses, report = reference_poses(model, cycles, frames=settings.frames)
+    poses, report = reference_poses(model, cycles, frames=settings.frames, tolerance_n=settings.settle_tolerance_n)
     columns = [
         poses[..., pose_index(name)] if name in POSE_NAMES else np.stack([t[name] for t in targets])
         for name in point.inputs

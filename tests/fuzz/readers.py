@@ -125,6 +125,7 @@ def _read_motion(path: Path) -> Any:
 
 
 def _plan(path: Path) -> Any:
+    (path.parent / "chunk-000000.npz").touch()  # of a folder without chunks the plan is written anew
     return ChunkFolder(path.parent.parent / "samples.h5", {"scene": "s", "settings": {"seed": 1}}).folder
 
 

@@ -1,0 +1,135 @@
+"""A draw that is resumed goes on around the motion it began with, and with the contact model it began with."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import pipeline
+from casadi_contact.dataset import partial_folder
+from casadi_contact.drawing import draw
+from casadi_contact.presets import Preset
+from casadi_contact.project import Project, read_motion
+from casadi_contact.scenes import Scene
+from tests.support import own_contact
+
+COUNTS = {"D1": 60, "D2": 0, "D3": 60, "D4": 0, "D5": 15, "D6": 0, "D7": 10}
+
+
+class StopError(Exception):
+    pass
+
+
+@pytest.fixture
+def project(tmp_path):
+    text = own_contact.SCENE.with_overrides(counts=COUNTS).to_toml()
+    scene = Scene.from_toml(text.replace("liftoff_mm", "chunk_size = 20\nframes = 11\nliftoff_mm"))
+    return Project(scene, "own", tmp_path, own=Preset(1.0, {}))
+
+
+def model(project, factor=1.0, wrenches=own_contact.wrenches, gaps=own_contact.gaps):
+    return cc.CallableModel(project.scene, lambda poses: factor * wrenches(poses), gaps)
+
+
+def drawn(project, model, stop_at=None):
+    def update(what, done, total, remark):
+        if what == "samples" and done == stop_at:
+            raise StopError
+
+    draw(project, [], model, update, None, "cpu")
+    return project.samples()
+
+
+def stopped(project, model, chunks=4):
+    with pytest.raises(StopError):
+        drawn(project, model, chunks)
+
+
+def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_with(project):
+    stopped(project, model(project, 1.0005))
+    before = read_motion(project)[0]
+    samples = drawn(project, model(project, 0.9995))
+    np.testing.assert_array_equal(read_motion(project)[0].poses, before.poses)
+    assert len(samples) == sum(COUNTS.values())
+    np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
+
+
+def twisted(poses):
+    """The same forces, and so the same motion, but 50 N·mm more of a torque in contact."""
+    loads = own_contact.wrenches(poses)
+    loads[..., 4] += np.where(loads[..., 1] != 0.0, 50.0, 0.0)
+    return loads
+
+
+def nothing(poses):
+    return np.full((len(poses), 1, 6), np.nan)
+
+
+OTHERS = {
+    "stiffer by 2 %": ({"factor": 1.02}, r"F. was -?[\d.]+ N, now -?[\d.]+ N at tx .* mm, .* rz .*°, expected"),
+    "twisted": ({"wrenches": twisted}, r"Ty was .* N·mm, now .* N·mm at tx .*: give the model of then, use another"),
+    "other gaps": ({"gaps": lambda p: own_contact.gaps(p) + 0.1}, r"gap_contact was .* mm, now .* mm at tx"),
+    "without loads": ({"wrenches": nothing}, "the contact model's loads are not finite now at tx"),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+@pytest.mark.parametrize("whole", [False, True])
+def test_samples_of_a_model_that_has_changed_since_are_refused(project, what, whole):
+    if whole:
+        drawn(project, model(project))
+    else:
+        stopped(project, model(project), chunks=7)  # of 8, those without load among them
+    before = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    changed, said = OTHERS[what]
+    with pytest.raises(ValueError, match=rf"samples\.h5.* was drawn from another contact model: {said}") as error:
+        drawn(project, model(project, **changed))
+    assert "\n" not in str(error.value)
+    kept = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    assert {path.name: kept[path] == before[path] for path in before} == {path.name: True for path in before}
+
+
+def test_another_motion_is_refused_before_poses_are_sought(project, tmp_path):
+    stopped(project, model(project))
+    other = Project(project.scene.with_overrides(cycles=2), "own", tmp_path, own=project.own)
+    asked = []
+
+    def counted(poses):
+        asked.append(len(poses))
+        return own_contact.wrenches(poses)
+
+    with pytest.raises(ValueError, match="was drawn with another scene"):
+        drawn(other, model(other, wrenches=counted))
+    assert not asked
+
+
+def test_a_plan_of_which_nothing_was_drawn_yields_to_another_model(project):
+    def fails(poses):
+        raise ZeroDivisionError
+
+    first = {"done": False}
+
+    def fails_when_sampled(poses):
+        return fails(poses) if first["done"] else own_contact.wrenches(poses)
+
+    def update(what, done, total, remark):
+        first["done"] |= what == "samples"
+
+    with pytest.raises(ZeroDivisionError):
+        draw(project, [], model(project, wrenches=fails_when_sampled), update, None, "cpu")
+    assert partial_folder(project.samples_path).is_dir()
+    assert len(drawn(project, model(project, 1.5))) == sum(COUNTS.values())
+
+
+def test_a_table_leaves_no_motion_of_a_draw_behind(project, tmp_path):
+    from tests.test_own_contact import table_rows, write_csv
+
+    stopped(project, model(project))
+    pipeline.take_table(project, write_csv(tmp_path / "table.csv", table_rows(60)))
+    assert not project.motion_path.exists()
+
+
+def test_a_damaged_motion_is_refused(project):
+    stopped(project, model(project))
+    project.motion_path.write_bytes(project.motion_path.read_bytes()[:300])
+    with pytest.raises(ValueError, match=r"motion\.npz is damaged"):
+        drawn(project, model(project))
