@@ -45,24 +45,19 @@ def draw(
     project: Project,
     cycles: Sequence[Path],
     model: DrawnModel | str,
-    progress: Update | None,
+    update: Update | None,
     executor: Executor | None,
     device: str,
 ) -> None:
     """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
-
-    def tell(done: int, total: int) -> None:
-        if progress is not None:
-            progress("samples", done, total, "")
-
     if isinstance(model, str):
-        sample(project, cycles, tell, executor, model_pair(model), device)
+        sample(project, cycles, update, executor, model_pair(model), device)
         return
     if model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
 
     with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
-        sample(project, cycles, tell, here, models=_Given(model))
+        sample(project, cycles, update, here, models=_Given(model))
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ class _Given:
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
-    progress: Callable[[int, int], None] | None = None,
+    update: Update | None = None,
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
     device: str = "cpu",
@@ -105,14 +100,15 @@ def sample(
         if executor is not None:
             raise ValueError(f"got device {device!r} and an executor, expected one of them")
         with ThreadPoolExecutor(1) as here:
-            return sample(project, cycle_files, progress, here, _on_device(models, device))
+            return sample(project, cycle_files, update, here, _on_device(models, device))
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn, space = begun(project.samples_path), project.scene.pose_space
     kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
     if kept is None:
-        motion, report = reference_motion(models(project.scene, settings)[0], cycles, settings)
+        model = models(project.scene, settings)[0]
+        motion, report = reference_motion(model, cycles, settings, _told("reference motion", update))
     else:
         motion, report = kept
     if drawn is None:
@@ -124,7 +120,7 @@ def sample(
         settings=settings,
         executor=executor,
         models=models,
-        progress=progress,
+        progress=_told("samples", update),
     )
     if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
         write_motion(project.motion_path, motion, report, cycle_files, origin)
@@ -132,6 +128,10 @@ def sample(
     if model_name_of(samples) is None:
         refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
     return samples, report
+
+
+def _told(what: str, update: Update | None) -> Callable[[int, int], None] | None:
+    return None if update is None else lambda done, total: update(what, done, total, "")
 
 
 def _on_device(models: ModelPair, device: str) -> ModelPair:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -109,7 +109,7 @@ def train_to_tolerance(
         preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
         this = replace(project, folder=rounds_folder / f"round-{k + 1}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _drawing(update, k + 1), executor, models, device)
+        samples, _ = sample(this, cycle_files, _in_round(update, k + 1), executor, models, device)
         with worker_pool(executor) as workers:
             folder, title = this.folder / "training", f"round {k + 1}"
             command = build_command(project, samples, *_options(project.scene))
@@ -134,8 +134,8 @@ def train_to_tolerance(
     return trusted
 
 
-def _drawing(update: Update | None, number: int) -> Callable[[int, int], None] | None:
-    return None if update is None else lambda done, total: update(f"samples, round {number}", done, total, "")
+def _in_round(update: Update | None, number: int) -> Update | None:
+    return None if update is None else lambda what, *rest: update(f"{what}, round {number}", *rest)
 
 
 def _further(effort: Effort, reached: tuple[int, ...]) -> Effort:

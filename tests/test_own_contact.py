@@ -93,7 +93,7 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
         scene_file, "small", model=model, folder=tmp_path / "out", progress=lambda what, *_: seen.add(what)
     )
     assert set(surrogates) == {"patch"}
-    assert {"samples", "patch root_contact"} <= seen
+    assert {"reference motion", "samples", "patch root_contact"} <= seen
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
     samples = project.samples()
     assert samples.provenance["models"] == "casadi_contact.contact.model.CallableModel"
@@ -216,7 +216,9 @@ def lifted(count=6):
 def test_gaps_of_the_wrong_sign_are_refused_at_the_first_pose_that_carries_no_load():
     poses, free, wanted = lifted()
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: -own_contact.gaps(at))
-    with pytest.raises(ValueError, match=r"gap -0\.3 mm of contact at tx 5, ty -2\.9, .*, where it returned no load"):
+    with pytest.raises(
+        ValueError, match=r"gap -0\.3 mm of contact at tx 5 mm, ty -2\.9 mm, .*°, where it returned no load"
+    ):
         cc.settle(model, poses, free, wanted)
 
 
@@ -236,7 +238,9 @@ def test_gaps_and_loads_that_are_no_numbers_are_named():
         return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), np.nan, function(at))
 
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, spoilt(own_contact.gaps))
-    with pytest.raises(ValueError, match=r"returned the gap nan mm of contact at tx 5, .*, rz 0\.3, expected a finite"):
+    with pytest.raises(
+        ValueError, match=r"returned the gap nan mm of contact at tx 5 mm, .*, rz 17\.19°, expected a finite"
+    ):
         model.gaps(poses)
     _, report = cc.settle(
         cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), poses, free, wanted

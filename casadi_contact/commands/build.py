@@ -176,12 +176,7 @@ def _sample(
         return
     with progress_bars(console) as update:
         samples, report = pipeline.sample(
-            project,
-            cycle_files,
-            lambda done, total: update("samples", done, total, ""),
-            executor,
-            models=model_pair(model),
-            device=device,
+            project, cycle_files, update, executor, models=model_pair(model), device=device
         )
     console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():

@@ -43,9 +43,7 @@ def cut(
     project = Project.open(scene, preset, out)
     writable_folder(path.parent)  # before minutes of sampling
     with progress_bars(console) as update:
-        samples, _ = pipeline.sample(
-            project, cycles or [], lambda done, total: update("samples", done, total, ""), models=model_pair(model)
-        )
+        samples, _ = pipeline.sample(project, cycles or [], update, models=model_pair(model))
         found = find_cuts(project.scene, samples, update, worth=worth)
     whole = project.scene
     parts = cut_scene(whole, [cuts.cuts_mm for cuts in found], [cuts.bounds_mm for cuts in found])

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from casadi_contact.contact.own_function import asked
 from casadi_contact.conventions import (
-    POSE_NAMES,
     Array,
     angular_velocity_map,
     load_selection,
     pose_or_poses,
+    pose_text,
     rotation,
 )
 from casadi_contact.scenes import Scene
@@ -86,7 +86,8 @@ class CallableModel:
     patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
     patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
     loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
-    magnitude of a force) needs gaps. Raises ValueError for steps and a reach that are not finite and above 0.
+    magnitude of a force) needs gaps. What these functions raise goes on, with a note of the pose. Raises ValueError for
+    steps and a reach that are not finite and above 0.
     """
 
     def __init__(
@@ -119,16 +120,7 @@ class CallableModel:
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape, or
         complex numbers."""
-        return self._returned("wrenches", self._wrenches(poses.copy()), (len(poses), len(self.patch_names), 6))
-
-    def _returned(self, what: str, array: ArrayLike, expected: tuple[int, ...]) -> Array:
-        """What a user's function returned, as real numbers of the expected shape."""
-        if np.iscomplexobj(array):
-            raise ValueError(f"the contact model returned complex {what}, expected real ones")
-        numbers = np.asarray(array, dtype=float)
-        if numbers.shape != expected:
-            raise ValueError(f"the contact model returned {what} of shape {numbers.shape}, expected {expected}")
-        return numbers
+        return asked("wrenches", self._wrenches, poses, (len(self.patch_names), 6), self.patch_names)
 
     @pose_or_poses
     def __call__(self, poses: Array) -> Array:
@@ -164,11 +156,11 @@ class CallableModel:
     def gaps(self, poses: Array) -> Array:
         """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
 
-        Raises ValueError for another shape or gaps that are not finite, and for a normal load without direction if
-        there is no such function.
+        Raises ValueError for another shape or gaps that are not finite; if there is no such function, for a normal load
+        without direction and for patches that pull where they touch.
         """
         if self._gaps is not None:
-            gaps = self._returned("gaps", self._gaps(poses.copy()), (len(poses), len(self.patch_names)))
+            gaps = asked("gaps", self._gaps, poses, (len(self.patch_names),), self.patch_names)
             if len(lost := np.argwhere(~np.isfinite(gaps))):
                 said = self._said(poses, gaps, *lost[0])
                 raise ValueError(
@@ -185,7 +177,17 @@ class CallableModel:
         def carries_load(which: np.ndarray, travel: Array) -> np.ndarray:
             moved = poses[rows[which]]
             moved[:, :3] += travel[:, None] * directions[patches[which]]
-            return np.asarray(normal_forces(normals, self.wrenches(moved))[np.arange(len(which)), patches[which]] > 0.0)
+            wrenches, at = self.wrenches(moved), (np.arange(len(which)), patches[which])
+            normal, size = normal_forces(normals, wrenches)[at], np.linalg.norm(wrenches[at][:, :3], axis=1)
+            pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
+            if pulls.any() and not (normal > 0.0).any():
+                row = int(pulls.argmax())
+                raise ValueError(
+                    f"the contact model's patch {self.patch_names[patches[which[row]]]} pulls with "
+                    f"{-normal[row]:.4g} N at {pose_text(moved[row], self.patch_names)}, on its way into contact, "
+                    "expected pressing: return -wrenches, the loads on the fixed body"
+                )
+            return np.asarray(normal > 0.0)
 
         far = np.zeros(len(rows))
         searching = np.arange(len(rows))
@@ -204,8 +206,8 @@ class CallableModel:
 
     def _said(self, poses: Array, gaps: Array, row: int, patch: int) -> str:
         """A gap and where it is."""
-        pose = ", ".join(f"{name} {value:g}" for name, value in zip(POSE_NAMES, poses[row], strict=True))
-        return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {pose}"
+        at = pose_text(poses[row], self.patch_names)
+        return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {at}"
 
     def _directions(self) -> list[Array]:
         """Unit vectors (3,) along which each patch is pressed."""

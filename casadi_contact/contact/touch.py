@@ -27,17 +27,10 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
     if gaps is None:
         raise ValueError("this contact model has no gaps(poses), expected a start pose in contact")
     poses, space = poses.copy(), model.scene.pose_space
-    normal = model.scene.normal_loads[0]
-    if normal.direction is not None:
-        along: Array = np.tile(normal.direction, (len(poses), 1))
-        axis = int(np.abs(normal.direction).argmax())
-        poses[:, axis] = -_ABOVE_MM * normal.direction[axis]
-    else:
-        missing = [name for name in normal.loads if name not in wanted]
-        if missing:
-            raise ValueError(f"there is no load {', '.join(missing)}, expected the force that presses the patch")
-        along = np.stack([wanted[name] for name in normal.loads], axis=1)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    along, direction = ways_of_pressing(model, len(poses), wanted), model.scene.normal_loads[0].direction
+    if direction is not None:
+        axis = int(np.abs(direction).argmax())
+        poses[:, axis] = -_ABOVE_MM * direction[axis]
     since_free = np.zeros(len(poses))  # way that led from a free pose to this one [mm]
     for _ in range(_STEPS):
         gap = gaps(space.onto(poses)).min(axis=1)
@@ -48,6 +41,19 @@ def first_touch(model: ContactModel, poses: Array, wanted: Mapping[str, Array]) 
         poses[:, :3] += step[:, None] * along
         since_free += step
     return space.onto(poses)
+
+
+def ways_of_pressing(model: ContactModel, count: int, wanted: Mapping[str, Array]) -> Array:
+    """Unit vectors (count, 3) along which bodies go into contact: that of the first patch, or where its normal load has
+    none along the wanted force. Raises ValueError where that is not among the wanted loads."""
+    normal = model.scene.normal_loads[0]
+    if normal.direction is not None:
+        return np.tile(normal.direction, (count, 1))
+    missing = [name for name in normal.loads if name not in wanted]
+    if missing:
+        raise ValueError(f"there is no load {', '.join(missing)}, expected the force that presses the patch")
+    along: Array = np.stack([wanted[name] for name in normal.loads], axis=1)
+    return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
 
 
 def touching_start(model: ContactModel) -> Array:

@@ -186,7 +186,11 @@ def draw_samples(
             with cancelled_if_left(futures):
                 for future in as_completed(futures):
                     number = futures[future]
-                    drawn[number] = future.result()
+                    try:
+                        drawn[number] = future.result()
+                    except Exception as error:
+                        error.add_note(f"{len(drawn)} of {len(chunks)} chunks of samples are kept in {folder.folder}")
+                        raise
                     folder.write(number, drawn[number])
                     if progress is not None:
                         progress(len(drawn), len(chunks))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact import ContactModel
+from casadi_contact.contact.reversed_loads import refuse_reversed_loads
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.quantities import quantity
 from casadi_contact.sampling.envelopes import Envelopes
@@ -103,10 +104,13 @@ class ReferenceMotion:
 
 
 def reference_motion(
-    model: ContactModel, cycles: Sequence[Cycle], settings: SamplingSettings
+    model: ContactModel,
+    cycles: Sequence[Cycle],
+    settings: SamplingSettings,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ReferenceMotion, ReferenceReport]:
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
-    loads from the measured ones.
+    loads from the measured ones. progress: as in `reference_poses`.
 
     Raises ValueError, before it seeks poses, where an input is neither a pose parameter nor a load of the cycles, and
     for loads that cannot be sampled, being zero throughout; see `reference_poses`.
@@ -123,7 +127,9 @@ def reference_motion(
             f"{', '.join(zero)} without any load in all cycles, expected a range to sample: "
             f"give the scene's sampling.fixed_offsets an entry for {', '.join(zero)}"
         )
-    poses, report = reference_poses(model, cycles, frames=settings.frames, tolerance_n=settings.settle_tolerance_n)
+    poses, report = reference_poses(
+        model, cycles, frames=settings.frames, tolerance_n=settings.settle_tolerance_n, progress=progress
+    )
     columns = [
         poses[..., pose_index(name)] if name in POSE_NAMES else np.stack([t[name] for t in targets])
         for name in point.inputs
@@ -146,6 +152,7 @@ def reference_poses(
     start: Array | None = None,
     tolerance_n: float = 1e-3,
     every_cycle: bool = True,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Array, ReferenceReport]:
     """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads [EF15 §3.3].
 
@@ -155,10 +162,12 @@ def reference_poses(
     what is measured, then between the frames that converged, and then in the pose of the nearest one.
 
     What the scene locks or ties is as the scene says, whatever a cycle measures of it: the motion is one of this joint.
+    progress(done, all) is called with the frames, as `settle` calls it.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
-    ValueError for no cycles, cycles that measure different pose parameters or loads, and a cycle of which no frame
-    converges (every_cycle: False leaves its frames where they ended).
+    ValueError for no cycles, cycles that measure different pose parameters or loads, a model whose loads have the wrong
+    sign (`refuse_reversed_loads`, without a start pose), and a cycle of which no frame converges (every_cycle: False
+    leaves its frames where they ended).
     """
     _check_alike(cycles)
     scene, measured = model.scene, tuple(cycles[0].measured_pose())
@@ -170,9 +179,12 @@ def reference_poses(
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     poses = scene.pose_space.onto(poses)
+    if progress is not None:
+        progress(0, len(poses))
     if start is None:
         poses = first_touch(model, poses, wanted)
-    poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n)
+        refuse_reversed_loads(model, poses, wanted)
+    poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n, progress=progress)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
     for anew in (partial(_turned, model, begin), _interpolate, _nearest):
@@ -180,7 +192,7 @@ def reference_poses(
             break
         starts = scene.pose_space.onto(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
         starts[:, given] = poses[:, given]
-        poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n)
+        poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n, progress=progress)
         report = _report(cycles, settled)
     for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
         if every_cycle and not converged.any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.quantities import quantity
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
+Progress = Callable[[int, int], None]
 NOT_FINITE = "the contact model's loads are not finite"
 _STEP_LIMIT_MM = 2.0
 _SMALLEST_STEP_MM = 1e-12
@@ -55,6 +56,7 @@ def settle(
     *,
     tolerance: float = 1e-5,
     max_iterations: int = 60,
+    progress: Progress | None = None,
 ) -> tuple[Array, SettleReport]:
     """Vary the free pose parameters of each pose until the model carries the wanted loads.
 
@@ -67,7 +69,7 @@ def settle(
     from a few places up to 0.3 mm around it.
 
     What the scene locks or ties is put in place at the start, and tied parameters follow the free ones in every step:
-    all poses lie in the scene's pose space.
+    all poses lie in the scene's pose space. progress(done, all) is called in every step: poses settled, or given up.
 
     Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets, and for a free
     parameter that the scene locks or ties; a pose that does not converge is reported, not raised.
@@ -81,8 +83,8 @@ def settle(
         return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
     pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
     if pressing is not None:
-        poses, _, pressed, _ = _pressed(pressing, poses, tolerance, max_iterations)
-    poses, misfit, iterations, stalled = _pressed(equations, poses, tolerance, max_iterations)
+        poses, _, pressed, _ = _pressed(pressing, poses, tolerance, max_iterations, progress)
+    poses, misfit, iterations, stalled = _pressed(equations, poses, tolerance, max_iterations, progress)
     if pressing is not None:
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
@@ -95,12 +97,12 @@ def settle(
 
 
 def _pressed(
-    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int
+    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int, progress: Progress | None
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
     from where it presses on its way along the wanted force."""
     start = poses
-    poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations)
+    poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations, progress)
     for number in range(_PRESSES):
         missing = stalled & equations.misses_a_force(misfit) & (equations.in_newtons(misfit) > tolerance)
         rows = np.flatnonzero(missing & ~equations.pulls())
@@ -116,7 +118,7 @@ def _pressed(
 
 
 def _newton(
-    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int
+    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int, progress: Progress | None = None
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,), from a start that is kept."""
     poses, count = poses.copy(), len(poses)
@@ -126,6 +128,8 @@ def _newton(
     stalled = np.zeros(count, dtype=bool)
     for _ in range(max_iterations):
         rows = np.flatnonzero((equations.in_newtons(misfit) > tolerance) & ~stalled)
+        if progress is not None:
+            progress(count - len(rows), count)
         if not len(rows):
             break
         inverse = _damped_inverse(slope[rows])

@@ -1,0 +1,146 @@
+"""What a user's own contact model raises, and loads of the wrong sign, are told with the pose where they were found."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.reversed_loads import refuse_reversed_loads
+from casadi_contact.project import reference_motion_cycles
+from casadi_contact.sampling import SamplingSettings, reference_motion
+from casadi_contact.statics import first_touch
+from tests.support import own_contact
+
+KNEE = cc.load_scene("knee")
+
+
+class SolverError(Exception):
+    pass
+
+
+def fails_beyond(limit_rad, function=own_contact.wrenches):
+    def called(poses):
+        if (poses[:, 5] > limit_rad).any():
+            raise SolverError("no equilibrium of the elements")
+        return function(poses)
+
+    return called
+
+
+def turned(count, most_rad=0.5):
+    poses = np.tile([*own_contact.CENTRE_MM, 0.1, 0.0, 0.0], (count, 1))
+    poses[:, 5] = np.linspace(0.0, most_rad, count)
+    return poses
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 64])
+@pytest.mark.parametrize("what", ["wrenches", "gaps"])
+def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised_it(what, count):
+    poses = turned(count)[::-1]
+    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps}
+    spoilt = functions | {what: fails_beyond(0.45 if count > 1 else -1.0, functions[what])}
+    model = cc.CallableModel(own_contact.SCENE, **spoilt)
+    with pytest.raises(SolverError, match="no equilibrium of the elements") as error:
+        getattr(model, what)(poses)
+    (note,) = error.value.__notes__
+    said = float(note.split("rz ")[1].split("°")[0])
+    assert said > np.degrees(0.45) or count == 1
+    assert f"{what}(poses) at tx 5 mm, ty -3 mm, tz 2 mm, rx 5.73°, ry 0°" in note
+    assert "flexion" not in note
+
+
+def test_flexion_is_told_between_a_medial_and_a_lateral_patch():
+    def fails(poses):
+        raise SolverError
+
+    with pytest.raises(SolverError) as error:
+        cc.CallableModel(KNEE, fails).wrenches(np.array([0.0, 30.0, 0.0, 0.0, 0.0, -0.5]))
+    assert "rz -28.65° (flexion 28.65°)" in error.value.__notes__[0]
+
+
+def test_an_exception_that_no_pose_raises_again_is_said_to_be_one():
+    calls = []
+
+    def fails_once(poses):
+        calls.append(len(poses))
+        if len(calls) == 1:
+            raise SolverError
+        return own_contact.wrenches(poses)
+
+    with pytest.raises(SolverError) as error:
+        cc.CallableModel(own_contact.SCENE, fails_once).wrenches(turned(64))
+    assert "for 64 poses at once, and not again for one of them alone" in error.value.__notes__[0]
+    assert sum(calls[1:]) <= 64, "it is asked no more than once again"
+
+
+def estimated(scene, wrenches, gaps):
+    asked = []
+
+    def counted(poses):
+        asked.append(len(poses))
+        return wrenches(poses)
+
+    settings = SamplingSettings.from_scene(scene, frames=5)
+    cycles = reference_motion_cycles(scene, ())[:1]
+    return asked, lambda: reference_motion(cc.CallableModel(scene, counted, gaps), cycles, settings)
+
+
+def of_knee():
+    model = cc.ElasticFoundation(KNEE, (24, 16))
+    return KNEE, model.wrenches, model.gaps
+
+
+JOINTS = {
+    "a ball in a socket, pressed along its force": lambda: (
+        own_contact.SCENE,
+        own_contact.wrenches,
+        own_contact.gaps,
+    ),
+    "a knee, pressed downwards": of_knee,
+}
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
+    scene, wrenches, gaps = JOINTS[joint]()
+    asked, estimate = estimated(scene, lambda poses: -wrenches(poses), gaps)
+    with pytest.raises(ValueError, match=r"those on the moving body: its force .* N of patch .* at tx .*return -wrenc"):
+        estimate()
+    assert sum(asked) <= 5 + 2 * 5 * len(scene.patch_names)
+    _, right = estimated(scene, wrenches, gaps)
+    assert right()[1].converged.all()
+
+
+def test_loads_on_the_moving_body_are_refused_without_gaps_too():
+    scene, wrenches, _ = of_knee()
+    _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
+    with pytest.raises(ValueError, match=r"patch med pulls with .* N at tx .*, on its way into contact"):
+        estimate()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_loads_that_are_noisy_to_a_percent_are_not_taken_for_reversed_ones(seed):
+    """A soft contact's load rises by 0.4 % over 0.2 mm, less than its noise."""
+    rng = np.random.default_rng(seed)
+
+    def soft(poses):
+        depth = np.maximum(40.0 - own_contact.gaps(poses), 0.0)
+        e = poses[:, :3] - own_contact.CENTRE_MM
+        force = 10.0 * depth * e / np.linalg.norm(e, axis=1, keepdims=True)
+        noisy = force * (1.0 + 0.003 * rng.standard_normal((len(poses), 1)))
+        return np.concatenate([noisy, np.cross(own_contact.CENTRE_MM, noisy)], axis=1)[:, None, :]
+
+    model = cc.CallableModel(own_contact.SCENE, soft, own_contact.gaps)
+    poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
+    wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
+    refuse_reversed_loads(model, first_touch(model, poses, wanted), wanted)
+
+
+def test_progress_counts_frames_until_all_are_settled():
+    scene = own_contact.SCENE
+    seen = []
+    model = cc.CallableModel(scene, own_contact.wrenches, own_contact.gaps)
+    settings = SamplingSettings.from_scene(scene, frames=11)
+    reference_motion(model, reference_motion_cycles(scene, ()), settings, lambda *counts: seen.append(counts))
+    assert seen[0] == (0, 33)
+    assert seen[-1] == (33, 33)
+    assert len(seen) > 3
