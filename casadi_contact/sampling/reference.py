@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact import ContactModel
-from casadi_contact.contact.reversed_loads import refuse_reversed_loads
+from casadi_contact.contact.trial import try_model
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.quantities import quantity
 from casadi_contact.sampling.envelopes import Envelopes
@@ -165,8 +165,8 @@ def reference_poses(
     progress(done, all) is called with the frames, as `settle` calls it.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
-    ValueError for no cycles, cycles that measure different pose parameters or loads, a model whose loads have the wrong
-    sign (`refuse_reversed_loads`, without a start pose), and a cycle of which no frame converges (every_cycle: False
+    ValueError for no cycles, cycles that measure different pose parameters or loads, a model that cannot be settled
+    on (`try_model`, without a start pose), and a cycle of which no frame converges (every_cycle: False
     leaves its frames where they ended).
     """
     _check_alike(cycles)
@@ -183,7 +183,7 @@ def reference_poses(
         progress(0, len(poses))
     if start is None:
         poses = first_touch(model, poses, wanted)
-        refuse_reversed_loads(model, poses, wanted)
+        try_model(model, poses, wanted, tolerance_n)
     poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n, progress=progress)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)

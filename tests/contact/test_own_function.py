@@ -1,10 +1,12 @@
 """What a user's own contact model raises, and loads of the wrong sign, are told with the pose where they were found."""
 
+import re
+
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.reversed_loads import refuse_reversed_loads
+from casadi_contact.contact.trial import try_model
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
 from casadi_contact.statics import first_touch
@@ -105,7 +107,7 @@ def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
     asked, estimate = estimated(scene, lambda poses: -wrenches(poses), gaps)
     with pytest.raises(ValueError, match=r"those on the moving body: its force .* N of patch .* at tx .*return -wrenc"):
         estimate()
-    assert sum(asked) <= 5 + 2 * 5 * len(scene.patch_names)
+    assert sum(asked) <= 5 * (18 + 2 * len(scene.patch_names))
     _, right = estimated(scene, wrenches, gaps)
     assert right()[1].converged.all()
 
@@ -132,7 +134,30 @@ def test_loads_that_are_noisy_to_a_percent_are_not_taken_for_reversed_ones(seed)
     model = cc.CallableModel(own_contact.SCENE, soft, own_contact.gaps)
     poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
     wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
-    refuse_reversed_loads(model, first_touch(model, poses, wanted), wanted)
+    try_model(model, first_touch(model, poses, wanted), wanted, tolerance_n=20.0)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01])
+def test_a_noisy_model_is_told_what_settles_it(share):
+    """Forces that are off by a share of themselves: poses settle with the step and tolerance that the refusal says."""
+    rng = np.random.default_rng(3)
+
+    def noisy(poses):
+        return own_contact.wrenches(poses) * (1.0 + share * rng.standard_normal((len(poses), 1, 1)))
+
+    def estimate(tolerance_n, **steps):
+        model = cc.CallableModel(own_contact.SCENE, noisy, own_contact.gaps, **steps)
+        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=21, settle_tolerance_n=tolerance_n)
+        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ()), settings)
+
+    with pytest.raises(ValueError, match=r"noisy: its force .* at tx .* differs by .* N when asked once more") as error:
+        estimate(1e-3)
+    tolerance, step_mm, step_rad = re.search(
+        r"_n = (\S+) .*step_mm=(\S+), step_rad=(\S+) or", str(error.value)
+    ).groups()
+    assert 500.0 * share < float(tolerance) < 10_000.0 * share, "of loads up to 770 N"
+    _, report = estimate(float(tolerance), step_mm=float(step_mm), step_rad=float(step_rad))
+    assert report.converged.mean() > 0.95
 
 
 def test_progress_counts_frames_until_all_are_settled():

@@ -1,0 +1,140 @@
+"""A contact model tried at a few poses about the first touch, before poses are sought on it: what would fail for hours,
+or be learned, is told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.contact.model import CallableModel, ContactModel
+from casadi_contact.contact.touch import ways_of_pressing
+from casadi_contact.conventions import Array, pose_text
+from casadi_contact.quantities import FORCE, of_kind
+
+_POSES = 5
+_PLACES, _BACK_MM, _FURTHEST_MM = 16, 1.0, 20.0
+_MOVED_MM, _BESIDE_MM = 0.1, 1e-10
+_CLEARLY = 0.01  # of a load: noise of a model is less
+_ABOUT = 10.0  # times the wanted force: poses that carry more tell less
+_NOISY = 2.0  # times the tolerance: a little noise still lets poses settle
+_STEPS_PER_NOISE = 100.0  # differences over such a step tell slopes to a per cent
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """Contacts (k,) of the model: poses (k, 6), the patch of each by number and its force (k, 3) [N]."""
+
+    model: ContactModel
+    poses: Array
+    patches: np.ndarray
+    forces: Array
+
+    def after(self, way_mm: float) -> Array:
+        """Forces (k, 3) after a way along each contact's own force."""
+        moved = self.poses.copy()
+        moved[:, :3] += way_mm * self.forces / np.linalg.norm(self.forces, axis=1, keepdims=True)
+        return _forces(self.model, moved)[np.arange(len(moved)), self.patches]
+
+    def text(self, row: int) -> str:
+        """One of them in words."""
+        force = ", ".join(f"{value:.4g}" for value in self.forces[row])
+        names = self.model.patch_names
+        return f"force ({force}) N of patch {names[self.patches[row]]} at {pose_text(self.poses[row], names)}"
+
+
+def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array], tolerance_n: float) -> None:
+    """Raise ValueError for a model that cannot be settled on: `_refuse_reversed`, `_refuse_noise`.
+
+    It is asked at up to 5 of the poses (n, 6) at the first touch, pressed on so far that they carry about the wanted
+    forces (n,), which are by load name as `first_touch` takes them. A model without wrenches is not tried.
+    """
+    if not len(touching) or not hasattr(model, "wrenches"):
+        return
+    chosen = np.unique(np.linspace(0, len(touching) - 1, _POSES).astype(int))
+    ways = ways_of_pressing(model, len(touching), wanted)[chosen]
+    asked = np.linalg.norm([wanted[name][chosen] for name in of_kind(list(wanted), FORCE)], axis=0)
+    asked = np.maximum(asked, 1.0)
+    poses = _pressed(model, touching[chosen], ways, asked)
+    forces = _forces(model, poses)
+    loaded = np.nan_to_num(np.linalg.norm(forces, axis=2))
+    about = (loaded.sum(axis=1) < _ABOUT * asked)[:, None]
+    rows, patches = np.nonzero((loaded > 0.0) & (about | ~about.any()))
+    if len(rows):
+        contact = _Contact(model, poses[rows], patches, forces[rows, patches])
+        slope = _refuse_reversed(contact)
+        _refuse_noise(contact, slope, tolerance_n)
+
+
+def _pressed(model: ContactModel, poses: Array, ways: Array, wanted_n: Array) -> Array:
+    """Poses (n, 6) moved along unit vectors (n, 3) until they carry about the wanted forces (n,); those that carry more
+    at first are moved back against their force. By the secant method on roots of forces, which grow about evenly, until
+    the wanted force lies between two places, then by bisection."""
+    begin = _forces(model, poses).sum(axis=1)
+    size = np.linalg.norm(begin, axis=1)
+    deep = size > wanted_n
+    ways = np.where(deep[:, None], -begin / np.maximum(size, 1e-300)[:, None], ways)
+
+    def at(way_mm: Array) -> Array:
+        moved = poses.copy()
+        moved[:, :3] += way_mm[:, None] * ways
+        return moved
+
+    here, off = np.zeros(len(poses)), np.sqrt(size) - np.sqrt(wanted_n)
+    more, less = np.where(deep, 0.0, np.nan), np.where(deep, np.nan, 0.0)
+    there = np.where(deep, _BACK_MM, _MOVED_MM)
+    for _ in range(_PLACES):
+        carried = np.sqrt(np.linalg.norm(_forces(model, at(there)).sum(axis=1), axis=1))
+        found = carried - np.sqrt(wanted_n)
+        more, less = np.where(found > 0.0, there, more), np.where(found <= 0.0, there, less)
+        rise = (found - off) / np.where(there != here, there - here, np.inf)
+        further = np.where(rise != 0.0, -found / np.where(rise != 0.0, rise, 1.0), _MOVED_MM)
+        here, off = there, found
+        further = np.where(np.isfinite(further), np.clip(further, -_FURTHEST_MM, _FURTHEST_MM), _MOVED_MM)
+        secant = there + further
+        there = np.where(np.isnan(more + less), secant, 0.5 * (more + less))
+    return at(np.where(np.isnan(more), less, more))
+
+
+def _refuse_reversed(contact: _Contact) -> Array:
+    """ValueError for loads on the moving body instead of the fixed one; else the stiffness (k,) [N/mm].
+
+    A force F on the fixed body grows as the moving one goes its way: |F(t + δ·F/|F|)| > |F(t - δ·F/|F|)|. A model is
+    refused where each contact loses more than 1 % of its force over 2δ = 0.2 mm.
+    """
+    behind, ahead = (np.linalg.norm(contact.after(way), axis=1) for way in (-_MOVED_MM, _MOVED_MM))
+    if (ahead < (1.0 - _CLEARLY) * behind).all():
+        raise ValueError(
+            f"the contact model's loads are those on the moving body: its {contact.text(0)} is {behind[0]:.4g} N 0.1 "
+            f"mm behind and {ahead[0]:.4g} N 0.1 mm ahead, expected more ahead: return -wrenches, the loads on the "
+            "fixed body"
+        )
+    return np.asarray((ahead - behind) / (2.0 * _MOVED_MM))
+
+
+def _refuse_noise(contact: _Contact, slope: Array, tolerance_n: float) -> None:
+    """ValueError for forces that differ by more than twice the tolerance [N] of settling when asked once more 1e-10 mm
+    beside, where contact changes by 1e-5 N."""
+    noise = np.abs(contact.after(_BESIDE_MM) - contact.forces).max(axis=1)
+    noise = np.where(np.isfinite(noise), noise, 0.0)
+    row = int(noise.argmax())
+    if noise[row] <= _NOISY * tolerance_n:
+        return
+    cure = f"set settle_tolerance_n = {_two_digits(3.0 * noise[row])} or more in the scene's [sampling]"
+    if isinstance(contact.model, CallableModel) and slope[row] > 0.0:
+        step = _two_digits(_STEPS_PER_NOISE * noise[row] / slope[row])
+        cure += f", and give cc.CallableModel step_mm={step}, step_rad={_two_digits(float(step) / 25.0)} or more"
+    raise ValueError(
+        f"the contact model is noisy: its {contact.text(row)} differs by {noise[row]:.2g} N when asked once more, "
+        f"expected less than the {tolerance_n:g} N within which poses settle: {cure}"
+    )
+
+
+def _forces(model: ContactModel, poses: Array) -> Array:
+    wrenches: Array = model.wrenches(poses)  # type: ignore[attr-defined]
+    return wrenches[..., :3]
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.2g}"
