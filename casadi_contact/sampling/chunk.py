@@ -117,8 +117,11 @@ def draw_chunk(
         lost.append(lifted.reshape(-1, 6)[~settled])
         poses, role = lifted.reshape(-1, 6)[settled], np.repeat(role, steps)[settled]
     elif domain == "D5":
-        poses = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps).reshape(-1, 6)
-        role = np.repeat(role, steps)
+        raised = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps)
+        known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
+        _count(dropped, "not lifted off", np.where(known, "", NOT_FINITE))
+        lost.append(poses[~known])
+        poses, role = raised[known].reshape(-1, 6), np.repeat(role[known], steps)
     scene = settle_model.scene
     wrenches, gaps, edge = evaluated(teacher, poses, len(scene.parts))
     finite = np.isfinite(wrenches).all(axis=(1, 2))

@@ -10,6 +10,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.statics import settle
+from casadi_contact.statics.settle import NOT_FINITE
 
 
 def lift_one(
@@ -51,6 +52,8 @@ def lift_one(
     slope = ds[:, lifted, tilt] + np.einsum("no,no->n", ds[:, lifted][:, others], along)
     per_mm = np.abs(ds[:, lifted, pose_index(rise)])
     total: Array = -(per_mm * liftoff_mm + np.maximum(s[:, lifted], 0.0)) / slope
+    known = np.isfinite(total) & np.isfinite(along).all(axis=1)
+    total, along = np.where(known, total, 0.0), np.where(known[:, None], along, 0.0)
 
     def tilt_poses(rows: Array, change: Array, drift: Array, loads: Mapping[str, Array]) -> tuple[Array, np.ndarray]:
         start = rows.copy()
@@ -73,7 +76,8 @@ def lift_one(
         np.repeat(along, steps, axis=0),
         repeated,
     )
-    return lifted_poses.reshape(-1, steps, 6), reason.reshape(-1, steps)
+    reasons = np.where(known[:, None], reason.reshape(-1, steps), NOT_FINITE)
+    return lifted_poses.reshape(-1, steps, 6), reasons
 
 
 def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> Array:
@@ -89,8 +93,8 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     """Move poses at the contact boundary apart in equal steps to liftoff_mm, along the sensitive translations.
 
     Apart is where the sum of the root loads falls: straight up for the knee, whose one sensitive translation is t_y;
-    away from the contact for a hip. Returns poses (n, steps, 6); raises ValueError for a scene without a sensitive
-    translation.
+    away from the contact for a hip. Returns poses (n, steps, 6), NaN where the model gives no finite loads; raises
+    ValueError for a scene without a sensitive translation.
     """
     columns = [column for column in map(pose_index, model.scene.sensitive_pose) if column < 3]
     if not columns:

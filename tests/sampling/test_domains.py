@@ -188,6 +188,41 @@ def test_d5_raises_everything_in_three_equal_steps():
     np.testing.assert_allclose(model.gaps(raised[:, 2]), 2.0, atol=0.01)
 
 
+class FailsAt(TwoSpheres):
+    """Gives no loads at poses of one tx."""
+
+    def __init__(self, scene, tx):
+        super().__init__(scene)
+        self.tx = tx
+
+    def _spoilt(self, poses, *results):
+        for result in results:
+            result[poses[:, 0] == self.tx] = np.nan
+        return results
+
+    def _wrenches(self, poses):
+        return self._spoilt(poses, *super()._wrenches(poses))
+
+    def root_loads(self, poses):
+        return self._spoilt(poses, *super().root_loads(poses))
+
+
+@pytest.mark.parametrize("lifted", [0, 1])
+def test_a_pose_at_which_the_model_fails_is_not_lifted_and_all_others_are(lifted):
+    model = TwoSpheres(knee())
+    poses, held = boundary_poses(model, lifted)
+    fails = FailsAt(knee(), poses[2, 0])
+    options = {"liftoff_mm": 2.0, "steps": 3}
+    want, _ = lift_one(model, poses, lifted, ("ty", "rx"), held, tolerance_n=1e-4, **options)
+    got, reason = lift_one(fails, poses, lifted, ("ty", "rx"), held, tolerance_n=1e-4, **options)
+    others = np.arange(len(poses)) != 2
+    np.testing.assert_array_equal(reason == "", np.repeat(others[:, None], 3, axis=1))
+    assert set(reason[2]) == {"the contact model's loads are not finite"}
+    np.testing.assert_allclose(got[others], want[others], rtol=0.0, atol=1e-12)
+    raised = lift_all(fails, poses, **options)
+    np.testing.assert_array_equal(np.isfinite(raised).all(axis=(1, 2)), others)
+
+
 def test_d4_with_another_sample_point_keeps_every_held_load():
     """Inputs {Tz, Fy_med, tz, Fy_lat, ry, rz}: t_x is free as well and is settled anew for the torque."""
     model = TwoSpheres(knee())

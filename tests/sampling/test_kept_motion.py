@@ -53,6 +53,24 @@ def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 
 
+def test_a_model_that_fails_now_and_then_costs_samples_and_ends_nothing(project):
+    """A hundredth of its evaluations gives no numbers, while bodies are lifted off, too."""
+    rng = np.random.default_rng(0)
+
+    def fails(poses):
+        loads = own_contact.wrenches(poses)
+        loads[rng.random(len(poses)) < 0.01] = np.nan
+        return loads
+
+    scene = project.scene.with_overrides(counts=COUNTS | {"D5": 300})
+    many = Project(scene, "own", project.folder, own=Preset(1.0, {}))
+    samples = drawn(many, model(many, wrenches=fails))
+    assert np.isfinite(samples.wrenches).all()
+    dropped = samples.provenance["dropped"]["D5"]
+    assert dropped["not lifted off: the contact model's loads are not finite"] > 0
+    assert len(samples.select("D5")) > 150
+
+
 def twisted(poses):
     """The same forces, and so the same motion, but 50 N·mm more of a torque in contact."""
     loads = own_contact.wrenches(poses)
