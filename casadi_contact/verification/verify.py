@@ -33,14 +33,24 @@ class Verification:
     expected: Array
 
     @property
+    def unanswered(self) -> np.ndarray:
+        """True (n,) for frames at which the model gave no finite loads."""
+        return np.asarray(~np.isfinite(self.errors).all(axis=1))
+
+    @property
     def rms(self) -> Array:
-        """Root mean square difference of each load (L,)."""
-        return np.asarray(np.sqrt(np.mean(self.errors**2, axis=0)))
+        """Root mean square difference of each load (L,) over the frames that the model answered; NaN if it did none."""
+        return np.asarray(np.sqrt(np.mean(self._answered**2, axis=0)))
 
     @property
     def worst(self) -> Array:
-        """Largest difference of each load (L,)."""
-        return np.asarray(np.abs(self.errors).max(axis=0))
+        """Largest difference of each load (L,) over these frames."""
+        return np.asarray(np.abs(self._answered).max(axis=0))
+
+    @property
+    def _answered(self) -> Array:
+        known = self.errors[~self.unanswered]
+        return known if len(known) else np.full((1, len(self.load_names)), np.nan)
 
     @property
     def outside(self) -> np.ndarray:
@@ -55,8 +65,10 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Every load within the scene's tolerance (root mean square), every frame solved and in the learned region."""
-        return bool((self.rms <= self.tolerances).all() and self.solved.all() and not self.outside.any())
+        """Every load within the scene's tolerance (root mean square), every frame solved, in the learned region and
+        answered by the model."""
+        well = self.solved & ~self.outside & ~self.unanswered
+        return bool((self.rms <= self.tolerances).all() and well.all())
 
     def __str__(self) -> str:
         lines = [
@@ -69,6 +81,8 @@ class Verification:
                 f"  {name:<8}{beside(rms, tolerance):>10}{worst:>10.3g}{tolerance:>11g} {quantity(name).unit}{verdict}"
             )
         lines.append(f"  {_listed(self.outside)} outside the learned region")
+        if self.unanswered.any():
+            lines.append(f"  {_listed(self.unanswered)} at which the model gives no finite loads")
         if not self.solved.all():
             lines.append(f"  {_listed(~self.solved)} not solved")
         lines.append("  passed" if self.passed else "  not passed")

@@ -57,6 +57,27 @@ def test_frames_that_the_solver_gave_up_do_not_pass(knee, poses):
     assert "1 of 21 frames (7) not solved" in str(check)
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_frames_at_which_the_model_gives_no_loads_do_not_pass_and_leave_the_errors_of_the_others(knee, poses, number):
+    silent = [3, 11]
+
+    class Silent:
+        load_names = knee.load_names
+
+        def __call__(self, asked):
+            loads = knee(asked) + 0.25
+            loads[silent] = number
+            return loads
+
+    check = cc.verify(knee, poses, Silent())
+    assert check.failing.nonzero()[0].tolist() == silent
+    assert not check.passed
+    np.testing.assert_allclose(check.rms, 0.25)
+    np.testing.assert_allclose(check.worst, 0.25)
+    assert "2 of 21 frames (3, 11) at which the model gives no finite loads" in str(check)
+    assert "too large" not in str(check)
+
+
 def test_mistakes_are_named(knee, poses):
     with pytest.raises(ValueError, match=r"solved has shape \(3,\)"):
         cc.verify(knee, poses, knee, np.ones(3, dtype=bool))
