@@ -14,6 +14,8 @@ from casadi_contact.transcription.contact_functions import ContactFunctions
 from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
 
+_CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
+
 
 class SurrogateFunctions(ContactFunctions):
     """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use.
@@ -53,12 +55,12 @@ class SurrogateFunctions(ContactFunctions):
         As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
         """
         pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"])
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"], _CALLED)
 
     def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
         """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
         pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"])
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None

@@ -71,6 +71,20 @@ def test_first_and_second_derivatives_match_finite_differences(knee, walking):
         assert largest > 0.1, "the line crosses the edge of the region"
 
 
+@pytest.mark.parametrize("function", ["validity_function", "expected_error_function"])
+def test_derivatives_are_those_of_an_mx_problem_where_a_problem_is_written_in_sx(knee, walking, function):
+    f = getattr(knee, function)()
+
+    def value_slope_and_bend(symbol):
+        pose = symbol.sym("pose", 6)
+        hessian, slope = ca.hessian(f(pose)[0], pose)
+        return ca.Function("derivatives", [pose], [f(pose), slope, hessian])(walking[30])
+
+    for sx, mx in zip(value_slope_and_bend(ca.SX), value_slope_and_bend(ca.MX), strict=True):
+        np.testing.assert_allclose(sx.full(), mx.full(), rtol=1e-12)
+        assert np.abs(mx.full()).max() > 0.0
+
+
 @pytest.mark.parametrize("name", ["tx", "tz", "ry", "rz"])
 def test_validity_falls_and_the_error_grows_on_the_way_out(knee, walking, name):
     """Insensitive pose parameters leave the tube: half the sampled range beyond its end nothing is known any more."""
