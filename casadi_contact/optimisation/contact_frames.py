@@ -79,9 +79,10 @@ class ContactFrames:
         wanted: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
         pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
         a root load, ``2·√(N0·N*)·(s - s*)`` with ``s* = √(N*/N0)``: near the solution that is the error in N, and out
-        of contact it keeps its slope, which a load does not. Where a patch's normal load is the magnitude of three
-        wanted forces, its three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero,
-        and the two forces across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
+        of contact it keeps its slope, which a load does not; so is the total of patches that one pose parameter sets
+        together, with s as in `total_root`. Where a patch's normal load is the magnitude of three wanted forces, its
+        three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero, and the two forces
+        across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
@@ -89,9 +90,11 @@ class ContactFrames:
             raise ValueError("no loads are wanted, expected some by name, for example {'Fy_med': -600.0}")
         rows: dict[str, ca.MX] = {}
         normals = self._scene.normal_loads
-        for patch, normal in enumerate(normals):
+        roots = dict(zip(normals, ca.vertsplit(self.roots), strict=True))
+        roots |= {normal: total_root(self.roots) for normal in self._scene.pressed if normal not in roots}
+        for normal, root in roots.items():
             if set(normal.loads) <= set(wanted):
-                rows |= self._normal_rows(patch, normal, [self._row(name, wanted[name]) for name in normal.loads])
+                rows |= self._normal_rows(root, normal, [self._row(name, wanted[name]) for name in normal.loads])
         for name, value in wanted.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
                 moment = self._row(name, value) * self._total(centre.force)
@@ -163,8 +166,8 @@ class ContactFrames:
         first, *others = (self.load(name) for name in names)
         return sum(others, first)
 
-    def _normal_rows(self, patch: int, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:
-        """Misfit of the named loads that a patch's normal load is made of."""
+    def _normal_rows(self, got: ca.MX, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:
+        """Misfit of the named loads that a normal load is made of, from the root load (1, n) that there is."""
         n0, least = self._scene.reference_load, self._scene.boundary_load
         if normal.component is not None:
             size = normal.sign * wanted[0]
@@ -173,12 +176,12 @@ class ContactFrames:
         else:
             size = ca.sqrt(sum((part**2 for part in wanted[1:]), wanted[0] ** 2))
         root = ca.sqrt(size / n0)
-        rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (self.roots[patch, :] - root)}
+        rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (got - root)}
         if normal.component is None:
             along = [part / ca.fmax(size, 1e-9) for part in wanted]
             # Size and what is across are those of the opposite force too; with this none but the wanted one has rows of
             # zero. Below least/8 the floor above would let it add roots of its own.
-            turned = n0 * ca.fmax(self.roots[patch, :], 0.0) ** 2 - self._along(normal, along)
+            turned = n0 * ca.fmax(got, 0.0) ** 2 - self._along(normal, along)
             rows[normal.loads[0]] -= (size > least / 8.0) * turned
             rows |= self._across(normal, along)
         return rows
@@ -195,6 +198,16 @@ class ContactFrames:
         turn = ca.if_else(x >= 0.0, 1.0, -1.0)
         share = (x * force[0] + y * force[1] + z * force[2] + turn * force[0]) / (1.0 + turn * x)
         return {normal.loads[1]: force[1] - y * share, normal.loads[2]: force[2] - z * share}
+
+
+def total_root(roots: ca.MX) -> ca.MX:
+    """√(Σ max(s, 0)²) (1, n) of root loads s (P, n); where no patch is in contact, the root of the nearest."""
+    squares = ca.sum1(ca.fmax(roots, 0.0) ** 2)
+    loaded = squares > 0.0
+    nearest = ca.vertsplit(roots)[0]
+    for other in ca.vertsplit(roots)[1:]:
+        nearest = ca.fmax(nearest, other)
+    return ca.if_else(loaded, ca.sqrt(ca.if_else(loaded, squares, 1.0)), nearest)
 
 
 def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:

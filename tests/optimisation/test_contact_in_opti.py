@@ -62,6 +62,29 @@ def test_starts_that_nothing_settles_still_find_their_way_by_root_loads(knee):
         np.testing.assert_allclose([got["Fy_med"][0], got["Fy_lat"][0]], [-600.0, -400.0], atol=1e-3)
 
 
+@pytest.mark.parametrize("lift_mm", [-0.8, 0.2, 1.0, 5.0])
+def test_a_total_that_one_parameter_sets_finds_its_way_back_as_a_single_side_does(lift_mm):
+    """Out of contact the total and its slope are zero; pressed deep, a step towards a light load leads there."""
+    planar = cc.foundation("planar_knee")
+    for total in (-2.0, -600.0):
+        opti, contact = in_opti(planar, {"Fy": total}, 2, {"rz": [-0.1, -0.9]})
+        opti.minimize(ca.sumsqr(contact.pose[0, :]))
+        opti.solver("ipopt", contact.options())
+        contact.begin_at(contact.start_poses({"Fy": total}) + np.array([0.0, lift_mm, 0.0, 0.0, 0.0, 0.0]))
+        got = values(planar, contact.poses(opti.solve()))
+        np.testing.assert_allclose(got["Fy"], total, atol=1e-3)
+
+
+def test_a_misfit_of_a_total_is_its_error_in_newtons_near_the_solution():
+    planar = cc.foundation("planar_knee")
+    contact = cc.ContactFrames(planar, locked={"rz": -0.5})
+    misfit = ca.Function("misfit", [contact.q], [contact.misfit({"Fy": -600.0})])
+    (pose,) = contact.start_poses({"Fy": -600.6})
+    error = planar(pose[None], ["Fy"])[0, 0] + 600.0
+    assert abs(error) > 0.1
+    assert float(misfit(contact.variables(pose[None]))) == pytest.approx(-error, rel=2e-3)
+
+
 def test_several_frames_carry_their_own_loads_at_their_own_flexion(knee):
     flexion, medial = np.linspace(-0.1, -0.9, 5), np.linspace(-300.0, -900.0, 5)
     opti, contact = in_opti(knee, {"Fy_med": medial, "Fy_lat": -400.0}, 5, {"ry": 0.0, "rz": flexion})
@@ -126,12 +149,13 @@ def test_three_forces_whose_magnitude_is_the_normal_load_are_met_as_a_vector(mon
     normal = knee.scene.normal_loads[0].__class__("med", None, 1.0, ("Fx", "Fy_med", "Fz"))
     force = ca.MX.sym("force", 3)
     monkeypatch.setattr(frames, "load", lambda name: force[normal.loads.index(name)])
-    n0 = knee.scene.reference_load
-    monkeypatch.setattr(frames, "roots", ca.sqrt(ca.norm_2(force) / n0))
+    root = ca.sqrt(ca.norm_2(force) / knee.scene.reference_load)
     rng = np.random.default_rng(2)
     for wanted in rng.normal(size=(10, 3)) * 300.0:
         rows = ca.Function(
-            "rows", [force], [ca.vertcat(*frames._normal_rows(0, normal, list(ca.vertsplit(ca.DM(wanted)))).values())]
+            "rows",
+            [force],
+            [ca.vertcat(*frames._normal_rows(root, normal, list(ca.vertsplit(ca.DM(wanted)))).values())],
         )
         np.testing.assert_allclose(np.asarray(rows(wanted)).ravel(), 0.0, atol=1e-9)
         off = rng.normal(size=3)
@@ -193,6 +217,11 @@ def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
 def test_wrong_wishes_are_refused(knee, wanted, said):
     with pytest.raises(ValueError, match=said):
         cc.ContactFrames(knee, locked=LOCKED).misfit(wanted)
+
+
+def test_a_total_that_pulls_is_refused_as_a_single_side_is():
+    with pytest.raises(ValueError, match="Fy is wanted to pull"):
+        cc.ContactFrames(cc.foundation("planar_knee"), locked={"rz": -0.5}).misfit({"Fy": 600.0})
 
 
 @pytest.mark.parametrize(
