@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from casadi_contact.files import write_bytes
 from casadi_contact.transcription.kernel import CompilerError
 
 # No -ffast-math, as for every kernel. Vectors of 128 bits run in every browser since 2021 (Safari 2023).
@@ -26,7 +27,7 @@ def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> byt
         raise ImportError("a page is compiled by ziglang, which is missing: pip install casadi_contact[page]")
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
-            (Path(folder) / name).write_bytes(content.encode() if isinstance(content, str) else content)
+            write_bytes(Path(folder) / name, content.encode() if isinstance(content, str) else content)
         sources = [name for name in files if name.endswith(".c")]
         wanted = [f"-Wl,--export={name}" for name in (*exports, "__heap_base")]
         command = [sys.executable, "-m", "ziglang", "cc", *_TARGET, *_FLAGS, "-o", "kernel.wasm", *sources, *wanted]

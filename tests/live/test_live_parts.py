@@ -98,6 +98,18 @@ def test_the_same_sources_give_the_same_webassembly():
         compiling.webassembly({"one.c": "double one(\n"}, ["one"])
 
 
+def test_a_full_disc_under_the_compiler_is_told_with_the_file_that_it_has_no_room_for():
+    pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
+    resource = pytest.importorskip("resource", reason="limits as POSIX has them")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"cannot write .*one\.c"):
+            compiling.webassembly({"one.c": "double one(double x) { return x + 1.0; }\n"}, ["one"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr(compiling, "find_spec", lambda name: None)
     done = CliRunner().invoke(app, ["page", "hip", "--out", str(tmp_path / "hip.html")])
