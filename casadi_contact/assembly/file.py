@@ -69,8 +69,8 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
     tables = toml_tables(text, str(name_or_path))
     try:
         return _assembly(tables, path.parent, contact or joint_foundation)
-    except ValueError as error:
-        raise ValueError(f"{name_or_path}: {error}") from None
+    except ValueError as error:  # of checks that are a scene's too
+        raise ValueError(f"{name_or_path}: {str(error).removeprefix('scene: ')}") from None
 
 
 def joint_foundation(scene: Scene) -> SymbolicContact:
@@ -132,7 +132,10 @@ def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], 
     scene, change = str(given["scene"]), given.get("change", {})
     if not isinstance(change, Mapping):
         raise fail(f"{key}.change", change, "a table of the scene's parameters")
-    found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
+    try:
+        found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
     frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
     return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
 

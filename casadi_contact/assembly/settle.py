@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -68,25 +69,24 @@ class Settling:
         assembly, rows = self.assembly, self.rows
         q, applied = as_poses(poses).copy(), applied or {}
         _check_bodies(assembly, applied)
-        if len(q) != len(assembly.bodies) or len(tensions) != len(assembly.pulls):
+        if len(q) != len(assembly.bodies):
             raise ValueError(
-                f"got {len(q)} poses and {len(tensions)} tensions; assembly {assembly.name} has the free bodies "
-                f"{', '.join(assembly.bodies)} and {len(assembly.pulls)} pulls"
+                f"got {len(q)} poses; assembly {assembly.name} has the free bodies {', '.join(assembly.bodies)}"
             )
-        if not np.all(np.asarray(tensions, dtype=float) >= 0.0):
+        pulls = ", ".join(pull.name for pull in assembly.pulls) or "none"
+        pulling = _numbers(
+            "tensions are", tensions, len(assembly.pulls), f"a finite number [N] for each pull ({pulls})"
+        )
+        if (pulling < 0.0).any():
             raise ValueError(f"tensions are {list(tensions)} N, expected 0 or more: a line pulls and never pushes")
         given = np.zeros(6 * len(q))
         for body, force in applied.items():
-            forces = np.asarray(force, dtype=float)
-            if forces.shape != (6,) or not np.isfinite(forces).all():
-                raise ValueError(
-                    f"forces on {body} are {force!r}, expected 6 finite numbers: Fx ... Fz [N], Tx ... Tz [N·mm]"
-                )
+            forces = _numbers(f"forces on {body} are", force, 6, "6 finite numbers: Fx ... Fz [N], Tx ... Tz [N·mm]")
             given[6 * assembly.bodies.index(body) :][:6] = forces
         in_mm = np.tile(POSE_IN_MM, len(q))[rows]
         step, position = _FIRST_STEP_S, q.ravel()
         for _ in range(max_iterations):
-            left, slope = (np.asarray(part) for part in self._evaluate(position, given, list(tensions)))
+            left, slope = (np.asarray(part) for part in self._evaluate(position, given, pulling))
             residual = float(np.abs(left.ravel() / in_mm).max())
             if residual <= tolerance or not np.isfinite(residual):
                 break
@@ -98,6 +98,18 @@ class Settling:
             position[rows] += move
             step = min(2.0 * step, _LONGEST_STEP_S)
         return Equilibrium(position.reshape(-1, 6), residual, residual <= tolerance)
+
+
+def _numbers(what: str, value: Any, count: int, expected: str) -> Array:
+    """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
+    wrong = ValueError(f"{what} {value!r}, expected {expected}")
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):  # words, complex numbers, rows of unequal length
+        raise wrong from None
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise wrong
+    return numbers
 
 
 def _check_bodies(assembly: Assembly, named: Mapping[str, object]) -> None:

@@ -205,8 +205,12 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match="soft acts on the ground earth, expected a free body, one of body"):
         Assembly("one", "earth", start, springs=[Spring("soft", "earth", np.ones(6), np.zeros(6))])
     held = Assembly("one", "earth", start, pulls=[Pull("rope", ("body", "earth"), rope.points_mm)])
-    with pytest.raises(ValueError, match=r"forces on body are .* expected 6 finite numbers"):
-        settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, {"body": [0.0, 1.0, 0.0]}, [1.0])
+    for forces in ([0.0, 1.0, 0.0], "x", ["x"] * 6, [1j] * 6, [np.nan] * 6):
+        with pytest.raises(ValueError, match=r"forces on body are .* expected 6 finite numbers"):
+            settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, {"body": forces}, [1.0])
+    for tensions in (1.0, [], [1.0, 1.0], [[1.0]], ["x"], [np.inf]):
+        with pytest.raises(ValueError, match=r"tensions are .* expected a finite number \[N\] for each pull \(rope\)"):
+            settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=tensions)
     with pytest.raises(ValueError, match="never pushes"):
         settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=[-1.0])
     for free in ({}, {"body": ()}, {"body": ("tx", "tx")}):
@@ -218,10 +222,14 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
         cc.load_assembly(tmp_path / "none.toml")
     text = 'format = 1\nname = "a"\nground = "g"\n[bodies.b]\npose = [0, 0, 0, 0, 0]\n'
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises(ValueError, match=r"bodies\.b\.pose.*expected 6 numbers"):
+    with pytest.raises(ValueError, match=r"a\.toml: bodies\.b\.pose.*expected 6 numbers"):
         cc.load_assembly(tmp_path / "a.toml")
     contact = '[contacts.c]\nscene = "knee"\nfixed = "g"\nmoving = "b"\n'
-    for change, said in (("change = 3", "table of the scene's parameters"), ("change = {girth = 1}", "girth")):
+    for change, said in (
+        ("change = 3", r"a\.toml: contacts\.c\.change .*a table of the scene's parameters"),
+        ("change = {girth = 1}", r"a\.toml: contacts\.c: .*girth"),
+        ("change = {thickness = -9}", r"a\.toml: contacts\.c: scene: material\.thickness = -9"),
+    ):
         (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + contact + change + "\n")
         with pytest.raises(ValueError, match=said):
             cc.load_assembly(tmp_path / "a.toml")
