@@ -14,13 +14,14 @@ from casadi_contact.quantities import quantity
 
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
+_COLUMNS = tuple(quantity(name).column for name in POSE_NAMES)  # tx_mm ... rz_rad
 _LARGEST_ANGLE_RAD = 2.0 * np.pi  # beyond a whole turn an angle is in other units
 _LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm was taken for one in m
 
 
 def read_poses(path: str | Path) -> Array:
-    """Poses (n, 6) of a CSV file with the columns tx, ty, tz [mm], rx, ry, rz [rad], also by the names of result tables
-    (tx_mm ... rz_rad), or of a .mot or .sto file with columns tx ... rz in m and rad (degrees where inDegrees=yes);
+    """Poses (n, 6) of a CSV file with the columns tx_mm, ty_mm, tz_mm, rx_rad, ry_rad, rz_rad, also by their names
+    alone (tx ... rz), or of a .mot or .sto file with columns tx ... rz in m and rad (degrees where inDegrees=yes);
     other columns are ignored.
 
     Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_opensim_table` refuse,
@@ -36,10 +37,10 @@ def read_poses(path: str | Path) -> Array:
 
 def _csv_curves(path: Path) -> dict[str, Array]:
     table = TextColumns.read(path, "pose file")
-    with_units = {name: quantity(name).column for name in POSE_NAMES}
-    columns = with_units if set(with_units.values()) <= set(table.header) else {name: name for name in POSE_NAMES}
-    table.require(*columns.values())
-    return {name: table.numbers(column) for name, column in columns.items()}
+    bare = set(POSE_NAMES) <= set(table.header) and not set(_COLUMNS) <= set(table.header)
+    columns = POSE_NAMES if bare else _COLUMNS
+    table.require(*columns)
+    return {name: table.numbers(column) for name, column in zip(POSE_NAMES, columns, strict=True)}
 
 
 def _opensim_curves(path: Path) -> dict[str, Array]:
@@ -78,5 +79,6 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
 
 
 def write_poses(time_s: Array, poses: Array, path: str | Path) -> None:
-    """Write poses (n, 6) and their times (n,) as a CSV file that `read_poses` reads back bit by bit."""
-    write_columns(path, {_TIME: time_s, **dict(zip(POSE_NAMES, as_poses(poses).T, strict=True))})
+    """Write poses (n, 6) and their times (n,) as a CSV file, time_s, tx_mm ... rz_rad, that `read_poses` reads back bit
+    by bit."""
+    write_columns(path, {_TIME: time_s, **dict(zip(_COLUMNS, as_poses(poses).T, strict=True))})

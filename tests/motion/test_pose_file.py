@@ -19,6 +19,12 @@ def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
     np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
 
 
+def test_the_file_names_the_unit_of_every_column_as_result_tables_do(tmp_path):
+    write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
+    (header, *_) = (tmp_path / "poses.csv").read_text().splitlines()
+    assert header.split(",") == ["time_s", *pose_columns(POSES)]
+
+
 def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
     write_table(poses_table(np.arange(5.0), POSES, "poses"), tmp_path / "poses.sto")
     np.testing.assert_allclose(read_poses(tmp_path / "poses.sto"), POSES, rtol=1e-15)
@@ -39,7 +45,9 @@ def test_columns_of_result_tables_are_read_as_poses(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("tx,ty\n1,2\n", "lacks the columns tz, rx, ry, rz"),
+        ("tx_mm,ty_mm\n1,2\n", "lacks the columns tz_mm, rx_rad, ry_rad, rz_rad"),
+        ("tx,ty\n1,2\n", "lacks the columns tx_mm, ty_mm, tz_mm, rx_rad, ry_rad, rz_rad; it has tx, ty"),
+        ("tx_m,ty_m,tz_m,rx_deg,ry_deg,rz_deg\n1,2,3,4,5,6\n", "lacks the columns tx_mm"),
         ("tx,ty,tz,rx,ry,rz\n1,2\n", "line 2: got 2 values, expected 6"),
         ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,nan\n", "line 2, rz: got nan, expected a finite number"),
         ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,60\n", "rz reaches 60, expected radians: is it in degrees?"),
