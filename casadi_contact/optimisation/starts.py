@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
+from casadi_contact.scenes import Scene
 from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
@@ -81,23 +82,38 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
     """`settle_in_range` under what presses the patches, as the total loads (n, 6) tell it.
 
     What is pressed in one (a single patch, or all patches that one pose parameter sets together) bears its forces
-    among them; each of two sides its share, the two vertical forces at the condyles' centres with the wanted Fy and Tx.
+    among them; each of two patches its share (`shares`), `LEAST_START_N` at least.
     """
-    pressed, anchors_z = model.scene.pressed, model.scene.anchors_mm[:, 2]
-    if len(pressed) == 1:
-        names = pressed[0].loads
-        forces = loads[:, [WRENCH_NAMES.index(name.partition("_")[0]) for name in names]]
-        at_least = pressed[0].at_least(forces, LEAST_START_N)
-        return settle_in_range(model, poses, rest, free, dict(zip(names, at_least.T, strict=True)))
-    if len(pressed) != 2:
+    normals = model.scene.pressed
+    if len(normals) == 1:
+        columns = [WRENCH_NAMES.index(name.partition("_")[0]) for name in normals[0].loads]
+        forces = normals[0].at_least(loads[:, columns], LEAST_START_N)
+        return settle_in_range(model, poses, rest, free, dict(zip(normals[0].loads, forces.T, strict=True)))
+    if len(normals) != 2 or any(normal.direction is None for normal in normals):
         return settle_in_range(model, poses, rest, free, {})
-    sides = model.scene.sensitive_loads
-    down = -loads[:, WRENCH_NAMES.index("Fy")]
-    first = (loads[:, WRENCH_NAMES.index("Tx")] - anchors_z[1] * down) / (anchors_z[0] - anchors_z[1])
-    least = np.minimum(LEAST_START_N, np.maximum(0.5 * down, 1.0))
-    first = np.clip(first, least, np.maximum(down - least, least))
-    shares = {sides[0]: -first, sides[1]: -np.maximum(down - first, least)}
-    return settle_in_range(model, poses, rest, free, shares)
+    first, second = shares(model.scene, loads)
+    total = first + second
+    least = np.minimum(LEAST_START_N, np.maximum(0.5 * total, 1.0))
+    first = np.clip(first, least, np.maximum(total - least, least))
+    sizes = (first, np.maximum(total - first, least))
+    pressing = {n.loads[0]: n.with_size(loads, size)[:, 0] for n, size in zip(normals, sizes, strict=True)}
+    return settle_in_range(model, poses, rest, free, pressing)
+
+
+def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
+    """Normal loads (n,), (n,) of two patches, pressed at their anchors a along d, that make up total loads (n, 6):
+    F = N₁·d₁ + N₂·d₂, and where both are pressed along one line, T·w = (N₁·a₁×d₁ + N₂·a₂×d₂)·w with
+    w = a₁×d₁ - a₂×d₂; of a knee the two vertical forces at the condyles' centres with the wanted Fy and Tx."""
+    along = np.array([normal.direction for normal in scene.pressed])
+    arms = np.cross(scene.anchors_mm, along)
+    apart = arms[0] - arms[1]
+    rows = np.column_stack([along[0], along[1]])
+    wanted = loads[:, :3]
+    if np.linalg.matrix_rank(rows) < 2:
+        rows = np.vstack([rows, apart @ arms.T])
+        wanted = np.column_stack([wanted, loads[:, 3:] @ apart])
+    first, second = np.linalg.pinv(rows) @ wanted.T
+    return first, second
 
 
 def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:

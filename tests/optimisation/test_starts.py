@@ -6,6 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.optimisation import middle_pose, press_together
+from casadi_contact.optimisation.starts import shares
 
 SIDES = ("Fy_med", "Fy_lat")
 FREE = ("tx", "ty", "tz", "rx")
@@ -34,6 +35,24 @@ def test_a_force_between_the_condyles_is_shared_by_its_place(knee):
     rest = middle_pose(knee)[None]
     (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
     np.testing.assert_allclose(got, [0.7 * DOWN_N, 0.3 * DOWN_N], atol=2.0)
+
+
+def test_facets_at_one_anchor_bear_equal_parts_of_what_presses_them_forwards():
+    """A patella's facets meet in the groove's axis: neither force nor torque tells how they share."""
+    groove = cc.foundation("patellofemoral")
+    rest = middle_pose(groove)[None]
+    loads = np.array([[600.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    (got,) = groove(press_together(groove, rest, rest, loads, ("tx", "ty", "tz")), ("Fx_med", "Fx_lat"))
+    np.testing.assert_allclose(got, 300.0, atol=2.0)
+
+
+@pytest.mark.parametrize("sensitive", [["-Fy_med", "-Fy_lat"], ["+Fx_med", "+Fx_lat"], ["-Fy_med", "+Fx_lat"]])
+def test_two_patches_share_the_loads_that_they_make_whatever_presses_them(sensitive):
+    scene = cc.load_scene("knee", sensitive=sensitive, sensitive_pose=["ty", "tx"])
+    along = np.array([normal.direction for normal in scene.pressed])
+    sizes = np.array([[700.0, 200.0], [50.0, 900.0]])
+    loads = np.hstack([sizes @ along, sizes @ np.cross(scene.anchors_mm, along)])
+    np.testing.assert_allclose(np.transpose(shares(scene, loads)), sizes)
 
 
 def test_the_middle_pose_is_as_far_from_either_end_of_what_was_learned(knee):
