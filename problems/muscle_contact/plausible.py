@@ -20,6 +20,7 @@ _LARGEST_ARM_M = 0.3
 _LARGEST_COSINE = 1.5  # of a muscle's direction; curves that are differenced exceed 1 a little
 _LEAST_LOAD = {"N": 10.0, "Nm": 1.5}  # that a leg's largest reach; over weight and mass they are about 1 and 0.5
 _LARGEST_LOAD = {"N": np.inf, "Nm": 1e3}
+_SWINGING_LEG_N = 200.0  # pulls less at the knee: in walking 60 to 80 N
 _MOVES_M = 0.002  # less travel tells nothing of velocity
 _FEWEST_FRAMES = 5  # to tell a rate from
 _ARM_M = 0.01  # less, and other coordinates move the muscle more
@@ -83,7 +84,8 @@ def check_sides(walk: str, names: Sequence[str], arms: Mapping[str, Array]) -> N
 
 
 def check_loads(walk: str, loads: Mapping[str, Array]) -> None:
-    """ValueError for loads (n,) by coordinate that are too small or too large for a body, in N and N·m."""
+    """ValueError for loads (n,) by coordinate that are too small or too large for a body, in N and N·m; RuntimeWarning
+    for a knee_ty that never presses as hard as it pulls, and pulls harder than a leg that swings."""
     for unit in ("N", "Nm"):
         curves = {name: float(np.abs(curve).max()) for name, curve in loads.items() if coordinate_unit(name) == unit}
         largest = max(curves.values(), default=0.0)
@@ -92,6 +94,15 @@ def check_loads(walk: str, loads: Mapping[str, Array]) -> None:
             raise ValueError(f"{said}: is it over body weight or mass? Multiply by it")
         if largest > _LARGEST_LOAD[unit]:
             raise ValueError(f"{said}, at most {_LARGEST_LOAD[unit]:g}: is it in N·mm?")
+    vertical = loads.get("knee_ty", np.zeros(1))
+    if -vertical.min() > max(_SWINGING_LEG_N, vertical.max()):
+        warnings.warn(
+            f"walk {walk}: knee_ty pulls the knee apart by up to {-vertical.min():.3g} N and never presses it by more "
+            f"than {max(vertical.max(), 0.0):.3g} N, expected the ground's push to be positive: if this is no kick, "
+            "turn the signs of inverse dynamics",
+            RuntimeWarning,
+            stacklevel=2,
+        )
 
 
 def check_velocities(walk: str, names: Sequence[str], time_s: Array, lengths_m: Array, velocities: Array) -> None:

@@ -264,6 +264,21 @@ def test_a_single_arm_against_its_muscle_s_lengths_is_doubted():
         replace(WALK, arms={**WALK.arms, "knee_flexion": arms})
 
 
+def test_a_leg_that_hangs_in_stance_is_doubted():
+    with pytest.warns(RuntimeWarning, match=r"knee_ty pulls the knee apart by up to 5\d\d N .* turn the signs"):
+        scaled("loads", -1.0, *WALK.loads)
+
+
+@pytest.mark.filterwarnings("error")
+def test_swing_alone_is_not_doubted_though_it_pulls():
+    swing = np.flatnonzero(WALK.loads["knee_ty"] < 0.0)
+    replace(
+        WALK,
+        **{name: getattr(WALK, name)[swing] for name in ("time_s", "rz", "ry", "lengths_m", "velocities_m_per_s")},
+        **{name: {key: part[swing] for key, part in getattr(WALK, name).items()} for name in ("loads", "arms")},
+    )
+
+
 def test_muscles_without_velocity_and_a_leg_without_load_are_taken():
     scaled("velocities_m_per_s", 0.0)
     scaled("loads", 0.0, *WALK.loads)
