@@ -1,8 +1,9 @@
 """A signed distance on a regular grid, interpolated by cubic B-splines: twice continuously differentiable.
 
 g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/spacing and B the cubic B-spline. The
-coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node. Outside the grid,
-which reaches MARGIN_MM beyond the mesh, g is the value at the nearest grid point plus the distance to it.
+coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node, of a grid finer than
+SPACING_MM at those near the surface. Outside the grid, which reaches MARGIN_MM beyond the mesh, g is the value at the
+nearest grid point plus the distance to it.
 
 Beside the coefficients each node keeps a curvature bound M: the least eigenvalue of ∇²g is at least -M everywhere
 within CURVATURE_REACH_MM of the node and outside the body. By Taylor's theorem, while the segment from q to q + δ
@@ -16,6 +17,7 @@ at both ends and so between them. The elastic foundation skips elements by this 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +30,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 SPACING_MM = 0.75
 MARGIN_MM = 4.0
+_NEAR_NODES = 6.0  # to the surface: what is off farther away reaches it weakened to 0.27 by every node
 _MOST_NODES = 40_000_000  # 320 MB of coefficients
 CURVATURE_REACH_MM = 2.2
 # Nodes at which the curvature bound is taken, by their distance g: those outside within reach of the surface, and those
@@ -75,11 +78,10 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     if counts.prod() > _MOST_NODES:
         raise ValueError(
             f"mesh {mesh.name}: a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, expected at most "
-            f"{_MOST_NODES}: choose a larger spacing"
+            f"{_MOST_NODES}: choose a larger spacing, or cut the mesh to what touches"
         )
     axes = [origin + spacing_mm * np.arange(count) for origin, count in zip(low, counts, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    values = SmoothSurface(mesh).distance(nodes).reshape(counts)
+    values = _node_values(mesh, axes, spacing_mm)
     coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
     bound = _curvature_bound(
         coefficients, (values > _BOUNDED_RANGE_MM[0]) & (values < _BOUNDED_RANGE_MM[1]), spacing_mm
@@ -88,6 +90,27 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
     rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
     return DistanceField(parameters, FieldFit(rms, largest, mesh.dropped, len(mesh.nonmanifold_edges)))
+
+
+def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float) -> Array:
+    """Distances [mm] at the nodes of a grid by its three axes: those of the smooth surface. A grid finer than
+    SPACING_MM takes most of them, farther than _NEAR_NODES nodes from the surface, from the field of twice its spacing.
+    """
+    if spacing_mm < SPACING_MM:
+        coarse = build_field(mesh, min(2.0 * spacing_mm, SPACING_MM)).parameters
+        values = np.stack([_on_plane(coarse, x, *axes[1:]) for x in axes[0]])
+    else:
+        values = np.zeros([len(axis) for axis in axes])
+    near = np.abs(values) < _NEAR_NODES * spacing_mm
+    points = np.stack([axis[index] for axis, index in zip(axes, np.nonzero(near), strict=True)], axis=1)
+    values[near] = SmoothSurface(mesh).distance(points)
+    return values
+
+
+def _on_plane(parameters: Array, x: float, y: Array, z: Array) -> Array:
+    """g (ny, nz) at one x and all y and z."""
+    points = np.stack(np.meshgrid([x], y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.asarray(field_distances(parameters, points)[:, 0].reshape(len(y), len(z)))
 
 
 def field_parts(parameters: Array) -> tuple[Array, float, Array, Array]:

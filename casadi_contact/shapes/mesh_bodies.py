@@ -54,7 +54,13 @@ def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
 
 def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(_source(geometry, body), geometry["spacing"])
+    return _field(_source(geometry, body), field_spacing(geometry, body))
+
+
+def field_spacing(geometry: Geometry, body: str) -> float:
+    """The spacing [mm] of the nodes of the body's distance field."""
+    spacing = geometry["spacing"]
+    return float(spacing[body] if isinstance(spacing, Mapping) else spacing)
 
 
 def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
@@ -75,9 +81,9 @@ def check_shells(geometry: Geometry) -> None:
                 f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
                 "'outer' to count the side away from the anchors alone, or to 'whole' where overlaps are far smaller"
             )
-        if geometry["spacing"] > _SPACING_SHARE * thickness:
+        if (spacing := field_spacing(geometry, body)) > _SPACING_SHARE * thickness:
             raise ValueError(
-                f"{what}, and geometry.spacing = {geometry['spacing']:g} mm too coarse for it: expected at most "
+                f"{what}, and geometry.spacing = {spacing:g} mm too coarse for it: expected at most "
                 f"{_SPACING_SHARE * thickness:.2g} mm"
             )
 

@@ -12,7 +12,7 @@
                                           # anchors counts; or "whole": overlaps stay far below its thickness
     open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
-    spacing = 0.75                        # of the distance field's nodes [mm]
+    spacing = 0.75                        # of the distance fields' nodes [mm]; or {moving = 0.75, fixed = 0.2}
     [geometry.placement.moving]           # where each mesh lies in its body's frame; as in the file if left out
     mirror = "z"                          # first mirrored, then turned as a pose turns, then moved [mm]
     rotation_deg = [0.0, 0.0, 5.0]
@@ -81,7 +81,7 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
         body: _placement(f"geometry.placement.{body}", table)
         for body, table in table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False).items()
     }
-    values["spacing"] = number("geometry.spacing", values["spacing"], low=0.0)
+    values["spacing"] = _spacing(values["spacing"])
     patches = values["patches"]
     if not isinstance(patches, Mapping) or not patches:
         raise fail("geometry.patches", patches, "a table for each patch, e.g. [geometry.patches.med]")
@@ -89,6 +89,13 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
         identifier("geometry.patches (a patch's name)", name)
     values["patches"] = {name: _patch(f"geometry.patches.{name}", patch) for name, patch in patches.items()}
     return values
+
+
+def _spacing(value: object) -> float | dict[str, float]:
+    if not isinstance(value, Mapping):
+        return number("geometry.spacing", value, low=0.0)
+    each = table_of("geometry.spacing", value, BODIES, complete=True)
+    return {body: number(f"geometry.spacing.{body}", each[body], low=0.0) for body in BODIES}
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, patch_box, patch_view
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, field_spacing, patch_box, patch_view
 from casadi_contact.shapes.shape import Geometry
 
 _LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no joint's
@@ -174,7 +174,7 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         beside[tuple(at_end)] = False
         rows = np.nonzero(lacking & ~beside)
         here, normal, sideways = centres[rows], normals[rows], step * _along(cells, axis, rows)
-        width = np.maximum(np.linalg.norm(sideways, axis=1), geometry["spacing"])
+        width = np.maximum(np.linalg.norm(sideways, axis=1), field_spacing(geometry, "fixed"))
         tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent

@@ -13,7 +13,16 @@ from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from casadi_contact.scenes import load_scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
-from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, unit, write_obj
+from tests.support.meshes import (
+    ball_mesh,
+    cap_mesh,
+    mesh_scene_text,
+    sheet_mesh,
+    shell_mesh,
+    torus_mesh,
+    unit,
+    write_obj,
+)
 
 TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -240,6 +249,20 @@ def test_gradient_of_the_field_agrees_with_differences_inside_and_outside_its_gr
     slopes, h = field(points)[1], 1e-6
     differences = [(field(points + s)[0] - field(points - s)[0]) / (2.0 * h) for s in h * np.eye(3)]
     np.testing.assert_allclose(slopes, np.stack(differences, axis=1), atol=1e-6)
+
+
+def test_a_fine_field_is_exact_at_a_thin_shell_and_beside_it():
+    """Spheres of 10 and 11 mm: half way between them the distance has a kink, which a coarse grid carries to both."""
+    shell = checked_mesh("shell", *shell_mesh(10.0, 11.0, 0.6, 0.7, [0.0, 1.0, 0.0]))
+    x, z = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 2000))
+    away = unit(np.stack([x, np.ones(2000), z], axis=1))
+    off = {}
+    for spacing in (0.4, 0.17):
+        field = build_field(shell, spacing)
+        off[spacing] = max(np.abs(field(radius * away)[0]).max() for radius in (10.0, 11.0))
+        beside = [field(radius * away)[0] - abs(radius - 10.5) + 0.5 for radius in (7.5, 8.5, 9.0, 12.0, 13.0)]
+        assert np.abs(beside).max() < 5e-3
+    assert off[0.17] < 2e-3 < 8e-3 < off[0.4]
 
 
 def test_a_field_too_fine_for_memory_is_refused():

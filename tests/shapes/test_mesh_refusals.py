@@ -92,6 +92,16 @@ def test_a_thin_closed_shell_says_which_of_its_sides_counts(tmp_path):
     assert found[1] < 0.9
 
 
+def test_a_thin_shell_of_the_fixed_body_alone_has_a_fine_field(tmp_path):
+    """A ball of 20 mm, whose own field need not be fine, on a plate of 1 mm carries its closed form."""
+    ball, plate = ball_mesh(20.0, 2.0), slab_mesh(*sheet_mesh(12.0, 1.0), 1.0)
+    with pytest.raises(ValueError, match=r"fixed mesh fixed\.obj is a thin shell.*spacing = 0\.75 mm too coarse"):
+        cc.ElasticFoundation(scene_of(tmp_path, ball, plate))
+    scene = scene_of(tmp_path, ball, plate, "spacing = {moving = 0.75, fixed = 0.15}", grid=(60, 60))
+    load = -cc.ElasticFoundation(scene)([0.0, 20.0 - 0.1, 0.0, 0.0, 0.0, 0.0])[1]
+    assert load == pytest.approx(np.pi * 267.5728 * 0.1**2 * (20.0 - 0.1 / 3.0), rel=0.02)
+
+
 def test_a_shell_with_a_missing_triangle_is_refused_as_a_closed_one_and_its_outer_side_carries_the_same(tmp_path):
     """Missing on the side that does not touch; without a word, the load would be twice that of the closed shell."""
     points, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, POLE)
