@@ -73,9 +73,9 @@ class DistanceField:
 
 def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceField:
     """The distance field of a mesh; raises ValueError where the grid would not fit into memory."""
-    low, high = mesh.vertices_mm.min(axis=0) - MARGIN_MM, mesh.vertices_mm.max(axis=0) + MARGIN_MM
-    counts = np.ceil((high - low) / spacing_mm).astype(int) + 1
-    if counts.prod() > _MOST_NODES:
+    low = mesh.vertices_mm.min(axis=0) - MARGIN_MM
+    counts = _node_counts(mesh, spacing_mm)
+    if not field_fits(mesh, spacing_mm):
         raise ValueError(
             f"mesh {mesh.name}: a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, expected at most "
             f"{_MOST_NODES}: choose a larger spacing, or cut the mesh to what touches"
@@ -90,6 +90,17 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
     rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
     return DistanceField(parameters, FieldFit(rms, largest, mesh.dropped, len(mesh.nonmanifold_edges)))
+
+
+def field_fits(mesh: TriangleMesh, spacing_mm: float) -> bool:
+    """Whether a field of this spacing fits into memory: 40 million nodes at most."""
+    return bool(_node_counts(mesh, spacing_mm).prod() <= _MOST_NODES)
+
+
+def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
+    """Nodes (3,) along x, y and z."""
+    size = np.ptp(mesh.vertices_mm, axis=0) + 2.0 * MARGIN_MM
+    return np.asarray(np.ceil(size / spacing_mm).astype(int) + 1)
 
 
 def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float) -> Array:

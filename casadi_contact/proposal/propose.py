@@ -20,6 +20,7 @@ from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.sight import Sight, sight_of
+from casadi_contact.proposal.spacings import at_rest
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.sampling.settings import ALONE_COUNTS
@@ -29,7 +30,6 @@ from casadi_contact.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, outer_si
 _MOST_DROPPED = 0.6  # of a domain, where the reference motion itself reaches an edge
 _TOLERANCE = 0.01  # of the largest load
 _LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
-_SPACING_SHARE, _LEAST_SPACING_MM = 0.33, 0.3  # of a shell's thickness, and for fields of some million nodes at most
 _TEST_CYCLES, _TEST_POSES = 2, 40
 _MOSTLY = 0.9  # of the frames of two cycles with a pose, for the others to be tried: those without take seconds each
 _OFFSETS_MM = (0.5, 2.0)  # of D1 and D2 in a translation of a large joint that its motion leaves out
@@ -101,16 +101,16 @@ def propose(
     if shells["moving"] < THIN_MM:
         tables["geometry"]["shell"] = _shell(sight)
     one_sided = tables["geometry"].get("shell") == "outer"  # which is no thin shell
-    if (thinnest := min(shells["fixed"], np.inf if one_sided else shells["moving"])) < THIN_MM:
-        finest = round(max(_SPACING_SHARE * thinnest, _LEAST_SPACING_MM), 2)
-        tables["geometry"]["spacing"] = min(finest, tables["geometry"].get("spacing", finest))
+    thickness = {"moving": np.inf if one_sided else shells["moving"], "fixed": shells["fixed"]}
     begin("pose at rest")
-    scene = Scene.from_tables(tables)
-    model = ElasticFoundation(scene)
     direction = direction_of(joint, frame, meeting)
-    pose, reason = rest_pose(model, joint, direction)
-    if reason:
-        untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {reason}")
+    resting = at_rest(tables, meshes, thickness, lambda model: rest_pose(model, joint, direction))
+    model, pose, scene = resting.model, resting.pose, resting.model.scene
+    if resting.remark:
+        tables["geometry"]["spacing"] = scene.geometry["spacing"]
+        (told if resting.enough else untold).append(resting.remark)
+    if resting.reason:
+        untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {resting.reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
