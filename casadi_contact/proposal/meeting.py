@@ -12,6 +12,7 @@ from casadi_contact.proposal.pair import Pair
 REACH_MM = 2.0
 _DEEPEST_MM = 4.0  # bodies scanned together overlap less
 _LEAST_SHARE = 0.03  # of the fixed surface that is near, for the files to share a frame
+_INSIDE_OUT = 2.0  # times the area, over which an open moving surface meets the fixed one turned round
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,19 +31,55 @@ def meeting_of(pair: Pair) -> Meeting:
     """Find it from the pose zero if the bodies just touch there, else by dropping the moving body onto the fixed one
     along each axis, both ways. Raises ValueError where they meet nowhere, and where an open fixed surface is
     inside out."""
-    distance = pair.distances(np.eye(3), np.zeros(3))[0]
-    reach = pair.scale * REACH_MM
-    near = pair.near(np.eye(3), np.zeros(3), reach)
-    whole, deepest = pair.areas_mm2.sum(), pair.scale * _DEEPEST_MM
-    if distance.min() > -deepest and pair.areas_mm2[near].sum() > _LEAST_SHARE * whole:
-        pressing, concentration = _pressing(pair, near)
-        return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
-    backs = pair.near(np.eye(3), np.zeros(3), reach, backs=True)
-    if pair.is_open and distance.min() > -deepest and pair.areas_mm2[backs].sum() > _LEAST_SHARE * whole:
+    if (here := _as_placed(pair)) is not None:
+        return here
+    if pair.is_open and _nearly_touch(pair, backs=True):
         raise ValueError(
             "where the files place them the bodies nearly touch, but the fixed surface faces away from the moving one, "
             "expected its outside towards it: turn its triangles round"
         )
+    found = _dropped(pair)
+    if found is None:
+        raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
+    return found
+
+
+def check_moving_outside(pair: Pair, meeting: Meeting) -> None:
+    """Raise ValueError for an open moving surface that is inside out: turned round it would meet the fixed one over a
+    far larger area. A hollow one, as a cup on a ball, meets it over more as it is."""
+    if not len(pair.moving.boundary_edges):
+        return
+    turned = pair.turned_round()
+    other = _as_placed(turned) or _dropped(turned)
+    if other is None:
+        return
+    area, turned_area = _area_mm2(pair, meeting), _area_mm2(turned, other)
+    if turned_area > _INSIDE_OUT * area:
+        raise ValueError(
+            f"the moving surface {pair.moving.name} comes near the fixed one over {area:.3g} mm², and over "
+            f"{turned_area:.3g} mm² with its inside out, expected its outside towards it: turn its triangles round"
+        )
+
+
+def _as_placed(pair: Pair) -> Meeting | None:
+    """How they meet where the files place them, if they just touch there."""
+    if not _nearly_touch(pair):
+        return None
+    pressing, concentration = _pressing(pair, pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM))
+    return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
+
+
+def _nearly_touch(pair: Pair, *, backs: bool = False) -> bool:
+    """Whether enough of the fixed surface is near the moving body where the files place them, which it does not
+    pierce; backs: of what faces away from it."""
+    near = pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM, backs=backs)
+    deepest = -float(pair.distances(np.eye(3), np.zeros(3))[0].min())
+    whole = float(pair.areas_mm2.sum())
+    return bool(deepest < pair.scale * _DEEPEST_MM and pair.areas_mm2[near].sum() > _LEAST_SHARE * whole)
+
+
+def _dropped(pair: Pair) -> Meeting | None:
+    """How they meet along the axis along which most of the fixed surface comes near."""
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     ends = pair.moving.vertices_mm
     centred = middle - 0.5 * (ends.min(axis=0) + ends.max(axis=0))
@@ -52,13 +89,17 @@ def meeting_of(pair: Pair) -> Meeting:
             touched = pair.dropped(np.eye(3), start, direction)
             if touched is None:
                 continue
-            near = pair.near(np.eye(3), touched, reach) & (pair.normals @ direction < 0.0)
+            near = pair.near(np.eye(3), touched, pair.scale * REACH_MM) & (pair.normals @ direction < 0.0)
             size = float(pair.areas_mm2[near].sum())
             if size > 1.2 * best:  # an earlier one, along y and as in the files, unless another is clearly better
                 best, found = size, Meeting(False, direction, touched, _pressing(pair, near)[1])
-    if found is None:
-        raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
     return found
+
+
+def _area_mm2(pair: Pair, meeting: Meeting) -> float:
+    """Of the fixed surface that is near where they touch."""
+    near = pair.near(np.eye(3), meeting.translation_mm, pair.scale * REACH_MM)
+    return float(pair.areas_mm2[near].sum())
 
 
 def _pressing(pair: Pair, near: np.ndarray) -> tuple[Array, float]:

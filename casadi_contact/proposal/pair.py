@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,11 @@ class Pair:
         return cls(
             points, vectors / areas[:, None], areas, build_field(moving, scale * _SPACING_MM), moving, scale, is_open
         )
+
+    def turned_round(self) -> Pair:
+        """The same with the outside of the moving surface where its inside is."""
+        moving = TriangleMesh(self.moving.name, self.moving.vertices_mm, self.moving.faces[:, ::-1])
+        return replace(self, field=build_field(moving, self.scale * _SPACING_MM), moving=moving)
 
     def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
         """Signed distances (n,) [mm] of the fixed points from the moving body and their gradients (n, 3), fixed frame,

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.proposal.joint import Joint, joint_of, patches_part
-from casadi_contact.proposal.meeting import Meeting, meeting_of
+from casadi_contact.proposal.meeting import Meeting, check_moving_outside, meeting_of
 from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.regions import Regions, regions_of
 
@@ -60,6 +60,7 @@ def _seen(meshes: Mapping[str, TriangleMesh], kind: str | None, turned: Array) -
     )
     pair = Pair.of(moving, fixed)
     meeting = meeting_of(pair)
+    check_moving_outside(pair, meeting)
     regions = regions_of(pair, meeting)
     joint, places = joint_of(pair, meeting, regions, kind), len(regions.anchors_mm)
     if kind is None and places > 1 and not patches_part(pair, meeting, regions, joint):

@@ -184,6 +184,18 @@ def test_an_open_surface_inside_out_is_refused():
         meeting_of(Pair.of(ball, inside_out))
 
 
+def test_an_open_condyle_inside_out_is_refused_and_a_hollow_cup_on_a_ball_is_none():
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
+    insert = checked_mesh("insert", box.vertices, box.faces)
+    assert len(seen(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
+    with pytest.raises(ValueError, match=r"over \d+ mm² with its inside out, expected its outside towards it: turn"):
+        seen(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
+    cup, faces = cap_mesh(16.5, 1.5, 1.2)  # a bowl: upside down, and its inside out as it was, it covers the ball
+    ball = checked_mesh("ball", *ball_mesh(16.0, 2.5))
+    assert len(seen(checked_mesh("cup", cup * [1.0, -1.0, 1.0], faces), ball)[2].patches) == 1
+
+
 def placed(frame, body, points):
     """Points (n, 3) of a body's file where the scene's placement takes them."""
     placement = Placement(frame.offsets_mm[body], frame.rotation_deg, frame.mirror)
