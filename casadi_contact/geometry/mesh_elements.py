@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.distance_field import DistanceField
+from casadi_contact.geometry.creases import creases
+from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
 from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 _LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
 _ITERATIONS = 6
+_ROUNDED_OFF = 2.0  # times a field's spacing: as far beside a sharp edge its cubics differ from the surface
 # From triangle to smooth surface, normal to it: 0.5 mm, or of a triangle's longest edge what a coarse sphere bulges.
 _LARGEST_STEP_MM, _LARGEST_STEP_SHARE = 0.5, 0.15
 
@@ -23,11 +29,13 @@ def grid_on_mesh(
     grid: tuple[int, int],
     box: tuple[Array, Array],
     projection: Projection,
+    surface: Callable[[], SmoothSurface],
 ) -> Cells:
     """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in u and v, inside the box.
 
     A ray along the line of each cell's middle finds the mesh, Newton's method along it the smooth surface, whose normal
-    gives the area dA = du·dv·spread/cos(normal, line). A cell whose ray misses the mesh, or meets a wall, has no area.
+    gives the area dA = du·dv·spread/cos(normal, line). Beside a sharp rim, which a field rounds off, cells lie on the
+    smooth surface itself. A cell whose ray misses the mesh, or meets a wall, has no area.
     Raises ValueError if no cell is left.
     """
     low, high, top = projection.bounds(mesh, box)
@@ -53,6 +61,10 @@ def grid_on_mesh(
         h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
         on = lines.starts[met] + h[:, None] * along
     normal = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    rounded = _beside_rim(mesh, flat, face[met], _ROUNDED_OFF * field_parts(field.parameters)[1])
+    if len(rounded):
+        on[rounded], normal[rounded] = surface().along_lines(flat[rounded], along[rounded])
+        h = np.einsum("nk,nk->n", on - lines.starts[met], along)
     upward = np.einsum("nk,nk->n", normal, along)
     corners = mesh.corners_mm[face[met]]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -64,6 +76,18 @@ def grid_on_mesh(
     if not kept.any():
         raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {cure}")
     return centres.reshape(*grid, 3), normals.reshape(*grid, 3), areas.reshape(grid)
+
+
+def _beside_rim(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
+    """Numbers of the points (m, 3), met on triangles (m,), within reach of a crease beyond which none was met."""
+    ends, triangles = creases(mesh)
+    rim = ends[np.isin(triangles, face).sum(axis=1) == 1]
+    if not len(rim):
+        return np.zeros(0, dtype=int)
+    longest = np.linalg.norm(rim[:, 1] - rim[:, 0], axis=1).max()
+    share = np.linspace(0.0, 1.0, 2 + int(2.0 * longest / reach_mm))[:, None, None]
+    along = ((1.0 - share) * rim[:, 0] + share * rim[:, 1]).reshape(-1, 3)
+    return np.flatnonzero(cKDTree(along).query(points, distance_upper_bound=reach_mm)[0] < np.inf)
 
 
 def facing_axis(mesh: TriangleMesh) -> str | None:

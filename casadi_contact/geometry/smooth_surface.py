@@ -26,6 +26,7 @@ _FAR = 2.0  # times the way from a triangle to its patch
 _FAN_SLOPE = 0.4  # tan of the angle to the normal up to which a point counts as straight above its closest point
 _MOST_NEIGHBOURS = 256  # of a vertex by which two others count as near: far more than in scans, poles and most fans
 _CHUNK = 200_000  # points per batch
+_LINE_STEPS = 3  # of Newton's method from a triangle to its patch
 
 
 class SmoothSurface:
@@ -64,6 +65,17 @@ class SmoothSurface:
         points = np.ascontiguousarray(points_mm, dtype=float)
         _, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
         return self._at_open_edge(face, _barycentric(self.mesh.corners_mm[face], closest))
+
+    def along_lines(self, points_mm: Array, directions: Array) -> tuple[Array, Array]:
+        """Where lines through points (n, 3) of the mesh along directions (n, 3) meet the smooth patch of the triangle
+        that each point lies on (n, 3) [mm], and its unit normal there (n, 3): beside a crease those of its side."""
+        on = np.ascontiguousarray(points_mm, dtype=float)
+        _, face, _, _ = self._closest(on, self.mesh.vertices_mm, self.mesh.faces)
+        for _ in range(_LINE_STEPS):
+            patch, normal = self._patch(face, _barycentric(self.mesh.corners_mm[face], on))
+            rise = np.einsum("nk,nk->n", patch - on, normal) / np.einsum("nk,nk->n", directions, normal)
+            on = on + rise[:, None] * directions
+        return on, normal
 
     def _distance(self, points: Array) -> Array:
         flat, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ class Mesh(Shape):
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
         from casadi_contact.geometry.mesh_elements import grid_on_mesh
-        from casadi_contact.shapes.mesh_bodies import body_field, patch_box
+        from casadi_contact.shapes.mesh_bodies import body_field, body_surface, patch_box
         from casadi_contact.shapes.mesh_patches import (
             check_patches,
             check_shared,
@@ -65,7 +66,8 @@ class Mesh(Shape):
         field, found = body_field(geometry, "fixed"), []
         for patch in geometry["patches"]:
             mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
-            found.append(grid_on_mesh(mesh, field, grid, box, patch_projection(geometry, patch)))
+            projection = patch_projection(geometry, patch)
+            found.append(grid_on_mesh(mesh, field, grid, box, projection, partial(body_surface, geometry, "fixed")))
         check_shared(geometry, found)
         for patch, cells in zip(geometry["patches"], found, strict=True):
             check_side(geometry, patch, cells)

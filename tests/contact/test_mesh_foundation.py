@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 import casadi_contact.geometry.elements as elements
-from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, torus_mesh, write_obj
+from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, slab_mesh, torus_mesh, write_obj
 
 OVERLAP_MM, STIFFNESS = 0.1, 267.5728  # K/h of the material [N/mm³]
 EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0
@@ -90,6 +90,17 @@ def test_culling_never_changes_the_result(torus, monkeypatch):
         other = cc.ElasticFoundation(torus, (60, 60))
         np.testing.assert_allclose(other.wrenches(poses), wrenches, rtol=1e-12, atol=1e-9)
         np.testing.assert_allclose(other.gaps(poses), gaps, rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", [40, 160])
+def test_a_ball_on_the_sharp_edge_of_a_slab_presses_it_down_with_half_its_load(tmp_path, count):
+    """The slab ends at its edge, however fine the grid: its side wall bears nothing, and pushes nothing aside."""
+    slab = slab_mesh(*sheet_mesh(14.0, 2.0), 6.0)
+    scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, EDGE_MM, 0.45), slab, grid=(count, count))
+    fx, fy = cc.ElasticFoundation(scene)([7.0, RADIUS_MM - 2.0 * OVERLAP_MM, 0.0, 0.0, 0.0, 0.0])[:2]
+    half = 0.5 * np.pi * STIFFNESS * (2.0 * OVERLAP_MM) ** 2 * (RADIUS_MM - 2.0 * OVERLAP_MM / 3.0)
+    assert fy == pytest.approx(-half, rel=0.02)
+    assert abs(fx) < 0.01 * half
 
 
 def test_no_overlap_gives_exactly_zero_and_the_gap_also_beyond_the_field(sphere):

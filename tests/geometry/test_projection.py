@@ -1,5 +1,7 @@
 """Projections of surfaces onto a plane: their derivatives, and that areas are what they say."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,6 +10,7 @@ from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.mesh_elements import grid_on_mesh
 from casadi_contact.geometry.projection import DOWN, CentralProjection, ParallelProjection, grid_frame, projection_of
+from casadi_contact.geometry.smooth_surface import SmoothSurface
 from tests.support.meshes import sheet_mesh, shell_mesh
 
 FRAME = grid_frame([0.3, 0.8, 0.2])
@@ -47,7 +50,7 @@ def test_a_grid_covers_all_of_a_coarse_ball_that_faces_it():
     """Of 320 triangles, whose middles lie up to 0.56 mm below the sphere, along steep lines 1 mm and more."""
     ball, down = trimesh.creation.icosphere(subdivisions=2, radius=24.0), ParallelProjection(grid_frame(DOWN))
     mesh, everywhere = checked_mesh("ball", ball.vertices, ball.faces), (np.full(3, -np.inf), np.full(3, np.inf))
-    centres, _, areas = grid_on_mesh(mesh, build_field(mesh), (80, 80), everywhere, down)
+    centres, _, areas = grid_on_mesh(mesh, build_field(mesh), (80, 80), everywhere, down, partial(SmoothSurface, mesh))
     above = (areas > 0.0) & (centres[..., 1] > 12.0)  # within 60 degrees of the pole
     assert areas[above].sum() == pytest.approx(np.pi * 24.0**2, rel=0.01)
     np.testing.assert_allclose(np.linalg.norm(centres[above], axis=-1), 24.0, atol=0.04)

@@ -10,6 +10,7 @@ cubics cannot follow. A spherical cup is seen from its centre; a plane is its ow
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -124,18 +125,20 @@ class MeshChart:
     """The part of a fixed mesh that a patch's box holds, as its scene's projection shows it."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
-        from casadi_contact.shapes.mesh_bodies import body_field, patch_box
+        from casadi_contact.shapes.mesh_bodies import body_field, body_surface, patch_box
         from casadi_contact.shapes.mesh_patches import patch_mesh, patch_projection
 
         self._projection = patch_projection(scene.geometry, patch)
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
         self._field = body_field(scene.geometry, "fixed")
+        self._surface = partial(body_surface, scene.geometry, "fixed")
         self._box = patch_box(scene.geometry, patch)
         self.low, self.high, _ = self._projection.bounds(self._mesh, self._box)
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Where a ray meets the mesh inside the box, and no wall."""
-        points, _, areas = grid_on_mesh(self._mesh, self._field, (len(u), len(v)), self._box, self._projection)
+        grid = (len(u), len(v))
+        points, _, areas = grid_on_mesh(self._mesh, self._field, grid, self._box, self._projection, self._surface)
         present = areas > 0.0
         lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
         heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
