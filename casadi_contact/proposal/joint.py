@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES
+from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.geometry.projection import axis_name
 from casadi_contact.proposal.meeting import Meeting
 from casadi_contact.proposal.pair import Pair, centre_of_normals
 from casadi_contact.proposal.regions import Regions
@@ -53,6 +54,11 @@ class Joint:
         if len(self.patches) == 1:
             return [press]
         return [press, "tz" if self.kind == "patella" else "rx" if self.pressing[1] == "y" else "ry"]
+
+    def pressed_along(self, direction: Array) -> Joint:
+        """The joint in axes that are given, in which the moving body presses along `direction` (3,): along the nearest
+        axis, unless the kind of joint tells which it is or the force turns."""
+        return replace(self, pressing=axis_name(direction)) if self.kind == "other" and self.pressing else self
 
     @property
     def _forces(self) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -79,8 +79,11 @@ def propose(
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
     sight = sight_of(meshes, kind, upright=axes is None)
-    pair, meeting, joint = sight.pair, sight.meeting, sight.joint
+    pair, meeting = sight.pair, sight.meeting
     frame = frame_of(sight, side, axes)
+    if axes is not None:
+        sight = replace(sight, joint=sight.joint.pressed_along(frame.directions(meeting.pressing)))
+    joint = sight.joint
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
     tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]

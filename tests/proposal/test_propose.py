@@ -17,7 +17,7 @@ from casadi_contact.proposal.propose import _lost_at_edges, _sampling, propose
 from casadi_contact.proposal.text import scene_text
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.reference import reference_poses
-from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit, write_obj
+from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, slab_mesh, unit, write_obj
 
 POLE = [0.2, 0.8, 0.5]
 
@@ -33,10 +33,10 @@ def folder(tmp_path_factory):
     return folder
 
 
-def proposed(folder, moving, fixed):
+def proposed(folder, moving, fixed, *options):
     """The output of the command and the scene it wrote."""
     path = folder / f"{fixed}.toml"
-    arguments = ["scene", str(folder / f"{moving}.obj"), str(folder / f"{fixed}.obj"), "--out", str(path)]
+    arguments = ["scene", str(folder / f"{moving}.obj"), str(folder / f"{fixed}.obj"), "--out", str(path), *options]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert path.with_suffix(".png").stat().st_size > 10_000
     return " ".join(result.output.split()), cc.load_scene(path)
@@ -53,6 +53,25 @@ def test_a_ball_in_a_cup(folder):
     larger = cc.ElasticFoundation(scene, (200, 200))(scene.start_pose)
     off = np.abs(model(scene.start_pose) - larger) / [scene.tolerances[name] for name in scene.load_names]
     assert off.max() < 2.0  # the grids are fine enough
+
+
+def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder):
+    """A socket above its ball, as a temporomandibular joint's: pressed up, which is a load of +Fy on the socket."""
+    write_obj(folder / "condyle.obj", *ball_mesh(6.0, 1.0))
+    write_obj(folder / "fossa.obj", *hung(slab_mesh(*sheet_mesh(18.0, 1.5, lambda x, z: (x**2 + z**2) / 30.0), 4.0)))
+    said, scene = proposed(folder, "condyle", "fossa", "--axes", "x,y,z")
+    assert "404 of 404 reference frames settle" in said
+    assert scene.geometry["axes"] == ["x", "y", "z"]
+    assert scene.geometry["pressing"] == [0.0, 1.0, 0.0]
+    fy = scene.load_names.index("Fy")
+    assert cc.ElasticFoundation(scene)(scene.start_pose)[fy] > 0.0
+    assert scene.sensitive_loads == ("Fy",)
+
+
+def hung(body):
+    """A body over the origin turned to lie above a ball of 6 mm that is there."""
+    vertices, faces = body
+    return np.array([0.0, 6.0, 0.0]) - vertices * [1.0, 1.0, -1.0], faces
 
 
 def test_a_button_in_a_groove(folder):
