@@ -1,6 +1,7 @@
 """Fit a surrogate's `Trust` to samples: centres and ranges on the training rows, limits on the validation rows.
 
-Test rows take no part: the coverage reported on them, and on an unseen walking sequence, is what a user may expect.
+Poses around and between the samples take part where a contact model tells their loads. Test rows take none: the
+coverage reported on them, and on an unseen walking sequence, is what a user may expect.
 """
 
 from __future__ import annotations

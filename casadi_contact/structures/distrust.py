@@ -1,7 +1,7 @@
 """Causes of distrust besides distance from the samples: each an excess, below zero where all is well (see `trust`).
 
     Box             (x_i - high_i)/margin_i - 2, (low_i - x_i)/margin_i - 2   beyond the sampled range
-    Border          -κ·φ(x, s)                                                where samples were dropped
+    Border          -κ·φ(x, s)                                                where no sample stands for the pose
     OffSpace        8·(Σ ((x_i - (M·x + c)_i)/δ)² - 1)                        beside the scene's pose space, δ = 0.001
     Confirmation    min(4·(N_p/τ_p - 1), (m_p - s_p)/w_p), rounded off        contact that no root load confirms
 
@@ -81,8 +81,9 @@ class OffSpace:
 
 @dataclass(frozen=True)
 class Border:
-    """Between kept and dropped samples: κ (terms,) of the variables (x, s) over centre and scale (k + P,).
+    """Between kept and lost poses: κ (terms,) of the variables (x, s) over centre and scale (k + P,).
 
+    Lost are those that were dropped, and those that press towards a side that was never sampled.
     In these coordinates the border, such as contact that reaches the rim of an insert, is a smooth surface; in the
     sensitive pose parameters it would have to be resolved to microns.
     """
