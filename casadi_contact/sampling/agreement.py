@@ -38,7 +38,7 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> Non
     asked = samples.rows(rows)
     wrenches, gaps, _ = evaluated(model, asked.poses, len(asked.scene.parts))
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
-    cure = f"give the model of then, use another file, or delete {where}"
+    cure = f"give the model of then, choose another folder, or delete {where}"
     if 2 * int(finite.sum()) < len(rows):
         at = pose_text(asked.poses[~finite][0], asked.scene.patch_names)
         raise ValueError(f"{where} was drawn from another contact model: {NOT_FINITE} now at {at}: {cure}")

@@ -84,7 +84,7 @@ def nothing(poses):
 
 OTHERS = {
     "stiffer by 2 %": ({"factor": 1.02}, r"F. was -?[\d.]+ N, now -?[\d.]+ N at tx .* mm, .* rz .*°, expected"),
-    "twisted": ({"wrenches": twisted}, r"Ty was .* N·mm, now .* N·mm at tx .*: give the model of then, use another"),
+    "twisted": ({"wrenches": twisted}, r"Ty was .* N·mm, now .* N·mm at tx .*: give the model of then, choose another folder"),
     "other gaps": ({"gaps": lambda p: own_contact.gaps(p) + 0.1}, r"gap_contact was .* mm, now .* mm at tx"),
     "without loads": ({"wrenches": nothing}, "the contact model's loads are not finite now at tx"),
 }
