@@ -1,5 +1,7 @@
 """A draw that is resumed goes on around the motion it began with, and with the contact model it began with."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,26 @@ def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 
 
+def test_what_became_of_the_frames_is_told_again(project):
+    """Frames turned by more than 0.2 rad find no loads."""
+
+    def fails_turned(poses):
+        return np.where(poses[:, 5, None, None] > 0.2, np.nan, own_contact.wrenches(poses))
+
+    def made(scene, settings):
+        given = cc.CallableModel(scene, fails_turned, own_contact.gaps)
+        return given, given
+
+    lenient = Scene.from_toml(project.scene.to_toml().replace("liftoff_mm", "most_dropped = 1.0\nliftoff_mm"))
+    turned = Project(lenient, "own", project.folder, own=project.own)
+    with ThreadPoolExecutor(1) as here:
+        (samples, before), (again, after) = (pipeline.sample(turned, executor=here, models=made) for _ in range(2))
+    assert 0 < before.converged.sum() < before.converged.size
+    assert str(before) == str(after)
+    np.testing.assert_array_equal(before.residual, after.residual)
+    np.testing.assert_array_equal(samples.poses, again.poses)
+
+
 def test_a_model_that_fails_now_and_then_costs_samples_and_ends_nothing(project):
     """A hundredth of its evaluations gives no numbers, while bodies are lifted off, too."""
     rng = np.random.default_rng(0)
@@ -84,7 +106,10 @@ def nothing(poses):
 
 OTHERS = {
     "stiffer by 2 %": ({"factor": 1.02}, r"F. was -?[\d.]+ N, now -?[\d.]+ N at tx .* mm, .* rz .*°, expected"),
-    "twisted": ({"wrenches": twisted}, r"Ty was .* N·mm, now .* N·mm at tx .*: give the model of then, choose another folder"),
+    "twisted": (
+        {"wrenches": twisted},
+        r"Ty was .* N·mm, now .* N·mm at tx .*: give the model of then, choose another folder",
+    ),
     "other gaps": ({"gaps": lambda p: own_contact.gaps(p) + 0.1}, r"gap_contact was .* mm, now .* mm at tx"),
     "without loads": ({"wrenches": nothing}, "the contact model's loads are not finite now at tx"),
 }
