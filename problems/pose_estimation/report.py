@@ -11,11 +11,11 @@ from rich.table import Table
 
 from casadi_contact.contact import PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.files import writable_folder
+from casadi_contact.files import short, writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import LENGTH, quantity
 from casadi_contact.structures import Surrogate
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import (
@@ -34,6 +34,7 @@ from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
+CENTRE_ELSEWHERE_MM = 1.0
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
 _TITLES = {
     "Fy_med": "medial vertical force",
@@ -100,6 +101,26 @@ class Tracked:
         curves = np.column_stack(list(wanted.values.values()))
         return cls(tuple(wanted.values), curves, wanted.got(result.loads), OnFoundation.of(problem, result))
 
+    def doubts(self, verdict: Verdict) -> list[str]:
+        """What the verdict, which is in newtons, does not know of."""
+        return [] if self.ef is None else [words for words in (self._lightly(verdict), *self.ef.doubts) if words]
+
+    def _lightly(self, verdict: Verdict) -> str:
+        """Verified frames whose centre of pressure lies elsewhere on the EF, because so little presses."""
+        centres = [column for column, name in enumerate(self.names) if quantity(name).kind == LENGTH]
+        if self.ef is None or not centres:
+            return ""
+        away = np.nan_to_num(np.abs(self.ef.teacher - self.wanted)[:, centres].max(axis=1), nan=np.inf)
+        light = np.flatnonzero(verdict.verified & (away > CENTRE_ELSEWHERE_MM))
+        if not len(light):
+            return ""
+        largest = away[light].max()
+        where = f"up to {largest:.2g} mm from the wanted one" if np.isfinite(largest) else "nowhere, or far off"
+        return (
+            f"verified under so light a load that on the EF the centre of pressure lies {where}: "
+            f"frames {short(', '.join(map(str, light)))}"
+        )
+
     def errors(self) -> Errors:
         """RMS and largest difference by quantity: model - wanted, fine EF - model, teacher EF - model."""
         pairs = [self.got - self.wanted]
@@ -126,7 +147,7 @@ def report(
     tracked = Tracked.of(problem, result)
     ef, errors = tracked.ef, tracked.errors()
     _print(problem, result, verdict, errors, ef, starts, kind)
-    for words in () if ef is None else ef.doubts:
+    for words in tracked.doubts(verdict):
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")

@@ -245,6 +245,18 @@ def test_frames_that_are_not_solved_are_called_so_first_of_all(tmp_path, monkeyp
     assert re.search(said_of_it, " ".join(said.out.split()))
 
 
+def test_a_verified_frame_that_presses_too_lightly_to_place_its_centre_of_pressure_is_told(
+    tmp_path, monkeypatch, capsys
+):
+    """An error of half a newton at the condyles' 22 mm is nothing in walking, and millimetres under a few newtons."""
+    cycle = reference_cycle(frames=11)
+    share = np.where(np.arange(11) == 2, 0.01, 1.0)
+    write_cycle(replace(cycle, fy_med=share * cycle.fy_med, fy_lat=share * cycle.fy_lat), tmp_path / "walk.csv")
+    assert in_process(monkeypatch, "--cycle", tmp_path / "walk.csv", "--out", tmp_path) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"so light a load that on the EF .* lies up to [\d.]+ mm from the wanted one: frames 2 ", said)
+
+
 def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch, capsys):
     """It has no centre of pressure: all others have, and a JSON file has no NaN."""
     cycle = reference_cycle(frames=11)
