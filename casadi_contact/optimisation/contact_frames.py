@@ -171,8 +171,11 @@ class ContactFrames:
         n0, least = self._scene.reference_load, self._scene.boundary_load
         if normal.component is not None:
             size = normal.sign * wanted[0]
-            if isinstance(size, ca.DM) and np.asarray(size).min() < 0.0:
-                raise ValueError(f"{normal.loads[0]} is wanted to pull, contact only pushes: check its sign")
+            if isinstance(size, ca.DM) and (least_n := np.asarray(size).min()) < 0.0:
+                at = f" in frame {np.asarray(size).argmin()}" if self.frames > 1 else ""
+                raise ValueError(
+                    f"{normal.loads[0]} is wanted to pull by {-least_n:.4g} N{at}, contact only pushes: check its sign"
+                )
         else:
             size = ca.sqrt(sum((part**2 for part in wanted[1:]), wanted[0] ** 2))
         root = ca.sqrt(size / n0)

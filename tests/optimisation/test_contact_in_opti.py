@@ -208,7 +208,7 @@ def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
     ("wanted", "said"),
     [
         ({}, "no loads are wanted"),
-        ({"Fy_med": 600.0}, "Fy_med is wanted to pull"),
+        ({"Fy_med": 600.0}, "Fy_med is wanted to pull by 600 N, contact only pushes"),
         ({"Fy": -600.0}, "unknown load 'Fy', expected one of Fy_med"),
         ({"Fy_med": [-600.0, -500.0]}, "expected a finite number, or one for each of 1 frames"),
         ({"Fy_med": np.nan}, "expected a finite number"),
@@ -220,8 +220,9 @@ def test_wrong_wishes_are_refused(knee, wanted, said):
 
 
 def test_a_total_that_pulls_is_refused_as_a_single_side_is():
-    with pytest.raises(ValueError, match="Fy is wanted to pull"):
-        cc.ContactFrames(cc.foundation("planar_knee"), locked={"rz": -0.5}).misfit({"Fy": 600.0})
+    planar = cc.ContactFrames(cc.foundation("planar_knee"), 3, locked={"rz": -0.5})
+    with pytest.raises(ValueError, match="Fy is wanted to pull by 5 N in frame 1, contact only pushes"):
+        planar.misfit({"Fy": [-600.0, 5.0, 2.0]})
 
 
 @pytest.mark.parametrize(
