@@ -98,9 +98,11 @@ def _columns(problem: Calibration, result: CalibrationResult, truth: Mapping[str
         "standard_deviation": result.uncertainty.deviation.tolist(),
     }
     if truth is not None:
-        known = np.array([truth[name] for name in names])
+        known, deviation = np.array([truth[name] for name in names]), result.uncertainty.deviation
         columns["truth"] = known.tolist()
-        columns["error_over_deviation"] = ((result.values - known) / result.uncertainty.deviation).tolist()
+        over = (result.values - known) / deviation
+        over[np.isinf(deviation)] = np.nan  # what the data leave open is not 0 deviations off
+        columns["error_over_deviation"] = over.tolist()
     return columns
 
 

@@ -177,6 +177,8 @@ def test_parameters_that_are_not_identifiable_together_end_with_status_2(tmp_pat
     arguments = ("--parameters", "youngs_modulus,thickness", "--frames", FRAMES, "--starts", 0, "--out", tmp_path)
     assert command(monkeypatch, *arguments) == 2
     assert "do not tell apart: youngs_modulus and thickness" in capsys.readouterr().err
+    rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
+    assert [(row["standard_deviation"], row["error_over_deviation"]) for row in rows] == [("inf", "nan")] * 2
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
