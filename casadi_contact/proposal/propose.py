@@ -11,7 +11,7 @@ import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.mesh import load_mesh
+from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
@@ -34,6 +34,7 @@ _TEST_CYCLES, _TEST_POSES = 2, 40
 _MOSTLY = 0.9  # of the frames of two cycles with a pose, for the others to be tried: those without take seconds each
 _OFFSETS_MM = (0.5, 2.0)  # of D1 and D2 in a translation of a large joint that its motion leaves out
 _STEPS = ("surfaces", "pose at rest", "two cycles", "element grids", "reference motion", "done")
+_LEAST_GUESSED_MM = 10.0  # across the larger body: smaller, and files in centimetres look like a joint's in millimetres
 _LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
 
 
@@ -149,14 +150,23 @@ def _small(fixed: TriangleMesh, unit: str) -> str:
 
 def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
     """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]; no unit but the
-    one that is asked for. Centimetres and inches are never guessed: they would do for most files in millimetres or
-    metres."""
+    one that is asked for. Centimetres and inches are never guessed, since they would do for most files in millimetres
+    or metres: bodies of a few millimetres, if these they are, are asked about."""
     errors = []
     for unit in ("mm", "m") if asked is None else (asked,):
         try:
-            return unit, {body: load_mesh(path, unit) for body, path in files.items()}
+            meshes = {body: load_mesh(path, unit) for body, path in files.items()}
         except ValueError as error:
             errors.append(str(error))
+            continue
+        across = max(float(np.ptp(mesh.vertices_mm, axis=0).max()) for mesh in meshes.values())
+        if asked is None and across < _LEAST_GUESSED_MM:
+            sizes = [f"{across * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
+            raise ValueError(
+                f"the larger of {' and '.join(path.name for path in files.values())} is {', '.join(sizes)}, expected "
+                f"{_LEAST_GUESSED_MM:g} mm and more for a size that tells the unit: say which it is with --units"
+            )
+        return unit, meshes
     raise ValueError(next((error for error in errors if "mm across" not in error), errors[0]))
 
 

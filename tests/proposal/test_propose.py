@@ -1,5 +1,6 @@
 """A proposed scene needs no editing: it loads, settles its reference motion, and says what was not told."""
 
+import re
 import sys
 import tomllib
 from dataclasses import replace
@@ -13,7 +14,7 @@ import casadi_contact as cc
 from casadi_contact.cli import app
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.proposal.joint import Joint
-from casadi_contact.proposal.propose import _lost_at_edges, _sampling, propose
+from casadi_contact.proposal.propose import _lost_at_edges, _meshes, _sampling, propose
 from casadi_contact.proposal.text import scene_text
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.reference import reference_poses
@@ -138,6 +139,16 @@ def test_names_and_units_that_cannot_be_are_refused_before_any_work(folder):
     files = (folder / "ball.obj", folder / "cup.obj", "--out", folder / "other.toml")
     assert "--units is 'foot', expected m or mm or cm or inch" in refused(*files, "--units", "foot")
     assert "mm across" in refused(*files, "--units", "m")
+
+
+def test_files_of_a_hip_in_centimetres_are_asked_about_and_no_small_joint_is_made_of_them(folder):
+    for name, (vertices, faces) in (("ball", ball_mesh(16.0, 2.5)), ("cup", shell_mesh(16.4, 22.0, 2.0, 1.3, POLE))):
+        write_obj(folder / f"{name}_cm.obj", 0.1 * vertices, faces)
+    files = (folder / "ball_cm.obj", folder / "cup_cm.obj", "--out", folder / "cm.toml")
+    said = refused(*files)
+    assert re.search(r"is 4\.15 mm across in mm, 41\.5 mm across in cm, 105 mm across in inch.*--units", said)
+    unit, meshes = _meshes({"moving": files[0], "fixed": files[1]}, "cm")
+    assert (unit, np.ptp(meshes["moving"].vertices_mm[:, 0])) == ("cm", pytest.approx(32.0, abs=0.1))
 
 
 def test_names_of_files_stand_in_a_scene_as_they_are(folder):
