@@ -14,6 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
+from casadi_contact.proposal.damage import specks, spikes
 from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
@@ -90,6 +91,7 @@ def propose(
     told = [f"both files are in {unit}", *frame.told]
     because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]
+    untold += [doubt for mesh in meshes.values() for doubt in (*specks(mesh), *spikes(mesh))]
     untold.append(f"the material's stiffness and thickness: taken as {made_of}{because} (--material)")
     if units is None and pair.scale < 1.0:
         untold.insert(0, _small(meshes["fixed"], unit))

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.proposal.damage import without_specks
 from casadi_contact.proposal.joint import Joint, joint_of, patches_part
 from casadi_contact.proposal.meeting import Meeting, check_moving_outside, meeting_of
 from casadi_contact.proposal.pair import Pair
@@ -43,8 +44,10 @@ class Sight:
 
 
 def sight_of(meshes: Mapping[str, TriangleMesh], kind: str | None = None, *, upright: bool = True) -> Sight:
-    """Look at the "moving" and the "fixed" mesh; upright: once more, turned, where the moving body presses across the
-    axes of the files. Raises ValueError for meshes that do not meet, or not as the kind of joint asks."""
+    """Look at the "moving" and the "fixed" mesh, without loose specks; upright: once more, turned, where the moving
+    body presses across the axes of the files. Raises ValueError for meshes that do not meet, or not as the kind of
+    joint asks."""
+    meshes = {body: without_specks(mesh) for body, mesh in meshes.items()}
     seen = _seen(meshes, kind, np.eye(3))
     if not upright or seen.tilt_deg <= _TILTED_DEG:
         return seen

@@ -1,0 +1,63 @@
+"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, and spikes of single vertices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, point_words
+
+_SPECK = 0.01  # of the area of the largest piece, at most
+_ALL_SPECKS = 0.05  # of the whole area: more is a body of many pieces
+_SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
+
+
+def without_specks(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh without loose pieces of less than 1 % of its largest one's area; all of it where these make up more than
+    5 % of it."""
+    areas = np.bincount(mesh.pieces, mesh.areas_mm2)
+    small = areas < _SPECK * areas.max()
+    if not small.any() or areas[small].sum() > _ALL_SPECKS * areas.sum():
+        return mesh
+    return mesh.part(~small[mesh.pieces])
+
+
+def specks(mesh: TriangleMesh) -> list[str]:
+    """The doubt about the loose pieces that `without_specks` leaves out."""
+    areas = np.bincount(mesh.pieces, mesh.areas_mm2)
+    kept = without_specks(mesh)
+    if kept is mesh:
+        return []
+    small = np.flatnonzero(areas < _SPECK * areas.max())
+    middle = mesh.corners_mm[mesh.pieces == small[0]].mean(axis=(0, 1)).round(1) + 0.0
+    return [
+        f"whether {len(small)} loose pieces of {mesh.name} ({areas[small].sum():.2g} of {areas.sum():.4g} mm², first "
+        f"about {point_words(middle)} mm) belong to it: the joint was told without them, but they are in the file, and "
+        "bear load where they are touched; remove them there if they are specks"
+    ]
+
+
+def spikes(mesh: TriangleMesh) -> list[str]:
+    """The doubt about vertices that stand out of all their neighbours like a needle's tip, outwards or inwards, by
+    1 mm and more; those on open edges are none."""
+    edges = directed_edges(mesh.faces)
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    offsets = mesh.vertices_mm[edges[:, 1]] - mesh.vertices_mm[edges[:, 0]]
+    lengths = np.linalg.norm(offsets, axis=1)
+    ways = offsets / lengths[:, None]
+    size = len(mesh.vertices_mm)
+    axes = np.stack([np.bincount(edges[:, 0], ways[:, k], size) for k in range(3)], axis=1)
+    axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-300)
+    least, height = np.ones(size), np.full(size, np.inf)
+    along = np.einsum("nk,nk->n", ways, axes[edges[:, 0]])
+    np.minimum.at(least, edges[:, 0], along)
+    np.minimum.at(height, edges[:, 0], along * lengths)
+    tips = (least > _SPIKE_COS) & (height > _SPIKE_MM)
+    tips[mesh.boundary_edges.ravel()] = False
+    if not tips.any():
+        return []
+    first = int(np.where(tips, height, -np.inf).argmax())
+    return [
+        f"whether {mesh.name} is so where {int(tips.sum())} of its vertices stand out like a needle, the first by "
+        f"{height[first]:.2g} mm at {point_words(mesh.vertices_mm[first])} mm: smooth it there if that is a slip of "
+        "segmentation"
+    ]

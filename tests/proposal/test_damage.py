@@ -1,0 +1,61 @@
+"""Slips of segmentation: loose specks and spikes are told, and sound bodies have none."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from casadi_contact.geometry.mesh import checked_mesh
+from casadi_contact.proposal.damage import specks, spikes, without_specks
+from casadi_contact.proposal.sight import sight_of
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, torus_mesh
+
+
+def with_specks(points, faces, places):
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.6)
+    bodies = [(points, faces), *((ball.vertices + place, ball.faces) for place in np.array(places))]
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    joined = [triangles + offset for (_, triangles), offset in zip(bodies, first, strict=False)]
+    return np.vstack([vertices for vertices, _ in bodies]), np.concatenate(joined)
+
+
+def test_a_condyle_on_an_insert_with_specks_above_it_has_one_patch():
+    condyle = checked_mesh("condyle", *cap_mesh(25.0, 1.5, 1.2))
+    dish = sheet_mesh(48.0, 2.0, lambda x, z: (x**2 + z**2) / 80.0 - 25.0)
+    insert = checked_mesh("insert", *with_specks(*dish, [(0.0, -17.0, 12.0), (0.0, -17.0, -12.0)]))
+    assert sight_of({"moving": condyle, "fixed": insert}).joint.patches == ("contact",)
+    (said,) = specks(insert)
+    assert said.startswith("whether 2 loose pieces of insert (8.")
+    assert not specks(checked_mesh("dish", *dish))
+
+
+def test_pieces_of_one_size_are_no_specks():
+    """Two plateaus, or a body of many pieces."""
+    balls = with_specks(*ball_mesh(0.6, 0.4), [(5.0 * k, 0.0, 0.0) for k in range(1, 30)])
+    mesh = checked_mesh("balls", *balls)
+    assert without_specks(mesh) is mesh
+
+
+@pytest.mark.parametrize("out_mm", [5.0, -5.0])
+def test_a_single_vertex_that_stands_5_mm_out_of_a_ball_is_told(out_mm):
+    points, faces = ball_mesh(20.0, 1.5)
+    assert not spikes(checked_mesh("ball", points, faces))
+    tip = int(points[:, 1].argmin())
+    points = points.copy()
+    points[tip] *= 1.0 + out_mm / 20.0
+    (said,) = spikes(checked_mesh("ball", points, faces))
+    assert "1 of its vertices" in said
+    assert f"{points[tip, 1]:.4g}, " in said, "where it is"
+
+
+@pytest.mark.parametrize(
+    "sound",
+    [
+        torus_mesh(18.0, 12.0, 1.2),
+        cap_mesh(20.0, 1.2, 0.5),
+        shell_mesh(16.4, 17.4, 2.0, 1.3, [0.0, 1.0, 0.0]),
+        slab_mesh(*sheet_mesh(14.0, 0.7), 1.2),
+        (trimesh.creation.box((60.0, 10.0, 60.0)).vertices, trimesh.creation.box((60.0, 10.0, 60.0)).faces),
+    ],
+)
+def test_rims_and_corners_of_sound_bodies_are_no_spikes(sound):
+    assert not spikes(checked_mesh("sound", *sound))
