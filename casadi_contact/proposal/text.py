@@ -16,8 +16,8 @@ from casadi_contact.scenes import Scene
 _CUT = {"split_z": "cuts along z [mm] between parts, which networks learn apart"}
 _PROPOSED = {
     "[geometry]": "Where the meshes are, relative to this file, and how they lie",
-    "moving": "its frame is what a pose moves",
-    "fixed": "loads act on it, about the origin of its frame: centres of pressure refer to that",
+    "geometry.moving": "its frame is what a pose moves",
+    "geometry.fixed": "loads act on it, about the origin of its frame: centres of pressure refer to that",
     "units": "of both files",
     "axes": "which file axis x (posterior), y (superior) and z (medial) are",
     "pressing": "where to the moving body presses; elements lie on the side that faces it",
@@ -25,7 +25,8 @@ _PROPOSED = {
     "start_pose": "tx, ty, tz [mm], rx, ry, rz [rad]: in contact, where static analyses begin",
     "open_edges": 'the fixed mesh\'s open edges: "cut" of a larger part, or "rim" of the part, which contact may reach',
     "shell": 'of the moving mesh: "outer" counts its side away from the anchors alone, "whole" all of it',
-    "spacing": "of the distance fields' nodes [mm], as fine as thin shells need",
+    "spacing": "of the distance fields' nodes [mm]",
+    "[geometry.spacing]": "Of the distance fields' nodes [mm], as fine as thin bodies need",
     "anchor": "on the moving body [mm]: the middle of its curvature where it touches this patch",
     "mirror": "a left joint becomes a right one",
     "rotation_deg": "of the mesh about x, y, z, before the offset",
@@ -109,7 +110,8 @@ def _lines(path: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> 
     for key, value in table.items():
         if not isinstance(value, Mapping):
             one_line = f"{tomli_w.dumps({key: 0}).partition(' = ')[0]} = {_one_line(value)}"
-            lines.append(f"{one_line:<46} # {comments[key]}" if key in comments else one_line)
+            comment = comments.get(f"{path}{key}", comments.get(key))
+            lines.append(f"{one_line:<46} # {comment}" if comment else one_line)
     for key, value in table.items():
         if isinstance(value, Mapping):
             name = f"{path}{key}"

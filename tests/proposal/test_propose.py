@@ -161,6 +161,15 @@ def test_names_of_files_stand_in_a_scene_as_they_are(folder):
     assert {**written, "geometry": geometry} == tables
 
 
+def test_a_spacing_of_each_body_is_a_table_with_its_remark(folder):
+    geometry = {"moving": "a.stl", "fixed": "b.stl", "spacing": {"moving": 0.75, "fixed": 0.157}}
+    scene = SimpleNamespace(tables={"name": "own", "geometry": geometry})
+    text = scene_text(SimpleNamespace(scene=scene, told=[], untold=[], poses=[], frames=0), folder)
+    assert tomllib.loads(text)["geometry"]["spacing"] == geometry["spacing"]
+    assert "[geometry.spacing]  # Of the distance fields' nodes [mm]" in text
+    assert text.count("its frame is what a pose moves") == 1, "of the mesh, not of its spacing"
+
+
 def test_the_same_body_twice_is_refused(folder):
     (folder / "copy.obj").write_bytes((folder / "ball.obj").read_bytes())
     result = CliRunner().invoke(app, ["scene", str(folder / "ball.obj"), str(folder / "copy.obj")])
