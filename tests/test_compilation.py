@@ -1,11 +1,14 @@
-"""The first evaluation says what it waits for, and a second process waits for nothing."""
+"""The first evaluation says what it waits for, a second process waits for nothing, and threads for no others."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
+
+from casadi_contact.compilation import threads_for
 
 ROOT = Path(__file__).parents[1]
 # A module of the package with a loop that compiles in no time.
@@ -54,3 +57,14 @@ def test_where_the_disc_is_full_the_loops_serve_the_process_that_compiled_them(t
     )
     assert done.stdout == "2.0 2.0\n"
     assert not [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+
+
+def test_threads_that_have_no_work_do_not_make_others_wait():
+    threads = numba.get_num_threads()
+    with threads_for(1):
+        assert numba.get_num_threads() == 1
+    with threads_for(1_000_000):
+        assert numba.get_num_threads() == threads
+    with pytest.raises(ValueError, match="of the work"), threads_for(0):
+        raise ValueError("of the work")
+    assert numba.get_num_threads() == threads

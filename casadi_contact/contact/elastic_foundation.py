@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from casadi_contact.compilation import threads_for
 from casadi_contact.contact.compiled_elements import CompiledElements
 from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
@@ -119,10 +120,11 @@ class ElasticFoundation:
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        touched = [
-            touches_many(s.family, s.parameters, edge, rotations, translations)
-            for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
-        ]
+        with threads_for(len(poses)):
+            touched = [
+                touches_many(s.family, s.parameters, edge, rotations, translations)
+                for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
+            ]
         return np.stack(touched, axis=1)
 
     @pose_or_poses
@@ -179,7 +181,8 @@ class ElasticFoundation:
     def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
+        with threads_for(len(poses)):
+            results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
@@ -188,7 +191,8 @@ class ElasticFoundation:
     def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
+        with threads_for(len(poses)):
+            results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
         slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
         return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
 
