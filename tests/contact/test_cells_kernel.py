@@ -52,7 +52,7 @@ def test_c_and_numpy_are_the_same_formulas(pair):
 
 def test_jacobians_are_the_derivatives_of_the_values(pair):
     compiled, _, poses = pair
-    check_jacobian(compiled, poses, 1e-4)
+    check_jacobian(compiled, poses, 1e-6)
 
 
 def test_hessians_are_the_derivatives_of_the_jacobians(pair):

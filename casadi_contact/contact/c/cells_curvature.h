@@ -65,15 +65,29 @@ INLINE void finish_curvature(const Frame *frame, const Curvature *sum, double ou
   }
 }
 
-/* Of weighted values at BLOCK nodes: see the docstring of contact/cells/quadrature.py. Where the point goes along with
- * the depth (moves), f depends on it too: f_d = -w H n, f_dd = T[w] n n, and its mixed derivatives `along_ray`. */
-INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes weight[3], Curvature *sum) {
-  const Lanes inverse = 1.0 / at->m, late = at->d - at->start, mu = at->moves;
-  Lanes by_a[6], by_b[6], by_slope[6], along_ray[6], w_a[3], w_b[3], w[3], t[6], t_n[3], bent[3], turn[3], part[3];
-  Lanes b, slope, e, square, curved, beside[6], force[3], m_term;
+/* Of the start, whose first derivative counts `weight`, by -g at the node; node_bend: second derivatives of g there */
+INLINE void add_start_curvature(const Depth *at, const Lanes node_bend[6], Lanes weight, Curvature *sum) {
+  const Lanes nothing[3] = {{0.0}}, turned = -weight * at->moves;
+  Distance node;
+  Lanes force[3];
+  for (int k = 0; k < 6; k++) node.bend[k] = turned * node_bend[k];
+  for (int i = 0; i < 3; i++) node.slope[i] = force[i] = turned * at->node_slope[i];
+  add_curvature(at->node_q, node.bend, &node, nothing, force, sum);
+}
+
+/* Of weighted values at BLOCK nodes: see the docstring of contact/cells/quadrature.py. To their sum -e times the equation
+ * of the depth, m (d - start) + g = 0, is added, e such that their slope by d is zero: d then counts to first order
+ * alone. What is left depends on f = gradient . w - e g at the point, and on the start that moves it along -n:
+ * f_start = -w H n + e gradient . n, f_start,start = T[w] n n - e n H n, and its mixed derivatives `along_ray`. */
+INLINE void add_node_curvature(const Depth *at, const Lanes node_bend[6], const Frame *frame, const Lanes weight[3],
+                               Curvature *sum) {
+  const Lanes inverse = 1.0 / at->m, late = at->d - at->start;
+  Lanes by_a[6], by_b[6], by_slope[6], by_m[6], along_ray[6], beside[6], t[6];
+  Lanes w_a[3], w_b[3], w[3], t_n[3], bent[3], turn[3], part[3];
+  Lanes b, slope, e, square, by_start, force[3], m_term;
   DepthSlopes by;
   slopes_of_depth(at, frame, &by);
-  curved = dot_of(by.n, by.bent_n);
+  for (int k = 0; k < 6; k++) by_m[k] = at->m_slope * by.sigma[k];
   for (int i = 0; i < 3; i++) {
     part[i] = -(weight[1] * at->along[0][i] + weight[2] * at->along[1][i]);
     turn[i] = weight[1] * at->bend[0][i] + weight[2] * at->bend[1][i];
@@ -83,12 +97,11 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
   slope = moving_slope_along(at, &by, w_a, by_a);
   b = moving_slope_along(at, &by, w_b, by_b);
   slope = (slope + at->d * b) * inverse;
-  for (int k = 0; k < 6; k++) by_slope[k] = (by_a[k] + at->d * by_b[k] + b * by.by_d[k] - slope * by.by_m[k]) * inverse;
+  for (int k = 0; k < 6; k++) by_slope[k] = (by_a[k] + at->d * by_b[k] + b * by.d[k] - slope * by_m[k]) * inverse;
   for (int i = 0; i < 3; i++) {
     w[i] = at->near_slope * inverse * (w_a[i] + at->d * w_b[i] + slope * at->m_slope * by.n[i]);
   }
-  e = weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse - mu * dot_of(w, by.bent_n);
-  e /= by.total;
+  e = (weight[0] * at->near_slope + at->near_bend * slope + at->near_slope * b * inverse) * inverse;
   for (int i = 0; i < 3; i++) w[i] += e * late * at->m_slope * by.n[i];
   bend_of(&at->at, w, bent);
   third_of(&at->at, w, t);
@@ -101,23 +114,26 @@ INLINE void add_node_curvature(const Depth *at, const Frame *frame, const Lanes 
   cross_of(by.bent_n, w, part);
   for (int i = 0; i < 3; i++) turn[i] += part[i];
   cross_of(bent, by.n, part);
-  for (int i = 0; i < 3; i++) along_ray[i] = mu * t_n[i], along_ray[3 + i] = -mu * (turn[i] + part[i]);
-  square = weight[0] * at->near_bend + at->near_third * slope + mu * mu * dot_of(t_n, by.n) -
-           at->bends * dot_of(w, by.bent_n) - e * mu * (2.0 - mu) * curved;
+  for (int i = 0; i < 3; i++) along_ray[i] = t_n[i], along_ray[3 + i] = -(turn[i] + part[i]);
+  square = weight[0] * at->near_bend + at->near_third * slope;
+  by_start = e * (at->m - at->sigma) - dot_of(w, by.bent_n);
   for (int k = 0; k < 6; k++) {
-    beside[k] = 0.5 * square * by.by_d[k] + at->near_bend * by_slope[k] + at->near_slope * inverse * by_b[k] +
-                along_ray[k] + e * at->m_slope * by.by_n[k];
+    beside[k] = 0.5 * square * by.d[k] + at->near_bend * by_slope[k] + at->near_slope * inverse * by_b[k] - e * by_m[k];
+    along_ray[k] += 0.5 * (dot_of(t_n, by.n) - e * dot_of(by.n, by.bent_n)) * by.start[k] + e * (by.stays[k] + by_m[k]);
+    along_ray[k] = at->moves * along_ray[k] + 0.5 * at->bends * by_start * by.overlap[k];
   }
   m_term = -at->m_bend * (at->near_slope * slope * inverse + e * late);
   for (int k = 0; k < 6; k++) {
     for (int l = k; l < 6; l++) {
-      sum->upper[k][l] += by.by_d[k] * beside[l] + beside[k] * by.by_d[l] + m_term * by.by_n[k] * by.by_n[l] -
-                          at->near_slope * inverse * (by.by_m[k] * by_slope[l] + by_slope[k] * by.by_m[l]);
+      sum->upper[k][l] += by.d[k] * beside[l] + beside[k] * by.d[l] + m_term * by.sigma[k] * by.sigma[l] +
+                          by.overlap[k] * along_ray[l] + along_ray[k] * by.overlap[l] -
+                          at->near_slope * inverse * (by_m[k] * by_slope[l] + by_slope[k] * by_m[l]);
     }
   }
   for (int k = 0; k < 6; k++) t[k] -= e * at->at.bend[k];
   for (int i = 0; i < 3; i++) force[i] = bent[i] - e * at->at.slope[i];
   add_curvature(at->q, t, &at->at, w, force, sum);
+  if (any(at->moves != 0.0)) add_start_curvature(at, node_bend, by_start, sum);
 }
 
 /* What BLOCK cells add by themselves, and the weights of their corners' values */
@@ -187,15 +203,20 @@ FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame 
     add_cell_curvature(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, h);
   }
   for (int first = 0; first < s->nodes; first += BLOCK) {
-    Lanes weight[4], depths;
+    Lanes weight[4], overlap;
     Four row[BLOCK];
+    int slots[BLOCK];
     Depth at;
+    Distance node;
     memcpy(row, s->weight[first], sizeof row);
     to_columns(row, weight);
     if (sum_of(weight[0] * weight[0] + weight[1] * weight[1] + weight[2] * weight[2]) == 0.0) continue;
-    for (int l = 0; l < BLOCK; l++) depths[l] = s->value[first + l][3];
-    depth_at(p->nodes, s->ids + first, &depths, pose, frame, 3, &at);
-    add_node_curvature(&at, frame, weight, &sum);
+    for (int l = 0; l < BLOCK; l++) slots[l] = first + l;
+    overlap = node_overlaps(s, slots);
+    depth_at(p->nodes, s->ids + first, &overlap, pose, frame, 3, &at);
+    add_node_slopes(s, slots, &at);
+    if (any(at.moves != 0.0)) distance_at(at.node_q, 2, &node);
+    add_node_curvature(&at, node.bend, frame, weight, &sum);
   }
   for (int a = 0; a < 6; a++) {
     for (int b = a; b < 6; b++) sum.upper[a][b][0] += h[a][b / BLOCK][b % BLOCK];

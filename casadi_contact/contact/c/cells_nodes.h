@@ -9,7 +9,8 @@ typedef struct {
 
 typedef struct {
   Lanes n[3], along[2][3], bend[2][3], slope[3]; /* of the fixed surface, and the distance's gradient: fixed axes */
-  Lanes q[3], start, moves, bends;               /* the distance is taken at c - start n; slopes of start by the depth */
+  Lanes q[3], start, moves, bends;               /* the distance is taken at c - start n; slopes of start by -g at c */
+  Lanes node_q[3], node_slope[3];                /* c, and the distance's gradient there */
   Lanes sigma, m, m_slope, m_bend, d, value[3];  /* value: d, d_u, d_v as cells take them */
   Lanes near_slope, near_bend, near_third;
   Distance at;
@@ -55,22 +56,22 @@ INLINE void bend_of(const Distance *at, const Lanes w[3], Lanes bent[3]) {
   bent[2] = h[2] * w[0] + h[4] * w[1] + h[5] * w[2];
 }
 
-/* Where along the ray the distance is taken: at the node where the depth found there is small, else short of that. */
-INLINE void begin_ray(Lanes first, Depth *at) {
+/* Where along the ray the distance is taken: at the node where that is near the surface, else short of it. */
+INLINE void begin_ray(Lanes overlap, Depth *at) {
   Lanes unused;
-  const Mask under = first > 0.0;
+  const Mask under = overlap > 0.0;
   const Lanes most = pick(under, all(DEEPEST_START), all(HIGHEST_START));
-  const Lanes away = positive_ramp(size_of(first) - SMALL_DEPTH, SMALL_DEPTH_WIDTH, &at->moves, &at->bends, &unused);
+  const Lanes away = positive_ramp(size_of(overlap) - SMALL_DEPTH, SMALL_DEPTH_WIDTH, &at->moves, &at->bends, &unused);
   const Mask free = away < most;
   at->start = pick(free, away, most), at->moves = pick(free, at->moves, all(0.0));
   at->bends = pick(free, at->bends, all(0.0));
   at->start = pick(under, at->start, -at->start), at->bends = pick(under, at->bends, -at->bends);
 }
 
-/* Everything at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). first: the depths found
- * at the nodes themselves, 0 before that. */
-INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *first, const double *pose, const Frame *frame, int order,
-                     Depth *at) {
+/* Everything at BLOCK nodes but `node_slope`, with derivatives of the distance up to an order (1: values alone).
+ * overlap: -g found at the nodes themselves, 0 before that. */
+INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *overlap, const double *pose, const Frame *frame,
+                     int order, Depth *at) {
   Lanes c[3], near, unused, inverse;
   places_of(nodes, ids, c);
   gather(nodes, ids, offsetof(Node, n), at->n);
@@ -78,10 +79,12 @@ INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *first, cons
     gather(nodes, ids, offsetof(Node, along) + a * sizeof(float[3]), at->along[a]);
     gather(nodes, ids, offsetof(Node, bend) + a * sizeof(float[3]), at->bend[a]);
   }
-  at->start = all(0.0);
-  if (first) begin_ray(*first, at);
-  for (int i = 0; i < 3 && first; i++) c[i] -= at->start * at->n[i];
-  to_place(c, pose, frame, at->q);
+  at->start = at->moves = at->bends = all(0.0);
+  to_place(c, pose, frame, at->node_q);
+  if (overlap) begin_ray(*overlap, at);
+  for (int i = 0; i < 3 && overlap; i++) c[i] -= at->start * at->n[i];
+  if (overlap) to_place(c, pose, frame, at->q);
+  else memcpy(at->q, at->node_q, sizeof at->q);
   distance_at(at->q, order, &at->at);
   to_axes(frame, at->at.slope, at->slope);
   at->sigma = -dot_of(at->slope, at->n);
@@ -114,29 +117,31 @@ FUNCTION Lanes slope_along(const Depth *at, const Lanes w[3], Lanes by[6]) {
 }
 
 typedef struct {
-  Lanes by_d[6], by_m[6], by_n[6], n[3], bent_n[3], total; /* by_n: of gradient . n where the point stays; n: body axes */
+  Lanes overlap[6], start[6], d[6], sigma[6], stays[6]; /* derivatives by twist; stays: of gradient . n at a fixed point */
+  Lanes n[3], bent_n[3];                                /* body axes */
 } DepthSlopes;
 
-/* From m (d - start) + g = 0, start going along with d */
+/* From m (d - start) + g = 0 */
 FUNCTION void slopes_of_depth(const Depth *at, const Frame *frame, DepthSlopes *by) {
-  Lanes twist[6], curved, inverse, late = (at->d - at->start) * at->m_slope;
+  const Lanes inverse = 1.0 / at->m, late = at->d - at->start;
+  Lanes twist[6], curved;
   to_body(frame, at->n, by->n);
-  slope_along(at, by->n, by->by_n);
+  slope_along(at, by->n, by->stays);
   bend_of(&at->at, by->n, by->bent_n);
-  curved = at->moves * dot_of(by->n, by->bent_n);
-  by->total = at->m + late * curved;
-  inverse = 1.0 / by->total;
+  curved = dot_of(by->n, by->bent_n);
   twist_of(at->at.slope, at->q, twist);
+  twist_of(at->node_slope, at->node_q, by->overlap);
   for (int k = 0; k < 6; k++) {
-    by->by_d[k] = (twist[k] + late * by->by_n[k]) * inverse;
-    by->by_m[k] = -at->m_slope * (by->by_n[k] - curved * by->by_d[k]);
+    by->start[k] = at->moves * by->overlap[k];
+    by->sigma[k] = curved * by->start[k] - by->stays[k];
+    by->d[k] = (twist[k] + (at->m - at->sigma) * by->start[k] - late * at->m_slope * by->sigma[k]) * inverse;
   }
 }
 
-/* Derivatives of gradient . w where the point goes along with the depth */
+/* Derivatives of gradient . w where the point goes along with the start */
 INLINE Lanes moving_slope_along(const Depth *at, const DepthSlopes *by, const Lanes w[3], Lanes slope[6]) {
-  const Lanes value = slope_along(at, w, slope), curved = at->moves * dot_of(w, by->bent_n);
-  for (int k = 0; k < 6; k++) slope[k] -= curved * by->by_d[k];
+  const Lanes value = slope_along(at, w, slope), curved = dot_of(w, by->bent_n);
+  for (int k = 0; k < 6; k++) slope[k] -= curved * by->start[k];
   return value;
 }
 
@@ -145,7 +150,7 @@ INLINE void value_slopes(const Depth *at, const Frame *frame, Lanes slopes[3][6]
   const Lanes inverse = 1.0 / at->m;
   DepthSlopes by;
   slopes_of_depth(at, frame, &by);
-  for (int k = 0; k < 6; k++) slopes[0][k] = at->near_slope * by.by_d[k];
+  for (int k = 0; k < 6; k++) slopes[0][k] = at->near_slope * by.d[k];
   for (int a = 0; a < 2; a++) {
     const Lanes of_bend = dot_of(at->slope, at->bend[a]);
     Lanes fixed[3], w[3], along[6], slope;
@@ -153,8 +158,8 @@ INLINE void value_slopes(const Depth *at, const Frame *frame, Lanes slopes[3][6]
     to_body(frame, fixed, w);
     slope = moving_slope_along(at, &by, w, along) * inverse;
     for (int k = 0; k < 6; k++) {
-      const Lanes rest = of_bend * by.by_d[k] + along[k] - slope * by.by_m[k];
-      slopes[1 + a][k] = at->near_slope * inverse * rest + at->near_bend * slope * by.by_d[k];
+      const Lanes rest = of_bend * by.d[k] + along[k] - slope * at->m_slope * by.sigma[k];
+      slopes[1 + a][k] = at->near_slope * inverse * rest + at->near_bend * slope * by.d[k];
     }
   }
 }

@@ -22,20 +22,21 @@ INLINE Lanes facing_share(Lanes sigma, Lanes *slope) {
 /* The shares of all corners that `fill_nodes` looked at */
 FUNCTION void fill_facing(const Patch *p, const double *pose, const Frame *frame, const Scratch *s) {
   KEEP_LOOP for (int k = 0; k < s->agains; k += BLOCK) {
+    const int *slots = s->again + k;
+    const Lanes overlap = node_overlaps(s, slots);
     int ids[BLOCK];
-    Lanes first, share, slope, rate[6];
+    Lanes share, slope, rate[6];
     Depth at;
-    for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[s->again[k + l]], first[l] = s->value[s->again[k + l]][3];
-    depth_at(p->nodes, ids, &first, pose, frame, 1, &at);
+    for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[slots[l]];
+    depth_at(p->nodes, ids, &overlap, pose, frame, 1, &at);
     share = facing_share(at.sigma, &slope);
     for (int a = 0; a < 6; a++) rate[a] = all(0.0);
     if (any(slope != 0.0)) {
       DepthSlopes by;
-      Lanes curved;
-      depth_at(p->nodes, ids, &first, pose, frame, 2, &at);
+      depth_at(p->nodes, ids, &overlap, pose, frame, 2, &at);
+      add_node_slopes(s, slots, &at);
       slopes_of_depth(&at, frame, &by);
-      curved = at.moves * dot_of(by.n, by.bent_n);
-      for (int a = 0; a < 6; a++) rate[a] = slope * (curved * by.by_d[a] - by.by_n[a]);
+      for (int a = 0; a < 6; a++) rate[a] = slope * by.sigma[a];
     }
     for (int l = 0; l < BLOCK; l++) {
       double *of = facing[s->again[k + l]];

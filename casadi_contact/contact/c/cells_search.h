@@ -42,7 +42,8 @@ typedef struct {
   int agains, again[MOST_NODES + BLOCK]; /* slots that are worth a second look, */
   int is_again[MOST_NODES];              /* and of which order they had one */
   Sums sums;
-  double value[MOST_NODES + BLOCK][4] __attribute__((aligned(64))); /* three, and the depth found at the node */
+  double value[MOST_NODES + BLOCK][4] __attribute__((aligned(64))); /* three, and -g at the node */
+  double node_slope[3][MOST_NODES + BLOCK] __attribute__((aligned(64))); /* gradient of g at the node */
   double weight[MOST_NODES + BLOCK][4];
   double slopes[MOST_NODES + BLOCK][3][8], share[MOST_NODES + BLOCK][8];
 } Scratch;
@@ -114,21 +115,36 @@ FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame,
   fill_up(s->ids, nodes);
 }
 
-/* Values in BLOCK slots, with order 2 slopes by twist; first: depths found at the nodes themselves, 0 before that. What
- * then is found is returned. */
-INLINE Lanes fill_slots(const Patch *p, const int *slots, const Lanes *first, const double *pose, const Frame *frame,
-                       int order, Scratch *s) {
+/* Of the points of BLOCK slots: -g and the gradient of g at their nodes, after a first look */
+INLINE Lanes node_overlaps(const Scratch *s, const int *slots) {
+  Lanes overlap;
+  for (int l = 0; l < BLOCK; l++) overlap[l] = s->value[slots[l]][3];
+  return overlap;
+}
+
+INLINE void add_node_slopes(const Scratch *s, const int *slots, Depth *at) {
+  for (int i = 0; i < 3; i++) {
+    for (int l = 0; l < BLOCK; l++) at->node_slope[i][l] = s->node_slope[i][slots[l]];
+  }
+}
+
+/* Values in BLOCK slots, with order 2 slopes by twist; overlap: -g at the nodes themselves, 0 at the first look, which
+ * is at slots in turn and returns it. */
+INLINE Lanes fill_slots(const Patch *p, const int *slots, const Lanes *overlap, const double *pose, const Frame *frame,
+                        int order, Scratch *s) {
   int ids[BLOCK];
   Four row[BLOCK];
   Lanes column[4], slopes[3][6];
   Depth at;
   for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[slots[l]];
-  depth_at(p->nodes, ids, first, pose, frame, order, &at);
+  depth_at(p->nodes, ids, overlap, pose, frame, order, &at);
   for (int i = 0; i < 3; i++) column[i] = at.value[i];
-  column[3] = first ? *first : pick(at.sigma > FLATTEST + FLATTEST_WIDTH, at.d, all(0.0));
+  column[3] = overlap ? *overlap : -at.at.g;
+  for (int i = 0; i < 3 && !overlap; i++) memcpy(s->node_slope[i] + slots[0], at.at.slope + i, sizeof(Lanes));
   to_rows(column, row);
   for (int l = 0; l < BLOCK; l++) memcpy(s->value[slots[l]], row + l, sizeof(Four));
   if (order < 2) return column[3];
+  add_node_slopes(s, slots, &at);
   value_slopes(&at, frame, slopes);
   for (int i = 0; i < 3; i++) {
     const Lanes rest[4] = {slopes[i][4], slopes[i][5], all(0.0), all(0.0)};
@@ -143,15 +159,15 @@ INLINE Lanes fill_slots(const Patch *p, const int *slots, const Lanes *first, co
   return column[3];
 }
 
-/* Of the corners of BLOCK near cells: v their values, and the depths found at the nodes themselves */
-INLINE void corner_values(const Scratch *s, const int *chosen, Lanes v[12], Lanes depths[4]) {
+/* Of the corners of BLOCK near cells: v their values, and -g at the nodes */
+INLINE void corner_values(const Scratch *s, const int *chosen, Lanes v[12], Lanes overlaps[4]) {
   for (int c = 0; c < 4; c++) {
     Four row[BLOCK];
     Lanes column[4];
     for (int l = 0; l < BLOCK; l++) row[l] = four_at(s->value[s->corners[chosen[l]][c]]);
     to_columns(row, column);
     for (int i = 0; i < 3; i++) v[3 * c + i] = column[i];
-    depths[c] = column[3];
+    overlaps[c] = column[3];
   }
 }
 
@@ -173,13 +189,13 @@ FUNCTION void keep_cells(Scratch *s) {
   int kept = 0, agains = s->agains;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
     const unsigned there = lowest_bits(s->near - k);
-    Lanes v[12], depths[4], lowest, highest, least;
+    Lanes v[12], overlaps[4], lowest, highest, least;
     int some[BLOCK];
     unsigned left, high;
     for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
-    corner_values(s, some, v, depths);
+    corner_values(s, some, v, overlaps);
     hull_of(v, &lowest, &highest);
-    least = smaller_of(smaller_of(depths[0], depths[1]), smaller_of(depths[2], depths[3]));
+    least = smaller_of(smaller_of(overlaps[0], overlaps[1]), smaller_of(overlaps[2], overlaps[3]));
     left = there & bits_of(highest > -WIDTH - SPARE);
     high = left & bits_of(least < SMALL_DEPTH_WIDTH - SMALL_DEPTH);
     KEEP_LOOP for (; high; high &= high - 1) {
@@ -206,11 +222,11 @@ FUNCTION void sort_cells(const Patch *p, Scratch *s) {
   int cells = 0, full = 0;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
     const unsigned there = lowest_bits(s->near - k);
-    Lanes v[12], depths[4], lowest, highest;
+    Lanes v[12], overlaps[4], lowest, highest;
     int some[BLOCK];
     unsigned left, inside;
     for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
-    corner_values(s, some, v, depths);
+    corner_values(s, some, v, overlaps);
     hull_of(v, &lowest, &highest);
     inside = LOGARITHMIC ? 0 : bits_of(lowest > WIDTH);
     left = there & bits_of(highest > -WIDTH);
@@ -255,9 +271,8 @@ INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, i
   s->agains = agains;
   fill_up(s->again, s->agains);
   for (int k = 0; k < s->agains; k += BLOCK) {
-    Lanes first;
-    for (int l = 0; l < BLOCK; l++) first[l] = s->value[s->again[k + l]][3];
-    fill_slots(p, s->again + k, &first, pose, frame, order, s);
+    const Lanes overlap = node_overlaps(s, s->again + k);
+    fill_slots(p, s->again + k, &overlap, pose, frame, order, s);
   }
   sort_cells(p, s);
 }

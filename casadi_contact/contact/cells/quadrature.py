@@ -1,8 +1,8 @@
 """Cubic cells in NumPy: the formulas of an elastic foundation whose gap is interpolated by cubics over a chart.
 
 At a node c of the fixed surface with unit normal n, q = Rᵀ(c - t) lies in the frame of the moving body, whose signed
-distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n; where it is large, d = s - g/m from a
-second evaluation at c - s·n, s being that depth less `SMALL_MM`. Its slopes along the chart are
+distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n; where -g is large, d = s - g/m from a
+second evaluation at c - s·n, s being -g at the node less `SMALL_MM`. Its slopes along the chart are
 d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u, d_v at its corners by cubic Hermite
 functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0) (`basis.ramp`), and its force is shared out
 bilinearly among the corners, whose (N, c × N) make the wrench.
@@ -150,9 +150,8 @@ class Quadrature:
         p = self.patch
         c, n = p.c[used], p.n[used]
         g, slope = distance_slopes(self.body, (c - t) @ R)
-        sigma = -np.einsum("ij,ij->i", slope @ R.T, n)
-        first = np.where(sigma > FLATTEST + FLATTEST_WIDTH, -g / positive_floor(sigma)[0], 0.0)
-        start, moves = _start(first)
+        start, moves = _start(-g)
+        by_start = moves[:, None] * twist(slope @ R.T, c - t)
         x = c - start[:, None] * n
         g, slope = distance_slopes(self.body, (x - t) @ R)
         G = slope @ R.T
@@ -161,7 +160,7 @@ class Quadrature:
         near, near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)
         along, bend = (np.einsum("ij,iaj->ia", G, w[used]) for w in (p.tangents, p.bends))
         values = np.column_stack([near - FAR_MM, near_slope[:, None] * (d[:, None] * bend - along) / m[:, None]])
-        return _Nodes(used, R, t, x, start, moves, G, d, values)
+        return _Nodes(used, R, t, x, start, by_start, G, d, values)
 
     def _slopes(self, nodes: _Nodes) -> tuple[Array, Array]:
         """Derivatives by twist of the nodes' values (m, 3, 6), and of σ (m, 6)."""
@@ -177,15 +176,15 @@ class Quadrature:
             return np.einsum("ij,ij->i", G, w), np.concatenate([-bent, np.cross(G, w) - np.cross(rho, bent)], 1)
 
         def moving(w: Array) -> tuple[Array, Array]:
-            """The same where x goes along with the depth."""
+            """The same where x goes along with the start."""
             value, by = along(w)
-            return value, by - (nodes.moves * np.einsum("ij,ij->i", w, bent_n))[:, None] * by_d
+            return value, by - np.einsum("ij,ij->i", w, bent_n)[:, None] * nodes.by_start
 
-        late = (d - nodes.start) * m_slope
-        total = m + late * nodes.moves * np.einsum("ij,ij->i", n, bent_n)
-        by_d = (twist(G, rho) + late[:, None] * along(n)[1]) / total[:, None]
-        by_sigma = -moving(n)[1]
+        facing, by_facing = moving(n)
+        by_sigma, sigma = -by_facing, -facing
         by_m = m_slope[:, None] * by_sigma
+        by_d = twist(G, rho) + (m - sigma)[:, None] * nodes.by_start - (d - nodes.start)[:, None] * by_m
+        by_d /= m[:, None]
         near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
         near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM
         slopes = [near_slope[:, None] * by_d]
@@ -199,15 +198,15 @@ class Quadrature:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; how much that point moves with the
-    depth; G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
+    """Nodes `used` (m,) in a pose: where the distance was taken, x = c - start·n; derivatives of the start by twist
+    (m, 6); G there, the depth d, and d, d_u, d_v as cells take them: values (m, 3)."""
 
     used: np.ndarray
     R: Array
     t: Array
     x: Array
     start: Array
-    moves: Array
+    by_start: Array
     G: Array
     d: Array
     values: Array
@@ -236,11 +235,11 @@ def touch_mm(cells: Cells) -> float:
     return WIDTH_MM + min(max(sagitta, _LEAST_MM), _MOST_MM)
 
 
-def _start(first: Array) -> tuple[Array, Array]:
-    """Where along the rays the distance is taken, from the depths found at their nodes; and its slope."""
-    most = np.where(first > 0.0, DEEPEST_START_MM, HIGHEST_START_MM)
-    away, slope = positive_ramp(np.abs(first) - SMALL_MM, SMALL_WIDTH_MM)
-    return np.sign(first) * np.minimum(away, most), np.where(away < most, slope, 0.0)
+def _start(overlap: Array) -> tuple[Array, Array]:
+    """Where along the rays the distance is taken, from -g at their nodes, which is no farther away; and its slope."""
+    most = np.where(overlap > 0.0, DEEPEST_START_MM, HIGHEST_START_MM)
+    away, slope = positive_ramp(np.abs(overlap) - SMALL_MM, SMALL_WIDTH_MM)
+    return np.sign(overlap) * np.minimum(away, most), np.where(away < most, slope, 0.0)
 
 
 def positive_floor(sigma: Array) -> tuple[Array, Array]:
