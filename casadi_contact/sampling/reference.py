@@ -158,8 +158,9 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps). Frames left over begin once more in that start pose, turned about the patches' anchors to
-    what is measured, then between the frames that converged, and then in the pose of the nearest one.
+    for a model without gaps). Frames left over begin once more between the frames that converged, then in that start
+    pose, turned about the patches' anchors to what is measured, between frames again, and last in the pose of the
+    nearest one, from where a trust region goes on (`settle`).
 
     What the scene locks or ties is as the scene says, whatever a cycle measures of it: the motion is one of this joint.
     progress(done, all) is called with the frames, as `settle` calls it.
@@ -184,15 +185,16 @@ def reference_poses(
     if start is None:
         poses = first_touch(model, poses, wanted)
         try_model(model, poses, wanted, tolerance_n)
-    poses, settled = settle(model, poses, free, wanted, tolerance=tolerance_n, progress=progress)
+    press = partial(settle, model, free=free, targets=wanted, tolerance=tolerance_n, progress=progress)
+    poses, settled = press(poses, trust_region=False)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
-    for anew in (partial(_turned, model, begin), _interpolate, _nearest):
+    for anew in (_interpolate, partial(_turned, model, begin), _interpolate, _nearest):
         if report.converged.all():
             break
         starts = scene.pose_space.onto(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
         starts[:, given] = poses[:, given]
-        poses, settled = settle(model, starts, free, wanted, tolerance=tolerance_n, progress=progress)
+        poses, settled = press(starts, trust_region=anew is _nearest)
         report = _report(cycles, settled)
     for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
         if every_cycle and not converged.any():

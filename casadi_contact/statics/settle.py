@@ -56,6 +56,7 @@ def settle(
     *,
     tolerance: float = 1e-5,
     max_iterations: int = 60,
+    trust_region: bool = True,
     progress: Progress | None = None,
 ) -> tuple[Array, SettleReport]:
     """Vary the free pose parameters of each pose until the model carries the wanted loads.
@@ -66,7 +67,8 @@ def settle(
     pose parameters is free, these settle first under the normal loads alone: torques of bodies that press each other
     far too hard, or one side alone, lead astray. What then stands still short of the loads, where torques of a mesh
     rise and fall within tenths of a millimetre, goes on by a trust region (SciPy's ``least_squares``), from there and
-    from a few places up to 0.3 mm around it.
+    from a few places up to 0.3 mm around it, one pose after the other: trust_region=False leaves it, where better
+    starts are at hand.
 
     What the scene locks or ties is put in place at the start, and tied parameters follow the free ones in every step:
     all poses lie in the scene's pose space. progress(done, all) is called in every step: poses settled, or given up.
@@ -85,7 +87,7 @@ def settle(
     if pressing is not None:
         poses, _, pressed, _ = _pressed(pressing, poses, tolerance, max_iterations, progress)
     poses, misfit, iterations, stalled = _pressed(equations, poses, tolerance, max_iterations, progress)
-    if pressing is not None:
+    if pressing is not None and trust_region:
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
             iterations[row] += _go_on(equations, row, poses, misfit, tolerance, max_iterations)
