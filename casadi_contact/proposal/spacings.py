@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,15 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.scenes import Scene
 
 _SHARES = (0.25, 0.15, 0.1)  # of the thickness
-_ENOUGH = 0.01  # of the load at rest, that the next finer field changes
-_FALLS = 4.0  # the error from each share to the next, by this at least
+_ENOUGH = 0.01  # of the forces at rest
+_ORDER = 4  # of the error in the spacing
+_NEEDED = "a distance field of {}, as thin bodies need"
 
 
 @dataclass(frozen=True, eq=False)
 class Resting:
     """A scene's model and its pose at rest (6,), and why there is none ("" if there is); remark: on the spacing of its
-    fields, "" where no body is thin; enough: False where a finer field would be needed and does not fit into memory."""
+    fields, "" where no body is thin; enough: False where nothing tells that they are fine enough."""
 
     model: ElasticFoundation
     pose: Array
@@ -42,8 +43,11 @@ def at_rest(
     thickness_mm: Mapping[str, float],
     rest: Callable[[ElasticFoundation], tuple[Array, str]],
 ) -> Resting:
-    """The scene of the tables at rest, its fields so fine that finer ones would change its forces there by less than
-    1 %.
+    """The scene of the tables at rest, with the coarsest fields that are fine enough.
+
+    They are where finer ones change the forces at rest by less than 1 %, or where they changed those of coarser ones by
+    less than 1 % of (h/h')⁴ - 1, h and h' the spacings: the error falls with the fourth power. ``enough`` is False
+    where the finest that are tried and fit into memory are not, and where there are no forces at rest to tell.
 
     thickness_mm: of both bodies, infinite for open surfaces. rest: gives the pose at rest and why there is none.
     """
@@ -56,19 +60,26 @@ def at_rest(
     model = _model(tables, tried[0])
     found = Resting(model, *rest(model))
     for coarse, fine in itertools.pairwise(tried):
-        words = f"a distance field of {_words(coarse, usual)} mm, as thin bodies need"
+        before, now = (f"{_words(each, usual)} mm" for each in (coarse, fine))
         if not all(field_fits(meshes[body], spacing) for body, spacing in fine.items()):
-            remark = f"{words}: whether it is fine enough; one of {_words(fine, usual)} mm does not fit into memory"
-            return Resting(found.model, found.pose, found.reason, remark, enough=False)
+            remark = f"{_NEEDED.format(before)}: whether it is fine enough; one of {now} does not fit into memory"
+            return replace(found, remark=remark, enough=False)
         finer = _model(tables, fine)
         forces, other = (model.wrenches(found.pose)[..., :3] for model in (found.model, finer))
-        change = float(np.linalg.norm(other - forces)) / max(float(np.linalg.norm(forces)), 1e-300)
-        if change < _ENOUGH and forces.any():
-            remark = f"{words}: one of {_words(fine, usual)} mm changes the forces at rest by {change:.1%}"
-            return Resting(found.model, found.pose, found.reason, remark)
-        remark = f"a distance field of {_words(fine, usual)} mm, as thin bodies need: one of {_words(coarse, usual)} "
-        found = Resting(finer, *rest(finer), f"{remark}mm changes the forces at rest by {change:.1%}")
-        if change < _FALLS * _ENOUGH and forces.any():
+        if not forces.any():
+            remark = f"{_NEEDED.format(now)}: whether it is fine enough; there are no forces at rest to tell"
+            found = Resting(finer, *rest(finer), remark, enough=False)
+            continue
+        change = float(np.linalg.norm(other - forces) / np.linalg.norm(forces))
+        if change < _ENOUGH:
+            remark = f"{_NEEDED.format(before)}: one of {now} changes the forces at rest by {change:.1%}"
+            return replace(found, remark=remark, enough=True)
+        ratio = min(coarse[body] / spacing for body, spacing in fine.items() if spacing < coarse[body])
+        enough = change < _ENOUGH * (ratio**_ORDER - 1.0)
+        doubt = "" if enough else "whether it is fine enough; "
+        remark = f"{_NEEDED.format(now)}: {doubt}one of {before} changes the forces at rest by {change:.1%}"
+        found = Resting(finer, *rest(finer), remark, enough)
+        if enough:
             break
     return found
 
