@@ -8,12 +8,12 @@ validation and test rows stay an even draw of the plan, so that what they say of
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
 
+from casadi_contact.conventions import Progress
 from casadi_contact.dataset import TRAIN, Samples
 from casadi_contact.dataset.errors import LoadModel
 from casadi_contact.project import Project, read_motion
@@ -37,7 +37,7 @@ def candidates(
     samples: Samples,
     number: int,
     times: float,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Samples:
     """The plan of the project's samples `times` as large, its seed greater by the round's number; kept in the project's

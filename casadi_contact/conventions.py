@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from casadi_contact.quantities import quantity
 
 Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]  # called as (done, all)
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,16 @@ from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.presets import TOGETHER, Effort, effort_for
-from casadi_contact.project import Project, Update, alone, cycle_files, has_motion, read_motion, surrogates_made
+from casadi_contact.project import (
+    Project,
+    Update,
+    alone,
+    cycle_files,
+    has_motion,
+    in_stage,
+    read_motion,
+    surrogates_made,
+)
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.sampling.chunk import WrenchModel
@@ -91,7 +100,7 @@ def train(
                 project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device
             )
             surrogate = _active_rounds(project, samples, surrogate, folder, command, update, workers, device)
-        made[name] = with_trust(surrogate, samples, around, model, _told(update, f"{name}: poses over the range"))
+        made[name] = with_trust(surrogate, samples, around, model, in_stage(update, f"{name}: poses over the range"))
         made[name].save(path)
         paths.append(path)
     return paths
@@ -129,12 +138,7 @@ def _active_rounds(
         if name not in chosen.efforts:
             continue
         title = f"{name}, round {number}"
-
-        def tell(done: int, total: int, title: str = title) -> None:
-            if update is not None:
-                update(f"{title}: candidates", done, total, "")
-
-        drawn = candidates(project, samples, number, chosen.times, tell, executor)
+        drawn = candidates(project, samples, number, chosen.times, in_stage(update, f"{title}: candidates"), executor)
         learned = learned.join_samples(worst_samples(surrogate, drawn, chosen.worst_share))
         folder, efforts = checkpoints / f"active-{number}", chosen.efforts[name]
         surrogate = fit_surrogate(
@@ -153,12 +157,7 @@ def moved_samples(samples: Samples, own: WrenchModel | None = None, update: Upda
     if teacher is None:
         return None
     count = None if own is None else len(samples) // 3
-    return samples_around(samples, teacher, count=count, progress=_told(update, "poses around the samples"))
-
-
-def _told(update: Update | None, what: str) -> Callable[[int, int], None] | None:
-    """What tells an `Update` (done, all) of one stage; None where none listens."""
-    return None if update is None else lambda done, total: update(what, done, total, "")
+    return samples_around(samples, teacher, count=count, progress=in_stage(update, "poses around the samples"))
 
 
 def fit_surrogate(

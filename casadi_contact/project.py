@@ -12,6 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Progress
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
@@ -31,6 +32,11 @@ from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate, rea
 
 Update = Callable[[str, float, float, str], None]
 """Called as (what is worked on, done, all there is to do, remark)."""
+
+
+def in_stage(update: Update | None, stage: str) -> Progress | None:
+    """What tells an `Update` how far a stage is; None where none listens."""
+    return None if update is None else lambda done, total: update(stage, done, total, "")
 
 
 @dataclass(frozen=True)

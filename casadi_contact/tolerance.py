@@ -17,11 +17,11 @@ from pathlib import Path
 from casadi_contact.benchmark.choose import Tolerance
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
-from casadi_contact.drawing import sample
 from casadi_contact.files import replacing
 from casadi_contact.fitting import build_command, fit_surrogate, moved_samples
 from casadi_contact.presets import Effort, Preset, effort_for
 from casadi_contact.project import Project, Update, alone
+from casadi_contact.project_samples import sample
 from casadi_contact.quantities import FORCE, TORQUE, of_kind
 from casadi_contact.sampling import foundations, teacher_of
 from casadi_contact.sampling.draw import ModelPair

@@ -19,7 +19,7 @@ ROOMS = [
     *("activations", "spots", "network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures"),
     *("presets", "project", "active", "fitting", "verification", "optimisation", "assembly", "bridges"),
-    *("benchmark", "show", "report", "live", "proposal", "drawing", "pipeline", "tolerance", "progress"),
+    *("benchmark", "show", "report", "live", "proposal", "project_samples", "pipeline", "tolerance", "progress"),
     *("commands", "cli", "__main__"),
 ]
 

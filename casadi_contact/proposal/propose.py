@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.project import reference_motion_cycles
+from casadi_contact.project import Update, reference_motion_cycles
 from casadi_contact.proposal.damage import specks, spikes
 from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
@@ -63,7 +63,7 @@ def propose(
     axes: Sequence[str] | None = None,
     material: str | None = None,
     units: str | None = None,
-    progress: Callable[[str, float, float, str], None] = lambda what, done, total, remark: None,
+    progress: Update = lambda what, done, total, remark: None,
 ) -> Proposal:
     """Look at the meshes, propose a scene, and try it: see the modules of this room for what is found how.
 

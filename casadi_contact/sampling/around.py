@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
 from casadi_contact.scenes import Scene
@@ -22,7 +20,7 @@ def samples_around(
     *,
     count: int | None = None,
     seed: int = 12,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Samples:
     """Poses of D1 moved by up to 1 mm and 2° in every parameter, and the model's loads there; count by the samples'.
 
@@ -40,12 +38,10 @@ def samples_around(
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)
     poses = samples.scene.pose_space.onto(poses + shortened * moves * np.repeat([AROUND_MM, AROUND_RAD], 3))
-    return asked(model, samples.scene, poses, progress)
+    return samples_at(model, samples.scene, poses, progress)
 
 
-def asked(
-    model: WrenchModel, scene: Scene, poses: Array, progress: Callable[[int, int], None] | None = None
-) -> Samples:
+def samples_at(model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None) -> Samples:
     """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`."""
     count = len(poses)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)

@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from casadi_contact.contact import CellFoundation, ContactModel, ElasticFoundation, foundation
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.agreement import refuse_other_loads
 from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
@@ -34,7 +34,6 @@ from casadi_contact.workers import cancelled_if_left, worker_pool
 
 # Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
 ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)

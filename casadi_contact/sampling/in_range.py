@@ -11,13 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, Dropped, Samples
-from casadi_contact.sampling.around import asked
+from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 
 IN_RANGE_COUNT = 2000  # at most, and a third as many as the samples
 MOST_DRAWN = 200  # times as many poses, of which too few may be valid
+_LEAST_VALIDITY = 0.1  # so that the edge of the learned region can be learned from both of its sides
 _AT_ONCE = 20_000  # poses
 
 
@@ -29,7 +30,7 @@ def samples_in_range(
     *,
     count: int | None = None,
     seed: int = 13,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Samples:
     """Poses within the range of the samples that are not test rows, of a validity above 0.1, and the model's loads.
 
@@ -45,7 +46,7 @@ def samples_in_range(
     wanted = (count // 2, count - count // 2)
     for _ in range(0, MOST_DRAWN * count, _AT_ONCE):
         poses = samples.scene.pose_space.onto(low + width * rng.random((_AT_ONCE, 6)))
-        poses = poses[validity(poses) > 0.1]
+        poses = poses[validity(poses) > _LEAST_VALIDITY]
         pressed = (roots(poses) > 0.0).any(axis=1)
         for half, most, rows in zip(halves, wanted, (pressed, ~pressed), strict=True):
             half.extend(poses[rows][: most - len(half)])
@@ -54,4 +55,4 @@ def samples_in_range(
     found = [*halves[0], *halves[1]]
     if not found:
         return replace(samples.select(role=()), dropped=Dropped())
-    return asked(model, samples.scene, np.array(found), progress)
+    return samples_at(model, samples.scene, np.array(found), progress)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.contact.trial import try_model
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.quantities import quantity
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
@@ -107,7 +107,7 @@ def reference_motion(
     model: ContactModel,
     cycles: Sequence[Cycle],
     settings: SamplingSettings,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[ReferenceMotion, ReferenceReport]:
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
     loads from the measured ones. progress: as in `reference_poses`.
@@ -152,7 +152,7 @@ def reference_poses(
     start: Array | None = None,
     tolerance_n: float = 1e-3,
     every_cycle: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Array, ReferenceReport]:
     """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads [EF15 §3.3].
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.quantities import quantity
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
-Progress = Callable[[int, int], None]
 NOT_FINITE = "the contact model's loads are not finite"
 _STEP_LIMIT_MM = 2.0
 _SMALLEST_STEP_MM = 1e-12

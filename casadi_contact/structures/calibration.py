@@ -6,13 +6,13 @@ coverage reported on them, and on an unseen walking sequence, is what a user may
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
@@ -44,7 +44,7 @@ def with_trust(
     samples: Samples,
     around: Samples | None = None,
     model: WrenchModel | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
@@ -75,12 +75,12 @@ def with_trust(
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
     trust = with_error_bounds(trust, surrogate, training, [held_out, *(p.select(role=VALIDATION) for p in moved)])
-    with_trust = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
+    trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     test = samples.select(role=TEST)
     unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range))
-    record = {**surrogate.record, "coverage": trust_coverage(with_trust, test, *unseen)}
+    record = {**surrogate.record, "coverage": trust_coverage(trusted, test, *unseen)}
     if len(test):
-        record["valid_share"] = float(np.mean(with_trust.validity(test.poses) > 0.9))
+        record["valid_share"] = float(np.mean(trusted.validity(test.poses) > 0.9))
     return kind(surrogate.scene, surrogate.networks, record, trust)
 
 

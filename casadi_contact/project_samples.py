@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Protocol
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
-from casadi_contact.project import Project, Update, alone, reference_motion_cycles, surrogates_made
+from casadi_contact.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,
@@ -108,7 +108,7 @@ def sample(
     kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
     if kept is None:
         model = models(project.scene, settings)[0]
-        motion, report = reference_motion(model, cycles, settings, _told("reference motion", update))
+        motion, report = reference_motion(model, cycles, settings, in_stage(update, "reference motion"))
     else:
         motion, report = kept
     if drawn is None:
@@ -120,7 +120,7 @@ def sample(
         settings=settings,
         executor=executor,
         models=models,
-        progress=_told("samples", update),
+        progress=in_stage(update, "samples"),
     )
     if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
         write_motion(project.motion_path, motion, report, cycle_files, origin)
@@ -128,10 +128,6 @@ def sample(
     if model_name_of(samples) is None:
         refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
     return samples, report
-
-
-def _told(what: str, update: Update | None) -> Callable[[int, int], None] | None:
-    return None if update is None else lambda done, total: update(what, done, total, "")
 
 
 def _on_device(models: ModelPair, device: str) -> ModelPair:
