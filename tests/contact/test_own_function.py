@@ -160,6 +160,15 @@ def test_a_noisy_model_is_told_what_settles_it(share):
     assert report.converged.mean() > 0.95
 
 
+@pytest.mark.parametrize("name", ["knee", "hip"])
+def test_a_stiff_contact_is_not_taken_for_noise_however_closely_poses_shall_settle(name):
+    scene = cc.load_scene(name)
+    settings = SamplingSettings.from_scene(scene, frames=5, settle_tolerance_n=1e-7)
+    model = cc.ElasticFoundation(scene, settings.settle_grid)
+    _, report = reference_motion(model, reference_motion_cycles(scene, ())[:1], settings)
+    assert report.converged.all()
+
+
 def test_progress_counts_frames_until_all_are_settled():
     scene = own_contact.SCENE
     seen = []
