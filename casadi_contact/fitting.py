@@ -75,7 +75,7 @@ def train(
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
     device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). teacher: the
-    user's own contact model that the samples come from, for `moved_samples`. Goes on from checkpoints where an earlier
+    user's own contact model that the samples come from, for `with_trust`. Goes on from checkpoints where an earlier
     run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for the scene's
     loads, and for active rounds on samples of another model than the library's.
     """
@@ -88,7 +88,8 @@ def train(
     samples = project.samples()
     if project.preset.active:
         models_to_ask(project, samples)  # refused here, not after hours of training
-    around, model = moved_samples(samples, teacher, update), teacher_of(samples) if teacher is None else teacher
+    model = teacher_of(samples) if teacher is None else teacher
+    around = moved_samples(samples, model, update)
     command = build_command(project, samples)
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     paths, made = [], surrogates_made(project)
@@ -147,17 +148,13 @@ def _active_rounds(
     return surrogate
 
 
-def moved_samples(samples: Samples, own: WrenchModel | None = None, update: Update | None = None) -> Samples | None:
-    """`samples_around` on the model that the samples were evaluated on: a surrogate's trust is calibrated on them too.
-
-    own: the user's own contact model, which may be slow: a third as many poses as there are samples. None for samples
-    from a table, and of a user's own model that is not given.
-    """
-    teacher = teacher_of(samples) if own is None else own
-    if teacher is None:
+def moved_samples(samples: Samples, model: WrenchModel | None, update: Update | None = None) -> Samples | None:
+    """`samples_around` on the model that the samples were evaluated on, None without one: a surrogate's trust is
+    calibrated on them too. Of a user's own model, which may be slow, a third as many poses as there are samples."""
+    if model is None:
         return None
-    count = None if own is None else len(samples) // 3
-    return samples_around(samples, teacher, count=count, progress=in_stage(update, "poses around the samples"))
+    count = len(samples) // 3 if model_name_of(samples) is None else None
+    return samples_around(samples, model, count=count, progress=in_stage(update, "poses around the samples"))
 
 
 def fit_surrogate(

@@ -99,7 +99,8 @@ def calibrate(project: Project) -> list[Path]:
     Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
     """
     samples = project.samples()
-    around, model = moved_samples(samples), teacher_of(samples)
+    model = teacher_of(samples)
+    around = moved_samples(samples, model)
     surrogates = project_surrogates(project)
     for structure, surrogate in surrogates.items():
         if around is None and "around" in surrogate.record.get("coverage", {}):

@@ -124,7 +124,8 @@ def train_to_tolerance(
     for name in (this.samples_path.name, this.motion_path.name):
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
-    trusted = with_trust(surrogate, samples, moved_samples(samples), teacher_of(samples))
+    teacher = teacher_of(samples)
+    trusted = with_trust(surrogate, samples, moved_samples(samples, teacher), teacher)
     trusted.save(project.surrogate_path(STRUCTURE))
     if missed:
         raise ValueError(
