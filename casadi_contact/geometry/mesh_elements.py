@@ -35,8 +35,8 @@ def grid_on_mesh(
 
     A ray along the line of each cell's middle finds the mesh, Newton's method along it the smooth surface, whose normal
     gives the area dA = du·dv·spread/cos(normal, line). Beside a sharp rim, which a field rounds off, cells lie on the
-    smooth surface itself. A cell whose ray misses the mesh, or meets a wall, has no area.
-    Raises ValueError if no cell is left.
+    smooth surface itself: `surface` makes it, where there is such a rim. A cell whose ray misses the mesh, or meets a
+    wall, has no area. Raises ValueError if no cell is left.
     """
     low, high, top = projection.bounds(mesh, box)
     step = (high - low) / grid
