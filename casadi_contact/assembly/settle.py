@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, pose_index
+from casadi_contact.files import short
 
 _FIRST_STEP_S = 1e-4
 _LARGEST_MOVE_MM = 0.5
@@ -102,9 +103,9 @@ class Settling:
 
 def _numbers(what: str, value: Any, count: int, expected: str) -> Array:
     """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
-    wrong = ValueError(f"{what} {value!r}, expected {expected}")
+    wrong = ValueError(f"{what} {short(repr(value))}, expected {expected}")
     try:
-        numbers = np.asarray(value, dtype=float)
+        numbers = np.asarray(value).astype(float, casting="same_kind")
     except (TypeError, ValueError):  # words, complex numbers, rows of unequal length
         raise wrong from None
     if numbers.shape != (count,) or not np.isfinite(numbers).all():

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, symbolic
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, loads_of_total, pose_index
+from casadi_contact.files import short
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
@@ -241,7 +242,7 @@ def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: i
 
 def _numbers(name: str, value: Any, frames: int) -> Array:
     """A number for each frame (n,), from one, or n of them in a row or a column."""
-    wrong = ValueError(f"{name} is {value}, expected a finite number, or one for each of {frames} frames")
+    wrong = ValueError(f"{name} is {short(str(value))}, expected a finite number, or one for each of {frames} frames")
     try:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError, NotImplementedError):  # words, symbols, rows of unequal length

@@ -211,6 +211,7 @@ def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
         ({"Fy_med": 600.0}, "Fy_med is wanted to pull by 600 N, contact only pushes"),
         ({"Fy": -600.0}, "unknown load 'Fy', expected one of Fy_med"),
         ({"Fy_med": [-600.0, -500.0]}, "expected a finite number, or one for each of 1 frames"),
+        ({"Fy_med": np.full(40, -600.0)}, r"^Fy_med is .*, expected a finite number, or one for each of 1 frames"),
         ({"Fy_med": np.nan}, "expected a finite number"),
     ],
 )
