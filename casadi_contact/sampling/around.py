@@ -43,12 +43,12 @@ def samples_around(
 
 def samples_at(model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None) -> Samples:
     """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`."""
-    count = len(poses)
+    count, width = len(poses), len(scene.parts)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)
-    parts = []
+    parts = [(np.zeros((0, width, 6)), np.zeros((0, width)), np.zeros(0, dtype=bool))]  # of no poses
     for first in range(0, count, _AT_ONCE):
-        parts.append(evaluated(model, poses[first : first + _AT_ONCE], len(scene.parts)))
+        parts.append(evaluated(model, poses[first : first + _AT_ONCE], width))
         if progress is not None:
             progress(min(first + _AT_ONCE, count), count)
     wrenches, gaps, edge = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -7,12 +7,11 @@ another side, or lie farther from the next sample, than any of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from casadi_contact.conventions import Array, Progress
-from casadi_contact.dataset import TEST, Dropped, Samples
+from casadi_contact.dataset import TEST, Samples
 from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 
@@ -52,7 +51,4 @@ def samples_in_range(
             half.extend(poses[rows][: most - len(half)])
         if all(len(half) == most for half, most in zip(halves, wanted, strict=True)):
             break
-    found = [*halves[0], *halves[1]]
-    if not found:
-        return replace(samples.select(role=()), dropped=Dropped())
-    return samples_at(model, samples.scene, np.array(found), progress)
+    return samples_at(model, samples.scene, np.array([*halves[0], *halves[1]]).reshape(-1, 6), progress)
