@@ -154,8 +154,8 @@ def draw_samples(
     if motion.point != expected:
         raise ValueError(f"the reference motion has inputs {motion.point.inputs}, the settings {expected.inputs}")
     chunks = plan_chunks(scene, motion, settings)
-    identity = {
-        "scene": scene.to_toml(),
+    identity: dict[str, Any] = {
+        "scene": scene.digest,
         "settings": settings.to_table(),
         **models_identity(models),
         "plan_digest": plan_digest(chunks),
@@ -165,14 +165,15 @@ def draw_samples(
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
-        refuse_other(there, {**identity, "scene": scene.digest}, path)
+        refuse_other(there, identity, path)
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
         if own:
             refuse_other_loads(_models(job)[1], replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
-    folder = ChunkFolder(path, identity)
+    # One foundation draws all chunks: it is chosen for the tolerances.
+    folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
         refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder)

@@ -26,7 +26,8 @@ def refuse_many_dropped(samples: Samples, most: float = MOST_DROPPED) -> None:
             raise ValueError(
                 f"{share:.0%} of the samples of {domain} were dropped, expected at most {most:.0%}: {listed}. "
                 + _cure(max(reasons, key=reasons.get, default=""))
-                + " To learn from what is left all the same, set most_dropped in the scene's [sampling]"
+                + " To learn from what is left all the same, set most_dropped in the scene's [sampling] and run again: "
+                "the samples are kept"
             )
 
 

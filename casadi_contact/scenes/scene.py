@@ -165,10 +165,13 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the scene's TOML text: two scenes with one digest have the same loads, wherever meshes lie and
-        however precisely the loads are needed."""
+        """SHA-256 of the scene's TOML text: two scenes with one digest have the same loads and samples, wherever meshes
+        lie, however precisely the loads are needed and however much of a sampling plan may be lost."""
         tables = {key: value for key, value in self.tables.items() if key != "tolerances"}
         tables["geometry"] = shape_named(self.shape).identity(self.tables["geometry"])
+        tables["sampling"] = {key: value for key, value in self.sampling.items() if key != "most_dropped"}
+        if not tables["sampling"]:
+            del tables["sampling"]
         return hashlib.sha256(tomli_w.dumps(tables).encode()).hexdigest()
 
     @property

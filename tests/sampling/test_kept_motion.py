@@ -1,6 +1,7 @@
 """A draw that is resumed goes on around the motion it began with, and with the contact model it began with."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,6 +56,41 @@ def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 
 
+def allowing(project, most_dropped):
+    """The project, in the same folder, after its user has set how much of a domain may be dropped."""
+    text = project.scene.to_toml().replace("liftoff_mm", f"most_dropped = {most_dropped}\nliftoff_mm")
+    return replace(project, scene=Scene.from_toml(text))
+
+
+def test_samples_are_kept_where_more_may_be_dropped(project):
+    """The cure that the refusal names costs no evaluation but the few that ask whether the model is still the same."""
+    asked = []
+
+    def fails_turned(poses):
+        asked.append(len(poses))
+        return np.where(poses[:, 5, None, None] > 0.2, np.nan, own_contact.wrenches(poses))
+
+    strict, lenient = allowing(project, 0.0), allowing(project, 1.0)
+    with pytest.raises(ValueError, match=r"of D\d were dropped.* set most_dropped in the scene's \[sampling\].* kept"):
+        drawn(strict, model(strict, wrenches=fails_turned))
+    kept = project.samples_path.read_bytes()
+    asked.clear()
+    assert 0 < len(drawn(lenient, model(lenient, wrenches=fails_turned))) < sum(COUNTS.values())
+    assert project.samples_path.read_bytes() == kept
+    assert sum(asked) <= 10
+
+
+def test_a_draw_goes_on_where_more_may_be_dropped(project):
+    stopped(project, model(project))
+    lenient, seen = allowing(project, 1.0), []
+
+    def update(what, done, total, remark):
+        seen.append((what, done))
+
+    draw(lenient, [], model(lenient), update, None, "cpu")
+    assert seen[0] == ("samples", 4)
+
+
 def test_what_became_of_the_frames_is_told_again(project):
     """Frames turned by more than 0.2 rad find no loads."""
 
@@ -65,8 +101,7 @@ def test_what_became_of_the_frames_is_told_again(project):
         given = cc.CallableModel(scene, fails_turned, own_contact.gaps)
         return given, given
 
-    lenient = Scene.from_toml(project.scene.to_toml().replace("liftoff_mm", "most_dropped = 1.0\nliftoff_mm"))
-    turned = Project(lenient, "own", project.folder, own=project.own)
+    turned = allowing(project, 1.0)
     with ThreadPoolExecutor(1) as here:
         (samples, before), (again, after) = (pipeline.sample(turned, executor=here, models=made) for _ in range(2))
     assert 0 < before.converged.sum() < before.converged.size

@@ -29,6 +29,14 @@ def test_the_digest_names_the_loads_and_not_how_precisely_they_are_needed():
     assert finer != knee
 
 
+def test_the_digest_does_not_tell_how_much_of_a_sampling_plan_may_be_lost():
+    """In a scene with other settings of the sampling, and in one without any."""
+    for scene in (cc.load_scene("knee"), cc.load_scene("sphere_on_plane")):
+        lenient = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "most_dropped": 0.6}})
+        other = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "seed": 1}})
+        assert lenient.digest == scene.digest != other.digest
+
+
 def test_a_scene_file_can_be_copied_edited_and_loaded(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(cc.load_scene("knee").to_toml().replace("youngs_modulus = 463.0", "youngs_modulus = 700.0"))
