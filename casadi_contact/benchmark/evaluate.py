@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
-from casadi_contact.sampling import ReferenceMotion, model_name_of
+from casadi_contact.sampling import ReferenceMotion, model_name_of, settings_of
 from casadi_contact.scenes import Scene
 from casadi_contact.structures.base import Surrogate
 
@@ -74,13 +74,20 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     }
 
 
+def _teacher(samples: Samples) -> str | None:
+    """What samples were drawn from: the EF's elements per side, or the name of another model of the library's."""
+    name = model_name_of(samples)
+    return grid_text(settings_of(samples).teacher_grid) if name == "elements" else name
+
+
 def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
     """Everything `report.evaluation_tables` shows, as plain JSON data.
 
-    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against the
-    samples' teacher grid; the walking sequence as in `evaluate_walking`. Without a motion, and for samples of a user's
-    own contact model, from which an EF of the scene differs by more than the surrogates do, the domain errors of the
-    surrogates alone. Raises ValueError without surrogates, and for one of another scene than the samples'.
+    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against what these
+    were drawn from ("teacher": the EF's grid, or another model's name); the walking sequence as in `evaluate_walking`.
+    Without a motion, and for samples of a user's own contact model, from which an EF of the scene differs by more than
+    the surrogates do, the domain errors of the surrogates alone. Raises ValueError without surrogates, and for one of
+    another scene than the samples'.
     """
     if not surrogates:
         raise ValueError("no surrogate to evaluate, expected at least one")
@@ -101,7 +108,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "scene_digest": scene.digest,
         "machine": machine_record(),
         "loads": list(scene.load_names),
-        "teacher": grid_text(scene.grids["teacher"]) if compared else None,
+        "teacher": _teacher(samples),
         "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
         "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},

@@ -19,7 +19,8 @@ def read_evaluation(path: str | Path) -> dict[str, Any]:
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     """The paper's Tables 2, 3 and 4 from an ``evaluation.json``."""
     loads = content["loads"]
-    teacher = f"EF {content['teacher']}" if content["teacher"] else "the samples"
+    others = {None: "the samples", "foundation": "cc.foundation"}
+    teacher = others.get(content["teacher"], f"EF {content['teacher']}")
     tables = []
     for key, title in (
         ("rms", "RMS error per domain [EF15 Table 2]"),

@@ -1,0 +1,27 @@
+"""Tables of errors say what the errors are against."""
+
+from dataclasses import replace
+
+import pytest
+
+from casadi_contact.benchmark.evaluate import evaluate
+from casadi_contact.report import evaluation_tables
+from casadi_contact.sampling import SamplingSettings, model_pair, models_identity
+from tests.support.random_surrogates import random_surrogate
+from tests.support.smooth_samples import SPHERE, smooth_samples
+
+
+@pytest.mark.parametrize(("drawn_from", "said"), [("elements", "EF 60×20"), ("foundation", "cc.foundation")])
+def test_errors_are_against_the_model_that_samples_were_drawn_from(drawn_from, said):
+    """On the grid that they were drawn on, which a scene's [sampling] may choose by itself."""
+    settings = SamplingSettings.from_scene(SPHERE, teacher_grid=(60, 20))
+    provenance = {**models_identity(model_pair(drawn_from)), "settings": settings.to_table()}
+    samples = replace(smooth_samples(60), provenance=provenance)
+    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples, None))
+    assert [str(table.title).rsplit("unseen samples against ")[1] for table in tables] == [said, said]
+
+
+def test_errors_of_a_table_of_samples_are_against_these():
+    samples = replace(smooth_samples(60), provenance={"table": "mine.csv"})
+    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples, None))
+    assert str(tables[0].title).endswith("against the samples")
