@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from casadi_contact.dataset import DOMAINS, Samples
+from casadi_contact.scenes import Scene
 
 MOST_DROPPED = 0.3
 
@@ -25,17 +26,20 @@ def refuse_many_dropped(samples: Samples, most: float = MOST_DROPPED) -> None:
             listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
             raise ValueError(
                 f"{share:.0%} of the samples of {domain} were dropped, expected at most {most:.0%}: {listed}. "
-                + _cure(max(reasons, key=reasons.get, default=""))
+                + _cure(max(reasons, key=reasons.get, default=""), samples.scene)
                 + " To learn from what is left all the same, set most_dropped in the scene's [sampling] and run again: "
                 "the samples are kept"
             )
 
 
-def _cure(reason: str) -> str:
+def _cure(reason: str, scene: Scene) -> str:
     if "edge" in reason:
+        rim = 'set open_edges = "rim" in [geometry] where it ends with its mesh, '
         return (
-            "Contact runs off the fixed surface: enlarge its patches where the part really goes on, or draw closer to "
-            "the reference motion (smaller d3_fraction, d2_offset or d3_minimum_widths in the scene's [sampling])."
+            "Contact runs off the fixed surface: enlarge its patches where the part really goes on, "
+            + (rim if scene.geometry.get("open_edges") == "cut" else "")
+            + "or draw closer to the reference motion (smaller d3_fraction, d2_offset or d3_minimum_widths in the "
+            "scene's [sampling])."
         )
     if "finite" in reason:
         return "Mend the contact model where its loads are not finite, or draw where they are."

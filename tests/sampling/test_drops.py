@@ -10,9 +10,10 @@ from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.drops import dropped_shares, refuse_many_dropped
 from casadi_contact.scenes import load_scene
 
+SPHERE = load_scene("sphere_on_plane")
 
-def samples(kept, lost, reason):
-    scene = load_scene("sphere_on_plane")
+
+def samples(kept, lost, reason, scene=SPHERE):
     counts = {"dropped": {"D3": {reason: lost}}}
     drawn = Samples(
         scene,
@@ -41,6 +42,16 @@ def test_more_than_the_stated_share_is_refused_with_reason_and_cure(reason, cure
     ):
         refuse_many_dropped(samples(60, 40, reason))
     refuse_many_dropped(samples(60, 40, reason), most=0.5)
+
+
+def test_where_a_mesh_was_taken_for_cut_open_the_cure_names_the_key_that_says_otherwise():
+    """A cup that ends at its rim, of which a proposal cannot know whether it was cut from a larger one."""
+    at_edge = "contact reaches the edge of the elements"
+    for ends, named in (("cut", True), ("rim", False)):
+        mesh = replace(SPHERE, geometry={**SPHERE.geometry, "open_edges": ends})
+        with pytest.raises(ValueError, match="enlarge its patches") as error:
+            refuse_many_dropped(samples(60, 40, at_edge, mesh))
+        assert ('open_edges = "rim"' in str(error.value)) is named
 
 
 def test_the_limit_is_a_setting_of_the_scene_and_changes_no_sample():
