@@ -4,6 +4,7 @@ The record is plain JSON data that travels in the surrogate's file. These keys a
 all others are kept and printed as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
+    dropped          {"D2": 0.4, ...}                               share of a domain's plan that became no samples
     pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
     load_range       {"Fy_med": [-1900.0, 0.0], ...}                and of the loads [N, N·mm]
     valid_share      0.98                                           share of held-back samples with validity above 0.9
@@ -30,11 +31,13 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
 from casadi_contact.quantities import ANGLE, quantity
+from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
 
 _TABLES = (
     "samples",
+    "dropped",
     "pose_range",
     "load_range",
     "valid_share",
@@ -69,6 +72,11 @@ class SurrogateInfo:
     def samples(self) -> Mapping[str, int]:
         """Samples trained on, per domain."""
         return self.record.get("samples", {})
+
+    @property
+    def dropped(self) -> Mapping[str, float]:
+        """Share of a domain's plan that became no samples: what the surrogate does not know, and no error tells of."""
+        return self.record.get("dropped", {})
 
     @property
     def reach(self) -> list[tuple[str, float, float, str]]:
@@ -113,6 +121,8 @@ class SurrogateInfo:
             lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
         else:
             lines.append("trained on: not recorded")
+        if lost := [f"{domain} {100.0 * share:.1f} %" for domain, share in self.dropped.items() if share]:
+            lines.append(f"dropped, of the plan: {', '.join(lost)}")
         if line := budget_line(self.record):
             lines.append(line)
         lines += self._reach_lines()
@@ -173,11 +183,12 @@ def budget_line(record: Mapping[str, Any]) -> str:
 
 
 def samples_record(samples: Samples) -> dict[str, Any]:
-    """The record's ``samples`` and ``pose_range`` of a surrogate trained on the samples that are not held back."""
+    """The record's ``samples``, ``dropped`` and ranges of a surrogate trained on the samples that are not held back."""
     used = samples.select(role=(TRAIN, VALIDATION))
     names = samples.scene.load_names
     return {
         "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "dropped": dropped_shares(samples),
         "pose_range": _ranges(POSE_NAMES, used.poses),
         "load_range": _ranges(names, used.loads(names)),
     }

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from casadi_contact.quantities import beside, of_kind, quantity
+from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.structures import Surrogate
 
 
 @dataclass(frozen=True)
 class Fitness:
-    """RMS errors by domain and load [N, N·mm], and the scene's tolerances by load; its text is the verdict."""
+    """RMS errors by domain and load [N, N·mm], the scene's tolerances by load, and the share of each domain's plan that
+    was dropped; its text is the verdict, which names shares that a build refuses unless the scene allows them."""
 
     errors: Mapping[str, Mapping[str, float]]
     tolerances: Mapping[str, float]
+    dropped: Mapping[str, float] = field(default_factory=dict)
 
     def failing(self, domain: str) -> list[str]:
         """Loads whose RMS error in a domain is above the tolerance: `verify` would not pass its samples."""
@@ -33,7 +36,13 @@ class Fitness:
         if not self.fit:
             return f"not fit for use: {reasons}"
         text = f"fit for use within {self._within()} (RMS of held-back samples) in {', '.join(self.fit)}"
-        return f"{text}; not in {reasons}" if unfit else text
+        text += f"; not in {reasons}" if unfit else ""
+        lost = [
+            f"{domain} {100.0 * share:.0f} %"
+            for domain, share in self.dropped.items()
+            if share > MOST_DROPPED and domain not in unfit
+        ]
+        return f"{text}; dropped and not judged: of {', of '.join(lost)}" if lost else text
 
     def _within(self) -> str:
         """The largest RMS error of each kind of load in the fit domains: 0.94 N and 27 N·mm."""
@@ -55,6 +64,6 @@ class Fitness:
 
 def fitness(surrogate: Surrogate) -> Fitness:
     """Judge a surrogate by the errors that its file records (`SurrogateInfo.test_errors`)."""
-    recorded = surrogate.info().test_errors
-    errors = {domain: {load: row["rms"] for load, row in loads.items()} for domain, loads in recorded.items()}
-    return Fitness(errors, {load: surrogate.scene.tolerances[load] for load in surrogate.load_names})
+    info = surrogate.info()
+    errors = {domain: {load: row["rms"] for load, row in loads.items()} for domain, loads in info.test_errors.items()}
+    return Fitness(errors, {load: surrogate.scene.tolerances[load] for load in surrogate.load_names}, info.dropped)

@@ -1,15 +1,17 @@
 """The report page: one offline file, and a verdict that `verify` would give on the same samples."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
-from casadi_contact.dataset import TEST, write_samples
+from casadi_contact.dataset import TEST, Dropped, write_samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.report.surrogate_page import surrogate_page, write_report
 from casadi_contact.structures import PatchSurrogate
+from casadi_contact.structures.info import samples_record
 from casadi_contact.verification import verify
 from casadi_contact.verification.fitness import Fitness, fitness
 from tests.support.random_surrogates import random_network
@@ -89,6 +91,20 @@ def test_the_verdict_names_what_is_within_and_what_is_off():
     assert str(Fitness({"D4": off}, tolerances)).startswith("not fit for use: D4: Tz")
     assert "Fy is off by 1.0004 N, tolerance 1" in str(Fitness({"D4": {**within, "Fy": 1.0004}}, tolerances))
     assert str(Fitness({}, tolerances)).startswith("not judged")
+    lost = Fitness({"D1": within, "D2": within}, tolerances, {"D1": 0.1, "D2": 0.93, "D3": 1.0})
+    assert str(lost).endswith("in D1, D2; dropped and not judged: of D2 93 %, of D3 100 %")
+
+
+def test_a_surrogate_says_how_much_of_its_plan_it_does_not_know(surrogate):
+    """Errors on held-back samples tell nothing of the poses that became none."""
+    of_d2 = int((SAMPLES.domain == 2).sum())
+    drawn = replace(SAMPLES, dropped=Dropped(np.zeros((3 * of_d2, 6)), np.full(3 * of_d2, 2)))
+    record = {**surrogate.record, **samples_record(drawn)}
+    partial = PatchSurrogate(SPHERE, surrogate.networks, record)
+    assert "dropped, of the plan: D2 75.0 %" in str(partial.info())
+    text = str(Fitness(fitness(partial).errors, dict.fromkeys(partial.load_names, 1e9), fitness(partial).dropped))
+    assert text.endswith("dropped and not judged: of D2 75 %")
+    assert "dropped" not in str(surrogate.info())
 
 
 def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp_path):
