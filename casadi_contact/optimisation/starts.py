@@ -15,6 +15,8 @@ from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
+_SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
+_LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
 
 
 def start_or_default(start: ArrayLike | None, default: Array) -> Array:
@@ -50,7 +52,7 @@ def settle_in_range(
     left = np.arange(len(poses))
     for begin in _begins(model, poses, rest, free, pressing):
         forces = {name: wanted[left] for name, wanted in pressing.items()}
-        tried, report = settle(model, begin[left], moved, forces, tolerance=1.0, max_iterations=30)
+        tried, report = settle(model, begin[left], moved, forces, tolerance=_SETTLED_N, max_iterations=30)
         good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
         poses[left[good]] = tried[good]
         left = left[~good]
@@ -82,7 +84,7 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
     """`settle_in_range` under what presses the patches, as the total loads (n, 6) tell it.
 
     What is pressed in one (a single patch, or all patches that one pose parameter sets together) bears its forces
-    among them; each of two patches its share (`shares`), `LEAST_START_N` at least.
+    among them; each of two patches its share (`shares`), `LEAST_START_N` at least, or half of a load below twice that.
     """
     normals = model.scene.pressed
     if len(normals) == 1:
@@ -93,7 +95,7 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
         return settle_in_range(model, poses, rest, free, {})
     first, second = shares(model.scene, loads)
     total = first + second
-    least = np.minimum(LEAST_START_N, np.maximum(0.5 * total, 1.0))
+    least = np.minimum(LEAST_START_N, np.maximum(0.5 * total, _LEAST_SHARE_N))
     first = np.clip(first, least, np.maximum(total - least, least))
     sizes = (first, np.maximum(total - first, least))
     pressing = {n.loads[0]: n.with_size(loads, size)[:, 0] for n, size in zip(normals, sizes, strict=True)}

@@ -28,6 +28,15 @@ def test_a_force_beyond_both_condyles_leaves_each_side_its_least_force(knee, tx_
     np.testing.assert_allclose(np.sort(got), [least_n, down_n - least_n], atol=2.0)
 
 
+@pytest.mark.parametrize("down_n", [0.1, 1.0, 2.0])
+def test_both_sides_touch_however_light_the_load(knee, down_n):
+    """Out of contact a load in newtons has no slope, and an optimiser that begins there stays."""
+    loads = np.array([[0.0, -down_n, 0.0, 0.0, 0.0, 0.0]])
+    rest = middle_pose(knee)[None]
+    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
+    assert (got > 0.0).all()
+
+
 def test_a_force_between_the_condyles_is_shared_by_its_place(knee):
     medial, lateral = knee.scene.anchors_mm[:, 2]
     place_mm = 0.7 * medial + 0.3 * lateral
