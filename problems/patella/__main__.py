@@ -12,9 +12,13 @@ import casadi_contact as cc
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
-from problems.common.command import RESULTS, end_with, new_app, run_command
+from problems.common.command import RESULTS, end_with, new_app, run_command, worst
+from problems.common.knee_scene import KNEE_LOADS
+from problems.common.outcome import print_reasons
 from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
+from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.extensor import quadriceps
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
@@ -43,16 +47,23 @@ def run(
     """Solve a walk for muscle forces and the femur's poses, and let the quadriceps pull the patella of
     `knee_with_patella` along.
 
-    Exit status 2: the patella is in no equilibrium in some frames; 3: it is, but the contact model differs.
+    Exit status 2: muscles do not balance the walk, or the patella is in no equilibrium, in some frames; 3: they do, but
+    a contact model differs.
     """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
     through = quadriceps(walk.muscles.names)
-    solved = muscle_contact.solve(muscle_contact.build(cc.load_surrogate("knee"), walk))
+    knee = cc.load_surrogate("knee")
+    problem = muscle_contact.build(knee, walk)
+    solved = muscle_contact.solve(problem)
+    balanced = solved.converged & ~solved.overloaded
+    walked = judge(knee, solved.poses, balanced, own_model(knee.scene), KNEE_LOADS)
     tension = solved.muscle_forces_n[:, through].sum(axis=1)
     ride = follow(cc.load_assembly("knee_with_patella"), solved.poses, tension)
     verdict, console = ride.verdict("patellofemoral"), PlainConsole()
-    console.print(f"patellofemoral contact: {verdict}", highlight=False)
+    console.print(f"muscles and femur: {walked}", highlight=False, soft_wrap=True)
+    print_reasons(console, diagnose(problem, solved, walked).reason)
+    console.print(f"patellofemoral contact: {verdict}", highlight=False, soft_wrap=True)
     reached = []
     for seed in range(starts):
         again = follow(ride.assembly, solved.poses, tension, start_poses(ride, np.random.default_rng(seed)))
@@ -64,10 +75,10 @@ def run(
     columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
     columns |= assembly_columns(ride.assembly.load_names, ride.loads) | {"residual_N": ride.residual_n}
     write_columns(out / "patella.csv", columns, digits=DIGITS)
-    summary = {"walk": walk.name, "verdict": str(verdict), "random_starts": reached}
+    summary = {"walk": walk.name, "femur_verdict": str(walked), "verdict": str(verdict), "random_starts": reached}
     write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})
     console.print(f"results in {out}", highlight=False)
-    end_with(verdict, NAME, out)
+    end_with(worst((walked, verdict)), NAME, out)
 
 
 def main() -> None:

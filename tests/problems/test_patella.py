@@ -1,5 +1,8 @@
 """The patella in walking: pulled along by the quadriceps, in equilibrium, from any start; mistakes."""
 
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,8 @@ from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import shear_free_poses
 from problems import patella
+from problems.muscle_contact.example import example_walk
+from problems.patella import __main__
 from problems.patella.follow import SAME_N
 from tests.support.compiler import needs_compiler
 
@@ -64,3 +69,17 @@ def test_slack_quadriceps_and_other_assemblies_are_refused(ride):
     other = Assembly("one", "earth", {"body": np.zeros(6)})
     with pytest.raises(ValueError, match="has the bodies body, expected femur, patella"):
         patella.follow(other, ride.poses[:, 0], TENSION_N)
+
+
+def test_a_patella_that_balances_on_a_walk_that_muscles_do_not_is_no_solution(tmp_path, monkeypatch, capsys):
+    """Extending by 600 N·m is beyond any quadriceps; the patella balances whatever pull there is."""
+    walk = example_walk(3)
+    loads = {**walk.loads, "knee_flexion": walk.loads["knee_flexion"] + 600.0}
+    monkeypatch.setattr(__main__, "given_walk", lambda *_: replace(walk, loads=loads))
+    monkeypatch.setattr(sys, "argv", ["patella", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    assert end.value.code == 2
+    said = capsys.readouterr()
+    assert "muscles and femur: 0 of 3 solved" in said.out
+    assert "patella: not solved: frames 0, 1, 2" in said.err
