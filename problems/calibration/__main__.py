@@ -69,11 +69,17 @@ def run(
 
 
 def doubts(result: CalibrationResult) -> str:
-    """Why the estimates are not to be used, or nothing."""
-    if not result.solved:
-        return f"not solved: {result.ipopt_status}"
+    """Why the estimates are not to be used, or nothing. What the data leave open is told of an unsolved problem too: it
+    may be why there is no minimum to end at."""
     found = []
-    if not result.explained:
+    if not result.solved:
+        found.append(f"not solved: {result.ipopt_status}")
+        if not result.explained:
+            found.append(
+                f"the sum of squares is {result.misfit:.3g} times its degrees of freedom: are poses in mm and rad in "
+                "the scene's frame, and loads in N and N·mm on the fixed body?"
+            )
+    elif not result.explained:
         found.append(
             "the foundation with these parameters does not explain these data: the sum of squares is "
             f"{result.misfit:.3g} times its degrees of freedom, at most {result.largest_misfit:.3g} expected; "
@@ -83,7 +89,7 @@ def doubts(result: CalibrationResult) -> str:
         found.append(f"at the bound of the search: {', '.join(result.uncertainty.at_bound)}")
     if result.uncertainty.tied:
         groups = "; ".join(" and ".join(group) for group in result.uncertainty.tied)
-        found.append(f"these data do not tell apart: {groups}")
+        found.append(f"these data do not tell apart: {groups}; leave one of them to the scene, or measure more")
     return "; ".join(found)
 
 

@@ -14,6 +14,7 @@ from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.motion.columns import read_columns
+from casadi_contact.motion.pose_file import poses_from_curves
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import settle_in_range
 from casadi_contact.transcription.frames import placed, pose_of, relative_pose
@@ -69,14 +70,19 @@ class Measurement:
 def read_measurement(path: Path, model: SymbolicContact, **deviations: float) -> Measurement:
     """A CSV with tx_mm ... rz_rad and a column for each of the model's loads, such as Fy_med_N and Tx_Nmm.
 
-    Raises FileNotFoundError, and ValueError naming file, line and column.
+    Raises FileNotFoundError, and ValueError naming file, line and column, also for angles beyond a whole turn and
+    lengths beyond 1 m.
     """
     names = model.load_names
-    poses = list(pose_columns(np.zeros((1, len(POSE_NAMES)))))
+    columns = list(pose_columns(np.zeros((1, len(POSE_NAMES)))))
     loads = list(load_columns(names, np.zeros((1, len(names)))))
-    found = read_columns(path, required=(*poses, *loads), what="measurement")
+    found = read_columns(path, required=(*columns, *loads), what="measurement")
+    try:
+        poses = poses_from_curves({name: found[column] for name, column in zip(POSE_NAMES, columns, strict=True)})
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     return Measurement(
-        np.column_stack([found[name] for name in poses]),
+        poses,
         np.column_stack([found[name] for name in loads]),
         names,
         **deviations,

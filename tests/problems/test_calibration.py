@@ -108,6 +108,22 @@ def test_data_that_the_model_does_not_explain_are_said_to_be_such(knee):
     assert np.isinf(result.uncertainty.deviation[0])
 
 
+def test_an_unsolved_estimate_names_what_the_data_leave_open(knee):
+    """Modulus and Poisson's ratio make one stiffness: there is a valley of estimates, and no end to walk to."""
+    problem, _ = made_up(knee, ("youngs_modulus", "poissons_ratio"))
+    result = calibration.solve(problem, max_iterations=4)
+    assert not result.solved
+    assert "do not tell apart: youngs_modulus and poissons_ratio" in __main__.doubts(result)
+
+
+def test_an_unsolved_estimate_far_from_the_data_asks_for_their_units(knee):
+    problem, _ = made_up(knee)
+    metres = replace(problem.measured, poses=problem.measured.poses / np.repeat([1000.0, 1.0], 3))
+    result = calibration.solve(calibration.build(knee, metres), max_iterations=4)
+    assert not result.solved
+    assert "are poses in mm and rad" in __main__.doubts(result)
+
+
 def test_forces_of_the_wrong_sign_are_refused_with_the_cure(knee):
     problem, _ = made_up(knee)
     with pytest.raises(ValueError, match=r"Fy_med is .* on average, but compression is negative .*: turn its sign"):
@@ -154,6 +170,14 @@ def test_a_measurement_written_is_read_back(knee, tmp_path):
     np.testing.assert_array_equal(again.poses, problem.measured.poses)
     np.testing.assert_array_equal(again.loads, problem.measured.loads)
     assert again.load_deviation.tolist() == [7.0] * 4 + [100.0] * 3
+
+
+def test_a_measurement_in_degrees_is_refused(knee, tmp_path):
+    problem, _ = made_up(knee)
+    poses = problem.measured.poses * np.repeat([1.0, 180.0 / np.pi], 3)
+    write_columns(tmp_path / "degrees.csv", replace(problem.measured, poses=poses).columns())
+    with pytest.raises(ValueError, match=r"degrees.csv: r[xyz] reaches .*, expected radians"):
+        calibration.read_measurement(tmp_path / "degrees.csv", knee)
 
 
 def test_no_start_reaches_an_estimate_that_the_data_do_not_determine(tmp_path, monkeypatch, capsys):
