@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +28,7 @@ from problems.muscle_contact.given import (
 )
 from problems.muscle_driven.problem import build
 from problems.muscle_driven.report import Run, report
-from problems.muscle_driven.solve import solve
+from problems.muscle_driven.solve import LARGEST_ENERGY_LOST, solve
 
 NAME = "muscle_driven"
 TEACHER_GRID = (160, 80)
@@ -50,7 +51,7 @@ def run(
     """Solve a walk for activations, and let these drive the knee forward on three contact models: a surrogate, the
     foundation of its scene and an EF of 160×80 elements.
 
-    Exit status 3: on some frames of the first one's motion the contact model differs.
+    Exit status 2: a motion made or lost energy; 3: on some frames of the first one's motion the contact model differs.
     """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
@@ -68,9 +69,19 @@ def run(
         for name, one in driven.items()
     }
     poses = runs[source.kind].simulation.poses
-    verdict = judge(model, poses, np.ones(len(poses), dtype=bool), own_model(model.scene))
+    off = {name: run.simulation.energy_lost for name, run in runs.items()}
+    off = {name: lost for name, lost in off.items() if not lost <= LARGEST_ENERGY_LOST}
+    verdict = judge(model, poses, np.full(len(poses), not off), own_model(model.scene))
     print_verdict(PlainConsole(), verdict)
     report(driven, runs, out)
+    if off:
+        lost = ", ".join(f"{100.0 * share:.2g} % on {name}" for name, share in off.items())
+        print(
+            f"{NAME}: not solved: the integrator made or lost {lost} of the muscles' work, expected at most "
+            f"{100.0 * LARGEST_ENERGY_LOST:g} %: give a smaller --tolerance",
+            file=sys.stderr,
+        )
+        raise typer.Exit(2)
     end_with(verdict, NAME, out)
 
 

@@ -110,8 +110,14 @@ def build(
             f"walk {walk.name} has {len(walk)} frames, expected at least {_FEWEST_FRAMES}, for cubic splines between "
             "them, and some fifty to follow a step"
         )
-    if inverse.balanced != BALANCED or not solved.converged.all() or solved.overloaded.any():
-        raise ValueError(f"walk {walk.name}: expected {', '.join(BALANCED)} balanced in every frame by muscles alone")
+    if inverse.balanced != BALANCED:
+        raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
+    unbalanced = np.flatnonzero(~solved.converged | solved.overloaded)
+    if len(unbalanced):
+        raise ValueError(
+            f"walk {walk.name}: muscles do not balance frames {', '.join(map(str, unbalanced))}, expected all balanced "
+            "in every frame by muscles alone: problems.muscle_contact says why"
+        )
     if max(np.abs(curve).max() for curve in solved.reserves.values()) > _LARGEST_RESERVE:
         raise ValueError(
             f"walk {walk.name}: reserves give more than {_LARGEST_RESERVE}, expected muscles to balance it"

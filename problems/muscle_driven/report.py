@@ -40,13 +40,12 @@ class Run:
 def differences(driven: MuscleDriven, run: Run) -> dict[str, float]:
     """Forward less inverse, the largest of the cycle: loads in % of their peak, flexion in degrees; and the largest
     energy that the integrator lost or made, in % of the muscles' work."""
-    solved, work = driven.solved, run.simulation.work
+    solved = driven.solved
     wanted = solved.loads[:, : len(SIDES)]
     share = 100.0 * np.abs(run.sides - wanted).max(axis=0) / np.abs(wanted).max(axis=0)
     flexion = np.degrees(np.abs(run.simulation.poses[:, 5] - driven.inverse.walk.rz).max())
-    lost = 100.0 * np.abs(run.simulation.energy_error).max() / np.abs(work[:, POWERS.index("muscles")]).max()
     named = {f"{name}_percent_of_peak": float(value) for name, value in zip(SIDES, share, strict=True)}
-    return {**named, "flexion_deg": float(flexion), "energy_percent": float(lost)}
+    return {**named, "flexion_deg": float(flexion), "energy_percent": 100.0 * run.simulation.energy_lost}
 
 
 def report(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], out: Path) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 from casadi_contact.conventions import Array
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 
+LARGEST_ENERGY_LOST = 1e-3  # of the muscles' work: beyond it a motion is the integrator's, not the muscles'
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -32,13 +34,19 @@ class Simulation:
         """Work that is neither kinetic energy nor lost, (n,) [N·mm]: the integrator's error."""
         return np.asarray(self.work.sum(axis=1) - (self.kinetic - self.kinetic[0]))
 
+    @property
+    def energy_lost(self) -> float:
+        """The largest energy that the integrator lost or made over the largest work of the muscles."""
+        muscles = self.work[:, POWERS.index("muscles")]
+        return float(np.abs(self.energy_error).max() / np.abs(muscles).max())
+
 
 def solve(driven: MuscleDriven, *, tolerance: float = 1e-6) -> Simulation:
     """Integrate over the walk. tolerance: relative and absolute, per step [mm, rad, mm/s, rad/s].
 
     Raises ValueError for a tolerance that is not positive, and where the integrator gives up.
     """
-    if not tolerance > 0.0:
+    if not 0.0 < tolerance < np.inf:
         raise ValueError(f"tolerance is {tolerance}, expected a positive number")
     first, time_s = driven.start(), driven.time_s
     options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}

@@ -126,13 +126,28 @@ def test_a_foundation_moves_the_knee_as_the_network_that_learned_it(driven, simu
 
 def test_an_inverse_solution_that_muscles_do_not_carry_is_refused(driven):
     stopped = replace(driven.solved, converged=np.zeros(51, dtype=bool))
-    with pytest.raises(ValueError, match="balanced in every frame by muscles alone"):
+    with pytest.raises(ValueError, match=r"muscles do not balance frames 0, 1, .*: problems.muscle_contact says why"):
         muscle_driven.build(driven.model, driven.inverse, stopped)
     stretched = replace(driven.solved, muscle_forces_n=driven.solved.muscle_forces_n + 1.0)
     with pytest.raises(ValueError, match="expected rigid Hill muscles"):
         muscle_driven.build(driven.model, driven.inverse, stretched)
-    with pytest.raises(ValueError, match=r"tolerance is 0\.0"):
-        muscle_driven.solve(driven, tolerance=0.0)
+    for tolerance in (0.0, np.inf):
+        with pytest.raises(ValueError, match=f"tolerance is {tolerance}"):
+            muscle_driven.solve(driven, tolerance=tolerance)
+
+
+def test_a_motion_that_makes_energy_is_no_solution(tmp_path, monkeypatch, capsys):
+    """At steps so coarse that more energy appears than the muscles give, contact still looks right pose by pose."""
+    monkeypatch.setattr(__main__, "given_walk", lambda *_: example_walk(frames=21))
+    arguments = ["--tolerance", "0.1", "--repeats", "1", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["muscle_driven", *arguments])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    assert end.value.code == 2
+    said = capsys.readouterr()
+    assert said.out.startswith("0 of 21 solved")
+    assert "% on surrogate" in said.err
+    assert "give a smaller --tolerance" in said.err
 
 
 @pytest.mark.parametrize(
