@@ -26,10 +26,10 @@ class Rig:
 
     def __post_init__(self) -> None:
         for name in ("mass_kg", "inertia_kgm2"):
-            if not min(getattr(self, name)) > 0.0:
+            if not all(0.0 < value < np.inf for value in getattr(self, name)):
                 raise ValueError(f"rig: {name} is {getattr(self, name)}, expected positive numbers")
         for name in ("damping_ns_per_mm", "damping_nmms_per_rad"):
-            if not min(getattr(self, name)) >= 0.0:
+            if not all(0.0 <= value < np.inf for value in getattr(self, name)):
                 raise ValueError(f"rig: {name} is {getattr(self, name)}, expected numbers >= 0")
         if len(self.rest_mm_rad) != 5:
             raise ValueError(f"rig: rest_mm_rad has {len(self.rest_mm_rad)} numbers, expected 5: tx ty tz rx ry")

@@ -75,7 +75,7 @@ def solve(
     """
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}, expected one of {', '.join(INTEGRATORS)}")
-    if frames < 2 or not cycles > 0.0 or not tolerance > 0.0:
+    if frames < 2 or not (0.0 < cycles < np.inf and 0.0 < tolerance < np.inf):
         raise ValueError(f"frames {frames}, cycles {cycles}, tolerance {tolerance}: expected >= 2 and positive numbers")
     first = start_state(simulator) if start is None else np.asarray(start, dtype=float)
     if first.shape != (10,) or not np.isfinite(first).all():

@@ -51,7 +51,7 @@ class Waveforms:
 
     def with_loads_scaled(self, factor: float) -> Waveforms:
         """The same flexion under factor times the loads; raises ValueError for a factor that is not positive."""
-        if not factor > 0.0:
+        if not 0.0 < factor < np.inf:
             raise ValueError(f"load scale is {factor}, expected a positive number")
         loads = {name: getattr(self, name).scaled(factor) for name in ("axial_n", "ap_n", "ie_nmm")}
         return replace(self, **loads)

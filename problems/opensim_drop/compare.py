@@ -38,7 +38,7 @@ class Comparison:
 def compare(drop: Drop) -> Comparison:
     """Simulate twice. Raises ImportError without OpenSim, RuntimeError with the last line of a process that failed."""
     if find_spec("opensim") is None:
-        raise ImportError("the drop needs OpenSim: pip install opensim")
+        raise ImportError("the drop needs OpenSim: pip install casadi_contact[opensim]")
     poses, version = _by_opensim(drop)
     return Comparison(by_casadi.simulate(drop), poses, version)
 

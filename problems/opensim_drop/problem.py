@@ -34,6 +34,8 @@ class Drop:
         positive = (self.mass_kg, self.inertia_kgm2, self.duration_s)
         if not (np.isfinite(positive).all() and min(positive) > 0.0):
             raise ValueError(f"mass, inertia and duration are {positive}, expected positive numbers")
+        if not np.isfinite([self.lift_mm, *self.push_n]).all():
+            raise ValueError(f"lift is {self.lift_mm} mm, push {self.push_n} N, expected finite numbers")
         if self.points < 2:
             raise ValueError(f"points is {self.points}, expected 2 or more")
         pose = np.array(self.surrogate.learned_pose())

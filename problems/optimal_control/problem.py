@@ -113,7 +113,7 @@ def build(
     that lack a component of the wrench, and a scene that locks or ties pose parameters."""
     model.scene.pose_space.check_whole("optimal control")
     rig, steps = wanted.rig, pose_steps(model.scene.sensitive_pose)
-    if not steadiness >= 0.0:
+    if not 0.0 <= steadiness < np.inf:
         raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")
     grid = Collocation(intervals, degree, wanted.time_s[-1] - wanted.time_s[0], scheme)
     if wanted.loads.shape != (len(wanted.time_s), len(model.load_names)):

@@ -104,8 +104,12 @@ def build(
     and for free names and rest poses that contradict what the scene locks or ties.
     """
     wanted = np.atleast_2d(np.asarray(loads, dtype=float))
-    if wanted.ndim != 2 or wanted.shape[1] != 6 or not np.isfinite(wanted).all():
-        raise ValueError(f"loads has shape {wanted.shape}, expected finite (n, 6): {' '.join(WRENCH_NAMES)}")
+    if wanted.ndim != 2 or wanted.shape[1] != 6:
+        raise ValueError(f"loads has shape {wanted.shape}, expected (n, 6): {' '.join(WRENCH_NAMES)}")
+    for row, column in np.argwhere(~np.isfinite(wanted)):
+        raise ValueError(
+            f"loads holds {wanted[row, column]} at row {row} ({WRENCH_NAMES[column]}), expected finite numbers"
+        )
     if not free or len(set(free)) != len(free):
         raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
     columns, space = [pose_index(name) for name in free], model.scene.pose_space

@@ -141,10 +141,14 @@ def test_wrong_requests_are_refused(knee, simulator):
         knee_simulator.solve(simulator, integrator="euler")
     with pytest.raises(ValueError, match="start has shape"):
         knee_simulator.solve(simulator, np.zeros(6))
-    with pytest.raises(ValueError, match="mass_kg"):
-        Rig(mass_kg=(0.0, 1.0, 1.0))
-    with pytest.raises(ValueError, match="load scale is -1"):
-        WALKING.with_loads_scaled(-1.0)
+    for mass_kg in (0.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="mass_kg"):
+            Rig(mass_kg=(1.0, mass_kg, 1.0))
+    for scale in (-1.0, np.inf):
+        with pytest.raises(ValueError, match=f"load scale is {scale}"):
+            WALKING.with_loads_scaled(scale)
+    with pytest.raises(ValueError, match="cycles inf"):
+        knee_simulator.solve(simulator, cycles=np.inf)
     with pytest.raises(ValueError, match="no equilibrium to start from"):
         knee_simulator.start_state(knee_simulator.build(knee, Waveforms.constant(20.0, -500.0)))
     foundation = knee_simulator.build(cc.ElasticFoundation(knee.scene, (40, 30)))

@@ -40,6 +40,8 @@ def test_a_body_out_of_contact_falls_freely(knee):
     assert fallen == pytest.approx(1e3 * 400.0 / 1.0 * 0.002**2 / 2.0, rel=1e-6)
 
 
-def test_a_body_without_mass_is_refused(knee):
+def test_a_body_without_mass_or_a_place_to_fall_from_is_refused(knee):
     with pytest.raises(ValueError, match="expected positive numbers"):
         Drop(knee, mass_kg=0.0)
+    with pytest.raises(ValueError, match="lift is nan mm"):
+        Drop(knee, lift_mm=np.nan)

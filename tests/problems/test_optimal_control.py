@@ -138,6 +138,8 @@ def test_wrong_requests_are_refused(knee, wanted):
         optimal_control.build(knee, wanted, scheme="euler")
     with pytest.raises(ValueError, match="intervals 1"):
         optimal_control.build(knee, wanted, intervals=1)
+    with pytest.raises(ValueError, match="steadiness is inf"):
+        optimal_control.build(knee, wanted, steadiness=np.inf)
     with pytest.raises(ValueError, match="wanted loads have shape"):
         optimal_control.build(knee, replace(wanted, loads=wanted.loads[:, :3]))
 

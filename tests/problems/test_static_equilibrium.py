@@ -140,6 +140,7 @@ def test_a_flexion_held_beyond_what_was_learned_is_named_whatever_the_contact_mo
     ("given", "said"),
     [
         ({"loads": np.zeros((2, 5))}, r"loads has shape \(2, 5\)"),
+        ({"loads": [0.0, -np.inf, 0.0, 0.0, 0.0, 0.0]}, r"loads holds -inf at row 0 \(Fy\)"),
         ({"free": ("tx", "tx")}, "each named once"),
         ({"free": ("tx", "qx")}, "unknown pose parameter 'qx'"),
         ({"free": POSE_NAMES}, "contact does not hold flexion"),
