@@ -36,7 +36,8 @@ def run(
     design = build(DishContact(load_scene(scene)), Bounds(_pair(ap, "ap"), _pair(ml, "ml")), frames)
     result = solve(design)
     if not result.solved:
-        print(f"{NAME}: not solved: {result.ipopt_status}", file=sys.stderr)
+        said = "no dish is found that allows this travel: widen --ap and --ml"
+        print(f"{NAME}: not solved: {result.ipopt_status}; {said}", file=sys.stderr)
         raise typer.Exit(2)
     checked = {"first": on_elements(design, result.first), "best": on_elements(design, result.best)}
     report(design, result, checked, out)

@@ -19,6 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact.polar.dish_slopes import RADII
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.walking import reference_cycle
@@ -32,6 +33,7 @@ LAXITY_PUSHES = {"ap": ("tx", "Fx", 100.0), "ml": ("tz", "Fz", 50.0)}  # [N], wi
 LAXITY_SIDE_N, LAXITY_FLEXION_DEG = 350.0, 20.0
 _CLEARANCE_MM = 0.5  # least difference of radii between condyle and dish
 _LARGEST_RADIUS_MM = 200.0
+_AT_BOUND_MM = 1e-3
 _RADIUS_STEP_MM, _PRESSURE_STEP_MPA, _FORCE_STEP_N = 5.0, 5.0, 30.0
 
 
@@ -131,6 +133,14 @@ def build(contact: DishContact, bounds: Bounds, frames: int = 12) -> Design:
         upper_g=np.concatenate([np.zeros(off.numel()), np.full(room.numel(), np.inf), laxity[:, 1]]),
         unpack=ca.Function("unpack", [x], [radii_mm, _PRESSURE_STEP_MPA * peak, poses]),
     )
+
+
+def at_bounds(design: Design, radii_mm: Array) -> str:
+    """The radii (2,) that a bound of the search holds, in words; "" for none. The bounds keep a dish wider than condyle
+    and plateau, and below `_LARGEST_RADIUS_MM`."""
+    low, high = (_RADIUS_STEP_MM * bound[: len(RADII)] for bound in (design.lower, design.upper))
+    held = np.minimum(np.abs(radii_mm - low), np.abs(radii_mm - high)) < _AT_BOUND_MM
+    return ", ".join(f"{RADII[k]} at {radii_mm[k]:.4g} mm" for k in np.flatnonzero(held))
 
 
 def variables(design: Design, radii_mm: Array, poses: Array, peak_mpa: float) -> Array:

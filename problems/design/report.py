@@ -16,7 +16,7 @@ from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
 from problems.common.outcome import solver_record
 from problems.common.records import DIGITS, write_summary
-from problems.design.problem import LAXITY_PUSHES, Design
+from problems.design.problem import LAXITY_PUSHES, Design, at_bounds
 from problems.design.solve import DesignResult, DishState
 
 ALLOWED_MPA, ALLOWED_MM = 0.1, 0.01  # how far the EF may be from the best dish's peak pressure and travels
@@ -47,6 +47,10 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
         f"{design.nlp['x'].numel()} variables; the EF {'agrees' if same else 'differs'}",
         highlight=False,
     )
+    held = at_bounds(design, result.best.radii_mm)
+    if held:
+        said = f"the search's bounds hold {held}; the peak could be lower beyond them"
+        console.print(said, highlight=False, soft_wrap=True)
     columns: dict[str, Any] = {"frame": np.arange(design.frames)}
     for name, state in states.items():
         for p, patch in enumerate(design.contact.patch_names):
@@ -57,6 +61,7 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
         "bounds_mm": {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm},
         **solver_record(result),
         "ef_agrees": same,
+        "at_bounds": held,
         **{name: _record(state) for name, state in states.items()},
         **{f"{name}_on_ef": _record(state) for name, state in checked.items()},
     }

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import casadi_contact as cc
 from casadi_contact.scenes import Scene
 from problems import design
 from problems.design import __main__
-from problems.design.problem import BALANCED
+from problems.design.problem import BALANCED, at_bounds
 from problems.design.report import agrees
 from problems.design.solve import balanced, on_elements
 
@@ -77,6 +78,14 @@ def test_no_dish_nearby_within_the_laxity_bounds_is_better(contact, solved):
         assert not allowed or near.peak_mpa > result.best.peak_mpa
 
 
+def test_a_dish_as_narrow_as_its_condyle_is_said_to_be_held_by_the_search(contact, solved):
+    """A dish has to be wider than what it takes up, by half a millimetre here: the travel asked for is not why."""
+    problem, result = solved
+    assert at_bounds(problem, result.best.radii_mm) == ""
+    narrowest = contact.scene.geometry["frontal_radius"] + 0.5
+    assert at_bounds(problem, np.array([result.best.radii_mm[0], narrowest])) == "dish_frontal_radius at 22.5 mm"
+
+
 def test_elements_settled_by_themselves_find_the_same_peak_and_laxity(solved):
     problem, result = solved
     assert agrees(result.best, on_elements(problem, result.best))
@@ -114,6 +123,12 @@ def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch,
     summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
     assert summary["best"]["peak_mpa"] < summary["first"]["peak_mpa"]
     assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_travel_that_no_dish_allows_ends_with_status_2_and_the_cure(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(__main__, "solve", partial(design.solve, max_iterations=1))
+    assert command(monkeypatch, "--ap", "0,0.5", "--frames", 2, "--out", tmp_path) == 2
+    assert "widen --ap and --ml" in capsys.readouterr().err
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
