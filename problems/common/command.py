@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
-import numpy as np
 import typer
 
 from casadi_contact import command_line
 from casadi_contact.verification import Verdict
+from problems.common.outcome import rows_in_words
 
 RESULTS = Path("results")  # each problem writes into a folder of its own name in it
 
@@ -34,10 +34,9 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
 def end_with(verdict: Verdict, name: str, out: Path) -> None:
     """End the command with the verdict's exit code, and one line on stderr where frames are not verified."""
     if verdict.exit_code:
-        bad = verdict.solved if verdict.exit_code == 2 else verdict.verified
-        frames = ", ".join(map(str, np.flatnonzero(~bad)))
+        good = verdict.solved if verdict.exit_code == 2 else verdict.verified
         what = "not solved" if verdict.exit_code == 2 else "solved, but the contact model differs"
-        print(f"{name}: {what}: frames {frames}; see {out}", file=sys.stderr)
+        print(f"{name}: {what}: frames {rows_in_words(~good)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)
 
 

@@ -54,6 +54,16 @@ def print_verdict(console: Console, verdict: Verdict) -> None:
     console.print(str(verdict), highlight=False, soft_wrap=True)
 
 
+def rows_in_words(chosen: np.ndarray) -> str:
+    """Which of rows (n,) are True: "0, 3 to 7, 9, 10"."""
+    words = []
+    for given, group in groupby(range(len(chosen)), key=lambda k: bool(chosen[k])):
+        rows = list(group)
+        if given:
+            words += [f"{rows[0]} to {rows[-1]}"] if len(rows) > 2 else [str(row) for row in rows]
+    return ", ".join(words)
+
+
 def print_reasons(console: Console, reason: np.ndarray, row: str = "frame") -> None:
     """Why rows (n,) are not verified: neighbouring ones together, with the reason of the middle one."""
     for given, group in groupby(range(len(reason)), key=lambda k: reason[k] != ""):

@@ -242,7 +242,7 @@ def _check(
     needed = {COORDINATES[name] for name in balanced}
     if not set(free) <= needed:
         raise ValueError(f"{', '.join(set(free) - needed)} is free, but nothing balanced moves along it")
-    if not exponent >= 2.0 or not 0.0 <= least_activation < 1.0:
+    if not 2.0 <= exponent < np.inf or not 0.0 <= least_activation < 1.0:
         raise ValueError(
             f"exponent is {exponent} and least activation {least_activation}, expected >= 2 and from 0 to below 1"
         )

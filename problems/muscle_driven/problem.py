@@ -25,6 +25,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, wrench_function
 from problems.common.knee_scene import check_knee
+from problems.common.outcome import rows_in_words
 from problems.muscle_contact.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
@@ -112,11 +113,11 @@ def build(
         )
     if inverse.balanced != BALANCED:
         raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
-    unbalanced = np.flatnonzero(~solved.converged | solved.overloaded)
-    if len(unbalanced):
+    unbalanced = ~solved.converged | solved.overloaded
+    if unbalanced.any():
         raise ValueError(
-            f"walk {walk.name}: muscles do not balance frames {', '.join(map(str, unbalanced))}, expected all balanced "
-            "in every frame by muscles alone: problems.muscle_contact says why"
+            f"walk {walk.name}: muscles alone do not balance frames {rows_in_words(unbalanced)}, expected all of them "
+            "to be balanced: problems.muscle_contact says why"
         )
     if max(np.abs(curve).max() for curve in solved.reserves.values()) > _LARGEST_RESERVE:
         raise ValueError(

@@ -309,6 +309,7 @@ def test_a_problem_can_be_inspected_unsolved_and_stopped_early(knee):
         ({"balanced": ("knee_ty", "knee_flexion")}, "rx is free, but nothing balanced moves along it"),
         ({"free": ("ty",)}, "expected ty and rx"),
         ({"exponent": 1.0}, "exponent is 1.0"),
+        ({"exponent": np.inf}, "exponent is inf"),
         ({"least_activation": 1.0}, "least activation 1.0"),
         ({"margin_mm": 50.0}, "margin is 50.0 mm"),
         ({"shank_m": 41.0}, "shank is 41.0 m long"),

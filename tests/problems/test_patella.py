@@ -82,4 +82,4 @@ def test_a_patella_that_balances_on_a_walk_that_muscles_do_not_is_no_solution(tm
     assert end.value.code == 2
     said = capsys.readouterr()
     assert "muscles and femur: 0 of 3 solved" in said.out
-    assert "patella: not solved: frames 0, 1, 2" in said.err
+    assert "patella: not solved: frames 0 to 2" in said.err

@@ -12,7 +12,7 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge
 from problems import muscle_contact
 from problems.common.learned_range import beyond_learned
-from problems.common.outcome import print_reasons
+from problems.common.outcome import print_reasons, rows_in_words
 from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.example import example_walk
@@ -107,6 +107,14 @@ def test_a_simulated_motion_under_too_much_load_says_where_it_left_what_was_lear
     outside = [row["verdict"] for row in rows if "outside the learned range" in row["reason"]]
     assert outside
     assert "solved and verified" not in outside
+
+
+def test_neighbouring_rows_are_told_by_their_ends():
+    chosen = np.zeros(101, dtype=bool)
+    assert rows_in_words(chosen) == ""
+    chosen[[0, 3, 4, 5, 6, 9, 10]] = True
+    assert rows_in_words(chosen) == "0, 3 to 6, 9, 10"
+    assert rows_in_words(np.ones(101, dtype=bool)) == "0 to 100"
 
 
 def test_neighbouring_rows_share_one_line():
