@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.dataset import partial_folder, read_samples
-from casadi_contact.sampling import ReferenceMotion, draw_samples
+from casadi_contact.sampling import ReferenceMotion, draw_samples, foundations
 from tests.sampling.test_draw import MOTION, SETTINGS, draw
 from tests.support import two_spheres
 from tests.support.two_spheres import knee
@@ -123,6 +123,36 @@ def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path,
             draw_samples(scene, motion, path, executor=executor, **asked)
         assert "\n" not in str(error.value)
         assert sorted(p.name for p in tmp_path.rglob("*")) == before
+
+
+def test_samples_of_a_foundation_go_on_for_no_smaller_tolerances(tmp_path, monkeypatch):
+    """It is chosen for the tolerances: whole samples are good enough for larger ones, begun ones for the same alone."""
+    monkeypatch.setattr("casadi_contact.sampling.draw.foundation", two_spheres.TwoSpheres)
+    path, settings = tmp_path / "samples.h5", replace(SETTINGS, seed=77)
+    tight, loose = (
+        knee().with_tolerances(**{name: factor * value for name, value in knee().tolerances.items()})
+        for factor in (0.5, 2.0)
+    )
+
+    def go_on(scene, progress=None):
+        with ThreadPoolExecutor(1) as executor:
+            return draw_samples(
+                scene, MOTION, path, settings=settings, executor=executor, models=foundations, progress=progress
+            )
+
+    def stop(done, total):
+        if done == 2:
+            raise StopError
+
+    with pytest.raises(StopError):
+        go_on(knee(), stop)
+    for other in (tight, loose):
+        with pytest.raises(ValueError, match="was drawn with tolerances"):
+            go_on(other)
+    drawn = go_on(knee())
+    with pytest.raises(ValueError, match="was drawn from a foundation chosen for Fy_med within"):
+        go_on(tight)
+    np.testing.assert_array_equal(go_on(loose).poses, drawn.poses)
 
 
 def test_a_damaged_record_is_refused(stopped):
