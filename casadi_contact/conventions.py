@@ -71,6 +71,25 @@ def as_poses(poses: ArrayLike) -> Array:
     return array
 
 
+def finite_numbers(value: Any) -> Array | None:
+    """Real, finite numbers of any shape; None for anything else: words, complex numbers, symbols, unequal rows."""
+    try:
+        given = np.asarray(value)
+        numbers = np.full(1, np.nan) if given.dtype.kind == "c" else given.astype(float)
+    except (TypeError, ValueError, NotImplementedError):  # the last by CasADi's symbols
+        return None
+    return numbers if np.isfinite(numbers).all() else None
+
+
+def evenly(count: int, most: int) -> np.ndarray:
+    """Up to `most` of the numbers 0 ... count - 1, spread evenly, both ends among them.
+
+    >>> evenly(101, 5)
+    array([  0,  25,  50,  75, 100])
+    """
+    return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).astype(int))
+
+
 def pose_text(pose: ArrayLike, patch_names: Sequence[str] = ()) -> str:
     """A pose (6,) as messages name it, in mm and degrees; with the flexion, -rz, between a medial and a lateral patch.
 

@@ -1,11 +1,12 @@
 """Rotations, poses and named loads."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.conventions import angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.conventions import angular_velocity_map, as_poses, evenly, finite_numbers, load_selection, rotation
 
 angles = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
@@ -61,3 +62,26 @@ def test_named_loads_pick_a_patch_or_the_sum():
     np.testing.assert_array_equal(loads[:, 3], wrenches[:, :, 5].sum(axis=1))
     with pytest.raises(ValueError, match=r"unknown load 'Fy_medial'.*Fy_med"):
         load_selection(("Fy_medial",), ("med", "lat"))
+
+
+@pytest.mark.parametrize("value", ["x", 1j, np.array([1.0 + 1j]), np.nan, [[1.0], [1.0, 2.0]], None, ca.MX.sym("x")])
+def test_what_is_no_finite_number_is_told_from_numbers(value):
+    assert finite_numbers(value) is None
+
+
+def test_numbers_keep_their_shape():
+    assert finite_numbers(2).shape == ()
+    assert finite_numbers(ca.DM([[1.0, 2.0]])).shape == (1, 2)
+
+
+@pytest.mark.parametrize(("count", "most"), [(2, 5), (3, 3), (100, 7)])
+def test_rows_are_spread_from_the_first_to_the_last(count, most):
+    rows = evenly(count, most)
+    assert len(rows) == min(count, most)
+    assert (rows[0], rows[-1]) == (0, count - 1)
+    assert np.ptp(np.diff(rows)) <= 1
+
+
+def test_of_no_rows_none_are_chosen_and_of_one_that():
+    assert evenly(0, 3).tolist() == []
+    assert evenly(1, 3).tolist() == [0]

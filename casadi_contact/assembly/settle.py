@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.assembly import Assembly
-from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, pose_index
+from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, finite_numbers, pose_index
 from casadi_contact.files import short
 
 _FIRST_STEP_S = 1e-4
@@ -103,13 +103,9 @@ class Settling:
 
 def _numbers(what: str, value: Any, count: int, expected: str) -> Array:
     """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
-    wrong = ValueError(f"{what} {short(repr(value))}, expected {expected}")
-    try:
-        numbers = np.asarray(value).astype(float, casting="same_kind")
-    except (TypeError, ValueError):  # words, complex numbers, rows of unequal length
-        raise wrong from None
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise wrong
+    numbers = finite_numbers(value)
+    if numbers is None or numbers.shape != (count,):
+        raise ValueError(f"{what} {short(repr(value))}, expected {expected}")
     return numbers
 
 

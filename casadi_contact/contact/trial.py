@@ -10,7 +10,7 @@ import numpy as np
 
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.touch import ways_of_pressing
-from casadi_contact.conventions import Array, pose_text
+from casadi_contact.conventions import Array, evenly, pose_text
 from casadi_contact.quantities import FORCE, of_kind
 
 _POSES = 5
@@ -52,7 +52,7 @@ def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array],
     """
     if not len(touching) or not hasattr(model, "wrenches"):
         return
-    chosen = np.unique(np.linspace(0, len(touching) - 1, _POSES).astype(int))
+    chosen = evenly(len(touching), _POSES)
     ways = ways_of_pressing(model, len(touching), wanted)[chosen]
     asked = np.linalg.norm([wanted[name][chosen] for name in of_kind(list(wanted), FORCE)], axis=0)
     asked = np.maximum(asked, 1.0)

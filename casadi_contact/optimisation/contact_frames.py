@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, symbolic
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses, loads_of_total, pose_index
+from casadi_contact.conventions import (
+    LEVER_MM,
+    POSE_NAMES,
+    Array,
+    as_poses,
+    finite_numbers,
+    loads_of_total,
+    pose_index,
+)
 from casadi_contact.files import short
 from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
@@ -242,12 +250,8 @@ def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: i
 
 def _numbers(name: str, value: Any, frames: int) -> Array:
     """A number for each frame (n,), from one, or n of them in a row or a column."""
-    wrong = ValueError(f"{name} is {short(str(value))}, expected a finite number, or one for each of {frames} frames")
-    try:
-        numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, NotImplementedError):  # words, symbols, rows of unequal length
-        raise wrong from None
-    vector = numbers.size == max(numbers.shape, default=1)
-    if not vector or numbers.size not in (1, frames) or not np.isfinite(numbers).all():
-        raise wrong
+    numbers = finite_numbers(value)
+    if numbers is None or numbers.size != max(numbers.shape, default=1) or numbers.size not in (1, frames):
+        expected = f"expected a finite number, or one for each of {frames} frames"
+        raise ValueError(f"{name} is {short(str(value))}, {expected}")
     return np.broadcast_to(numbers.ravel(), frames)

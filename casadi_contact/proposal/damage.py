@@ -12,28 +12,31 @@ _SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 de
 
 
 def without_specks(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh without loose pieces of less than 1 % of its largest one's area; all of it where these make up more than
-    5 % of it."""
-    areas = np.bincount(mesh.pieces, mesh.areas_mm2)
-    small = areas < _SPECK * areas.max()
-    if not small.any() or areas[small].sum() > _ALL_SPECKS * areas.sum():
-        return mesh
-    return mesh.part(~small[mesh.pieces])
+    """The mesh without its specks."""
+    small = _specks(mesh)
+    return mesh.part(~np.isin(mesh.pieces, small)) if len(small) else mesh
 
 
 def specks(mesh: TriangleMesh) -> list[str]:
     """The doubt about the loose pieces that `without_specks` leaves out."""
-    areas = np.bincount(mesh.pieces, mesh.areas_mm2)
-    kept = without_specks(mesh)
-    if kept is mesh:
+    small = _specks(mesh)
+    if not len(small):
         return []
-    small = np.flatnonzero(areas < _SPECK * areas.max())
+    area, whole = mesh.areas_mm2[np.isin(mesh.pieces, small)].sum(), mesh.areas_mm2.sum()
     middle = mesh.corners_mm[mesh.pieces == small[0]].mean(axis=(0, 1)).round(1) + 0.0
     return [
-        f"whether {len(small)} loose pieces of {mesh.name} ({areas[small].sum():.2g} of {areas.sum():.4g} mm², first "
+        f"whether {len(small)} loose pieces of {mesh.name} ({area:.2g} of {whole:.4g} mm², first "
         f"about {point_words(middle)} mm) belong to it: the joint was told without them, but they are in the file, and "
         "bear load where they are touched; remove them there if they are specks"
     ]
+
+
+def _specks(mesh: TriangleMesh) -> np.ndarray:
+    """Numbers of the loose pieces of less than 1 % of the largest one's area; none where these make up more than 5 % of
+    the mesh."""
+    areas = np.bincount(mesh.pieces, mesh.areas_mm2)
+    small = np.flatnonzero(areas < _SPECK * areas.max())
+    return small if areas[small].sum() <= _ALL_SPECKS * areas.sum() else small[:0]
 
 
 def spikes(mesh: TriangleMesh) -> list[str]:

@@ -33,7 +33,7 @@ def meeting_of(pair: Pair) -> Meeting:
     inside out."""
     if (here := _as_placed(pair)) is not None:
         return here
-    if pair.is_open and _nearly_touch(pair, backs=True):
+    if pair.is_open and _near_as_placed(pair, backs=True) is not None:
         raise ValueError(
             "where the files place them the bodies nearly touch, but the fixed surface faces away from the moving one, "
             "expected its outside towards it: turn its triangles round"
@@ -63,19 +63,20 @@ def check_moving_outside(pair: Pair, meeting: Meeting) -> None:
 
 def _as_placed(pair: Pair) -> Meeting | None:
     """How they meet where the files place them, if they just touch there."""
-    if not _nearly_touch(pair):
+    near = _near_as_placed(pair)
+    if near is None:
         return None
-    pressing, concentration = _pressing(pair, pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM))
+    pressing, concentration = _pressing(pair, near)
     return Meeting(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
 
 
-def _nearly_touch(pair: Pair, *, backs: bool = False) -> bool:
-    """Whether enough of the fixed surface is near the moving body where the files place them, which it does not
-    pierce; backs: of what faces away from it."""
+def _near_as_placed(pair: Pair, *, backs: bool = False) -> np.ndarray | None:
+    """What of the fixed surface (n,) is near the moving body where the files place them; None where that is too little,
+    or the bodies pierce each other. backs: of what faces away from it."""
     near = pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM, backs=backs)
     deepest = -float(pair.distances(np.eye(3), np.zeros(3))[0].min())
-    whole = float(pair.areas_mm2.sum())
-    return bool(deepest < pair.scale * _DEEPEST_MM and pair.areas_mm2[near].sum() > _LEAST_SHARE * whole)
+    touch = deepest < pair.scale * _DEEPEST_MM and pair.areas_mm2[near].sum() > _LEAST_SHARE * pair.areas_mm2.sum()
+    return near if touch else None
 
 
 def _dropped(pair: Pair) -> Meeting | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import Array, pose_text
+from casadi_contact.conventions import Array, evenly, pose_text
 from casadi_contact.dataset import Samples
 from casadi_contact.quantities import FORCE, TORQUE, quantity
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
@@ -34,7 +34,8 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> Non
     if not len(samples):
         return
     loaded = (samples.wrenches != 0.0).any(axis=(1, 2))
-    rows = np.concatenate([_spread(np.flatnonzero(loaded), _LOADED), _spread(np.flatnonzero(~loaded), _FREE)])
+    asked_of = ((np.flatnonzero(loaded), _LOADED), (np.flatnonzero(~loaded), _FREE))
+    rows = np.concatenate([rows[evenly(len(rows), most)] for rows, most in asked_of])
     asked = samples.rows(rows)
     wrenches, gaps, _ = evaluated(model, asked.poses, len(asked.scene.parts))
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
@@ -64,11 +65,6 @@ def _compared(kept: Samples, wrenches: Array, gaps: Array) -> Iterator[tuple[str
     for column, part in enumerate(scene.parts):
         before = kept.gaps[:, column]
         yield f"gap_{part.name}", before, gaps[:, column], max(_GAP_MM, _SHARE * _rms(before))
-
-
-def _spread(rows: np.ndarray, count: int) -> np.ndarray:
-    """Up to `count` of these rows, evenly."""
-    return rows[np.unique(np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int))] if len(rows) else rows
 
 
 def _rms(values: Array) -> float:

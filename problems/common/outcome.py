@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import groupby
 from typing import Any, Protocol
 
@@ -57,21 +58,24 @@ def print_verdict(console: Console, verdict: Verdict) -> None:
 def rows_in_words(chosen: np.ndarray) -> str:
     """Which of rows (n,) are True: "0, 3 to 7, 9, 10"."""
     words = []
-    for given, group in groupby(range(len(chosen)), key=lambda k: bool(chosen[k])):
-        rows = list(group)
-        if given:
-            words += [f"{rows[0]} to {rows[-1]}"] if len(rows) > 2 else [str(row) for row in rows]
+    for rows in _neighbours(chosen):
+        words += [f"{rows[0]} to {rows[-1]}"] if len(rows) > 2 else [str(row) for row in rows]
     return ", ".join(words)
+
+
+def _neighbours(chosen: np.ndarray) -> Iterator[list[int]]:
+    """The rows (n,) that are True, neighbouring ones together."""
+    for given, group in groupby(range(len(chosen)), key=lambda k: bool(chosen[k])):
+        if given:
+            yield list(group)
 
 
 def print_reasons(console: Console, reason: np.ndarray, row: str = "frame") -> None:
     """Why rows (n,) are not verified: neighbouring ones together, with the reason of the middle one."""
-    for given, group in groupby(range(len(reason)), key=lambda k: reason[k] != ""):
-        rows = list(group)
-        if given:
-            middle = rows[len(rows) // 2]
-            which = f"{row} {rows[0]}" if len(rows) == 1 else f"{row}s {rows[0]} to {rows[-1]}, as {middle}"
-            console.print(f"{which}: {reason[middle]}", highlight=False, soft_wrap=True)
+    for rows in _neighbours(reason != ""):
+        middle = rows[len(rows) // 2]
+        which = f"{row} {rows[0]}" if len(rows) == 1 else f"{row}s {rows[0]} to {rows[-1]}, as {middle}"
+        console.print(f"{which}: {reason[middle]}", highlight=False, soft_wrap=True)
 
 
 def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:

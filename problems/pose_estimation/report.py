@@ -11,7 +11,7 @@ from rich.table import Table
 
 from casadi_contact.contact import PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.files import short, writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import poses_table, write_table
 from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
@@ -26,7 +26,7 @@ from casadi_contact.verification import (
     words_on_walls,
 )
 from problems.common.contact import grids_in_words, models_on_grids
-from problems.common.outcome import print_outcome, print_verdict, solver_record
+from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
 from problems.pose_estimation.problem import PoseEstimation
@@ -111,14 +111,14 @@ class Tracked:
         if self.ef is None or not centres:
             return ""
         away = np.nan_to_num(np.abs(self.ef.teacher - self.wanted)[:, centres].max(axis=1), nan=np.inf)
-        light = np.flatnonzero(verdict.verified & (away > CENTRE_ELSEWHERE_MM))
-        if not len(light):
+        light = verdict.verified & (away > CENTRE_ELSEWHERE_MM)
+        if not light.any():
             return ""
         largest = away[light].max()
         where = f"up to {largest:.2g} mm from the wanted one" if np.isfinite(largest) else "nowhere, or far off"
         return (
             f"verified under so light a load that on the EF the centre of pressure lies {where}: "
-            f"frames {short(', '.join(map(str, light)))}"
+            f"frames {rows_in_words(light)}"
         )
 
     def errors(self) -> Errors:
