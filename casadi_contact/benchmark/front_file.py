@@ -86,6 +86,24 @@ class Front:
         """The models of the speed-accuracy chart itself: neither failures nor the swept ones."""
         return tuple(point for point in self.points if point.sweep == SIZE and not point.failure)
 
+    @property
+    def repeats(self) -> dict[str, str]:
+        """Swept points that are an earlier point again, by name, with the name of that one: a fit that ends before its
+        budget gives the same networks under every larger one, and so every error to the last digit."""
+        first: dict[tuple[Any, ...], str] = {}
+        found = {}
+        for point in self.points:
+            errors = (point.load_rms, point.domain_force_rms_n, point.domain_torque_rms_nmm)
+            key = (point.family, point.samples, point.parameters, *(tuple(each.items()) for each in errors))
+            if first.setdefault(key, point.name) != point.name and point.sweep != SIZE and not point.failure:
+                found[point.name] = first[key]
+        return found
+
+    def swept(self, *sweeps: str) -> tuple[Point, ...]:
+        """The points of these sweeps, neither failures nor repeats."""
+        repeats = self.repeats
+        return tuple(p for p in self.points if p.sweep in sweeps and not p.failure and p.name not in repeats)
+
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     """Indices of the (cost, error) pairs that no other equals or beats in both, cheapest first."""

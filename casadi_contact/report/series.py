@@ -70,7 +70,7 @@ def _domains(points: Sequence[Point], error: str) -> list[str]:
 
 def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str) -> Any | None:
     """The swept points with the model they vary, on unseen poses and up to three domains; None if the file has none."""
-    points = [p for p in front.points if p.sweep == sweep and not p.failure]
+    points = list(front.swept(sweep))
     if not points:
         return None
     model = points[0].name.partition(" (")[0]

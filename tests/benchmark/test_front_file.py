@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.benchmark.front_file import Front, Point, pareto, read_front, write_front
+from casadi_contact.benchmark.front_file import (
+    SAMPLES,
+    SECONDS,
+    SIZE,
+    Front,
+    Point,
+    pareto,
+    read_front,
+    write_front,
+)
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.quantities import FORCE, TORQUE
 from tests.support.stored_results import SPEED_ACCURACY as STORED
@@ -102,3 +111,15 @@ def test_the_pareto_front_is_what_nothing_else_beats(points):
         assert not any(c <= cost and e <= error and (c, e) != (cost, error) for c, e in points)
     for cost, error in points:
         assert any(c <= cost and e <= error for c, e in best)
+
+
+def test_a_fit_that_ended_before_its_budget_stands_once():
+    def fit(name, error, sweep=SIZE, samples=100):
+        return Point(name, "patch", sweep, load_rms={"Fx": error}, samples=samples, parameters=9)
+
+    ended, stopped = fit("8-8", 0.3), fit("8-8 (10 Gflop)", 0.4, SECONDS)
+    again, fewer = fit("8-8 (90 Gflop)", 0.3, SECONDS), fit("8-8 (50 samples)", 0.3, SAMPLES, samples=50)
+    front = Front({}, (ended, stopped, again, fewer, fit("another size", 0.3)))
+    assert front.repeats == {again.name: ended.name}
+    assert front.swept(SECONDS) == (stopped,)
+    assert front.swept(SAMPLES, SECONDS) == (stopped, fewer)

@@ -10,7 +10,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Point, read_front
+from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Front, Point, read_front
 from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
@@ -30,8 +30,9 @@ _CHARTS = {
 def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     """Charts (see `draw_speed_accuracy`) and table of a front; pictures lie in a folder of its file's name."""
     front = read_front(path)
-    sweeps = {p.sweep for p in front.points if not p.failure}
     needs = {"error_by_samples": SAMPLES, "error_by_training_time": SECONDS}
+    swept = front.swept(*needs.values())
+    sweeps = {SIZE, *(p.sweep for p in swept)}
     by_domain = any(point.domain_force_rms_n for point in front.models)
     shown = [x for x in _CHARTS if needs.get(x, SIZE) in sweeps and (by_domain or x != "error_by_domain")]
     pictures = {x: f"![{_CHARTS[x]}]({path.stem}/{x}.png)" for x in shown}
@@ -47,15 +48,14 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
         f"{header['walking_poses']} poses of its motion that no model has seen, against {header['reference']}; medians "
         f"of the time per pose. `{command}` measures this table."
     )
-    compared = [p for p in front.points if p.sweep == SIZE and not p.failure]
-    swept = [p for p in front.points if p.sweep != SIZE and not p.failure]
+    compared = front.models
     first = [pictures[x] for x in ("speed_accuracy", "gradient_hessian_time")]
     parts = [intro, machine(header), *first, "## All models", _front_table(compared)]
     if remarks := _remarks(compared):
         parts.append(f"How the models of each family were evaluated, and what they are made of:\n\n{remarks}")
     if swept:
         series = [pictures[x] for x in needs if x in pictures]
-        parts += ["## One size with other samples and budgets", _front_table(swept), *series]
+        parts += ["## One size with other samples and budgets", _front_table(swept), *_repeats(front), *series]
     failed = [f"- {p.name}: {p.failure}" for p in front.points if p.failure]
     if failed:
         parts += ["## Not measured", "\n".join(failed)]
@@ -74,7 +74,15 @@ def draw_speed_accuracy(path: Path, out: Path) -> None:
                     beside.write_bytes(drawn.read_bytes())
 
 
-def _front_table(points: list[Point]) -> str:
+def _repeats(front: Front) -> list[str]:
+    """A line that names the rows left out, if there are any."""
+    if not front.repeats:
+        return []
+    names, earlier = ", ".join(front.repeats), ", ".join(dict.fromkeys(front.repeats.values()))
+    return [f"Left out: {names}. Training ended by itself within a smaller budget; these are {earlier} again."]
+
+
+def _front_table(points: Sequence[Point]) -> str:
     rows = []
     for point in points:
         timings = [getattr(point, what) for what in TIMES[:3]]
