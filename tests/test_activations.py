@@ -8,7 +8,7 @@ import pytest
 
 from casadi_contact.activations import ACTIVATIONS, Activation, activation_of
 from casadi_contact.network import Network
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.training import TrainingSettings
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.mlp import Mlp

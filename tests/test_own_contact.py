@@ -160,6 +160,21 @@ def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_
         pipeline.calibrate(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
 
 
+def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    with pytest.raises(ValueError, match="another scene than knee"):
+        cc.build("knee", model=model, folder=tmp_path / "out")
+    with pytest.raises(ValueError, match="a table of samples and a model, expected one"):
+        cc.build(scene_file, "small", model=model, table="table.csv", folder=tmp_path / "out")
+
+
+def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        cc.ElasticFoundation(own_contact.SCENE)
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
+
+
 @pytest.mark.parametrize("name", ["step_mm", "step_rad", "approach_mm", "reach_mm"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_lengths_that_would_never_end_a_search_are_refused(name, value):
@@ -177,137 +192,3 @@ def test_no_poses_have_no_derivatives():
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
     values, slopes = model.jacobian(np.zeros((0, 6)))
     assert (values.shape, slopes.shape) == ((0, 6), (0, 6, 6))
-
-
-def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    with pytest.raises(ValueError, match="another scene than knee"):
-        cc.build("knee", model=model, folder=tmp_path / "out")
-    with pytest.raises(ValueError, match="a table of samples and a model, expected one"):
-        cc.build(scene_file, "small", model=model, table="table.csv", folder=tmp_path / "out")
-
-
-def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):
-    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
-        cc.ElasticFoundation(own_contact.SCENE)
-    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
-        pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
-
-
-def test_out_of_contact_root_loads_fall_with_the_model_s_own_gaps():
-    """At 0.1 mm from touching: s = -gap_slope·gap, whose slope leads back along the displacement."""
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    away = np.array([0.0, 0.6, 0.8])
-    pose = np.array([[*(own_contact.CENTRE_MM + (own_contact.CLEARANCE_MM - 0.1) * away), 0.1, 0.0, -0.2]])
-    roots, slopes = model.root_loads(pose)
-    scale = own_contact.SCENE.gap_slope
-    np.testing.assert_allclose(roots, [[-scale * 0.1]], rtol=1e-9)
-    np.testing.assert_allclose(slopes[0, 0], [*(scale * away), 0.0, 0.0, 0.0], atol=1e-4)
-
-
-def lifted(count=6):
-    """Poses 0.3 mm from touching, and the loads and free parameters to settle them to."""
-    poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (count, 1))
-    poses[:, 1] += 0.1
-    poses[:, 5] = np.linspace(-0.3, 0.3, count)
-    return poses, ("tx", "ty", "tz"), {"Fx": 0.0, "Fy": 500.0, "Fz": 0.0}
-
-
-def test_gaps_of_the_wrong_sign_are_refused_at_the_first_pose_that_carries_no_load():
-    poses, free, wanted = lifted()
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: -own_contact.gaps(at))
-    with pytest.raises(
-        ValueError, match=r"gap -0\.3 mm of contact at tx 5 mm, ty -2\.9 mm, .*°, where it returned no load"
-    ):
-        cc.settle(model, poses, free, wanted)
-
-
-def test_a_gap_that_is_a_little_late_is_no_wrong_sign():
-    """Elements find contact a little after the surfaces meet: overlap of 0.05 mm without load is taken as it is."""
-    late = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: own_contact.gaps(at) - 0.05)
-    touching = np.zeros((1, 6))
-    touching[0, :3] = own_contact.CENTRE_MM + np.array([0.0, own_contact.CLEARANCE_MM - 0.001, 0.0])
-    assert late.gaps(touching)[0, 0] < 0.0
-    assert np.isfinite(late.root_loads(touching)[0]).all()
-
-
-def test_gaps_and_loads_that_are_no_numbers_are_named():
-    poses, free, wanted = lifted()
-
-    def spoilt(function):
-        return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), np.nan, function(at))
-
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, spoilt(own_contact.gaps))
-    with pytest.raises(
-        ValueError, match=r"returned the gap nan mm of contact at tx 5 mm, .*, rz 17\.19°, expected a finite"
-    ):
-        model.gaps(poses)
-    _, report = cc.settle(
-        cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), poses, free, wanted
-    )
-    spoilt_rows = poses[:, 5] > 0.2
-    assert set(report.reason[spoilt_rows]) == {"the contact model's loads are not finite"}
-    assert report.converged[~spoilt_rows].all()
-
-
-@pytest.mark.parametrize("free", [("tx", "ty", "tz"), ("tx", "ty", "tz", "rx")])
-def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_and_no_others(free):
-    """From 300 N on its loads are not finite: a pose that wants 500 N reaches that border and is reported there."""
-
-    def fails_deep(poses):
-        loads = own_contact.wrenches(poses)
-        loads[np.linalg.norm(loads[:, 0, :3], axis=1) > 300.0] = np.nan
-        return loads
-
-    poses, _, wanted = lifted(8)
-    wanted["Fy"] = np.array([50.0, 100.0, 200.0, 250.0, 290.0, 310.0, 500.0, 900.0])
-    loads = wanted | ({"Tx": -2.0 * wanted["Fy"]} if len(free) > 3 else {})
-    _, report = cc.settle(cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps), poses, free, loads)
-    np.testing.assert_array_equal(report.converged, wanted["Fy"] < 300.0, report.reason)
-
-
-def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
-    """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads."""
-    asked = []
-
-    def counted(poses):
-        asked.append(len(poses))
-        return own_contact.wrenches(poses)
-
-    model, plain = (cc.CallableModel(own_contact.SCENE, f, own_contact.gaps) for f in (counted, own_contact.wrenches))
-    poses, *_ = lifted(2)
-    for at in (poses, poses + 0.01, poses):
-        asked.clear()
-        found = (*model.jacobian(at), *model.root_loads(at))
-        assert sum(asked) == 13 * len(poses)
-        for got, want in zip(found, (*plain.jacobian(at), *plain.root_loads(at)), strict=True):
-            np.testing.assert_array_equal(got, want)
-            got[:] = 0.0  # what a caller does to them is its own affair
-        np.testing.assert_array_equal(model.jacobian(at)[1], plain.jacobian(at)[1])
-
-
-@pytest.mark.parametrize("what", ["wrenches", "gaps"])
-def test_complex_loads_and_gaps_are_refused(what):
-    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps}
-    complex_one = functions | {what: lambda poses: functions[what](poses).astype(complex)}
-    model = cc.CallableModel(own_contact.SCENE, **complex_one)
-    with pytest.raises(ValueError, match=f"returned complex {what}, expected real ones"):
-        getattr(model, what)(np.zeros(6))
-
-
-def test_a_model_may_write_into_the_poses_it_is_given():
-    def careless(function):
-        def called(at):
-            result = function(at)
-            at[:] = 0.0
-            return result
-
-        return called
-
-    poses, *_ = lifted()
-    model = cc.CallableModel(own_contact.SCENE, careless(own_contact.wrenches), careless(own_contact.gaps))
-    careful = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    before = poses.copy()
-    for got, want in zip(model.root_loads(poses), careful.root_loads(poses), strict=True):
-        np.testing.assert_array_equal(got, want)
-    np.testing.assert_array_equal(poses, before)

@@ -10,13 +10,12 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
-from casadi_contact.files.toml import toml_tables, toml_text
+from casadi_contact.files.toml import toml_tables
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
@@ -24,7 +23,7 @@ from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.normal_load import NormalLoad, in_sum, normal_loads
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.scenes.ready_files import ready_tables, ready_text
+from casadi_contact.scenes.ready_files import ready_tables
 from casadi_contact.shapes import shape_named
 from casadi_contact.shapes.checks import (
     distinct_names,
@@ -281,22 +280,3 @@ class Scene:
     def patch_geometry(self, patch: str) -> dict[str, Any]:
         """The numbers of [geometry] that hold for one patch: a knee's side may have its own."""
         return shape_named(self.shape).patch_geometry(self.geometry, patch)
-
-
-def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
-    """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters:
-    ``load_scene("sphere_on_plane", radius=25.0)``.
-
-    Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
-    """
-    text_name = str(name_or_path)
-    text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else ready_text(text_name)
-    try:
-        scene = Scene.from_toml(text)
-        given = scene.tables["geometry"]
-        located = shape_named(scene.shape).locate_files(given, Path(name_or_path).resolve().parent)
-        if located is not given:
-            scene = Scene.from_tables({**scene.tables, "geometry": located})
-    except ValueError as error:
-        raise ValueError(f"{text_name}: {error}") from None
-    return scene.with_overrides(**overrides) if overrides else scene

@@ -5,7 +5,7 @@
 The femoral component moves, so that a translation's load is a force in the fixed frame, on the femur, and a
 rotation's is the moment about the moving origin, along the axis of rx, ry or rz: Eᵀ(T - t×F), with T, F on the femur
 about the fixed origin and E of `angular_velocity_map`. Measured loads of an instrumented implant balance so; with the
-opposite sign they do not (tests/problems/test_muscle_contact.py).
+opposite sign they do not (tests/problems/test_muscle_measured.py).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import pytest
 
 from casadi_contact.benchmark.kernel_speed import kernel_speed
 from casadi_contact.report import kernel_speed_tables, read_kernel_speed
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
 

@@ -1,4 +1,4 @@
-"""Muscle and contact together: balance, golden numbers, optimality, measured cycles blind, mistakes."""
+"""Muscle and contact together: balance, golden numbers, optimality, co-contraction, mistakes."""
 
 import csv
 import json
@@ -10,13 +10,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
 import casadi_contact as cc
 from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
-from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.opensim import read_opensim_table
-from casadi_contact.optimisation import shear_free_poses
 from problems import muscle_contact
 from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact import __main__
@@ -29,8 +26,6 @@ from problems.muscle_contact.knee_coordinates import (
     in_newtons,
 )
 from problems.muscle_contact.problem import BALANCED, LEAST_SQUARES, MARGIN_MM, RESERVE_SIZES
-from problems.muscle_contact.walk import read_walk
-from tests.support.shared_data import shared_file
 
 ROOT = Path(__file__).parents[2]
 SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx"), **LEAST_SQUARES}
@@ -53,11 +48,6 @@ def cocontracting(knee):
     """As the command solves it."""
     problem = muscle_contact.build(knee, example_walk())
     return problem, muscle_contact.solve(problem)
-
-
-def measured_walk(name):
-    files = (f"{name}_loads", f"{name}_inverse_dynamics", f"{name}_muscles", "muscle_parameters")
-    return read_walk(*(shared_file(f"data/jw/{file}.csv") for file in files))
 
 
 def compression(result):
@@ -158,53 +148,6 @@ def test_a_generalised_load_does_the_work_of_its_forces():
     np.testing.assert_allclose(np.asarray(expression(pose, loads)).ravel(), expected, rtol=1e-12)
 
 
-def test_measured_contact_loads_balance_with_these_signs_and_not_with_the_opposite(knee):
-    walk = measured_walk("og2")
-    rows = list(csv.DictReader(shared_file("data/jw/og2_loads.csv").open()))
-    columns = ("Fy_med_N", "Fy_lat_N", "Fx_N", "Fz_N", "Tx_Nmm", "Ty_Nmm", "Tz_Nmm")
-    time_s = [float(row["time_s"]) for row in rows]
-    loads = np.column_stack([np.interp(walk.time_s, time_s, [float(row[name]) for row in rows]) for name in columns])
-    contact = contact_on_femur(shear_free_poses(knee, walk.ry, walk.rz), loads)
-
-    def left_n(turn_sign):
-        names = BALANCED
-        sign = {name: 1.0 if COORDINATES[name].startswith("t") else turn_sign for name in names}
-        worst = []
-        for k in range(0, len(walk), 5):
-            arms = np.array([in_newtons(n) * walk.arms[n][k] * walk.muscles.max_isometric_force_n for n in names])
-            wanted = np.array([in_newtons(n) * (walk.loads[n][k] - sign[n] * contact[n][k]) for n in names])
-            worst.append(np.abs(arms @ lsq_linear(arms, wanted, (0.0, 1.0)).x - wanted).max())
-        return np.sqrt(np.mean(np.square(worst)))
-
-    assert left_n(1.0) < 1.0
-    assert left_n(-1.0) > 50.0
-
-
-def errors(problem, result, name):
-    measured = read_cycle(shared_file(f"data/jw/{name}_loads.csv"))
-    wanted = [np.interp(problem.walk.time_s, measured.time_s, -curve) for curve in (measured.fy_med, measured.fy_lat)]
-    return np.sqrt(np.mean((compression(result) - np.column_stack(wanted)) ** 2, axis=0))
-
-
-@pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
-def test_measured_cycles_are_predicted_without_their_contact_forces(knee, name):
-    """Winners of the knee Grand Challenges: 229 to 312 N medial, 238 to 326 N lateral."""
-    problem = muscle_contact.build(knee, measured_walk(name))
-    result = muscle_contact.solve(problem)
-    assert result.converged.all(), result.reason
-    assert not result.overloaded.any()
-    medial, lateral = errors(problem, result, name)
-    assert medial < 90.0
-    assert lateral < 200.0
-
-
-def test_the_least_squared_activation_alone_unloads_the_lateral_side(knee):
-    problem = muscle_contact.build(knee, measured_walk("og1"), **LEAST_SQUARES)
-    result = muscle_contact.solve(problem)
-    assert compression(result)[20:40, 1].min() < 1.0
-    np.testing.assert_allclose(errors(problem, result, "og1"), [88.6, 300.1], atol=1.0)
-
-
 def test_heads_share_an_activation_and_both_sides_stay_closed(cocontracting):
     problem, result = cocontracting
     assert result.converged.all(), result.reason
@@ -263,24 +206,6 @@ def test_a_load_beyond_the_muscles_falls_to_the_reserves_and_is_seen(knee):
     assert result.overloaded.all()
     assert result.activations.max(axis=1).min() > 0.999
     assert result.reserves["knee_flexion"].min() > 300.0
-
-
-@pytest.mark.filterwarnings("ignore:muscle semimem gives no force in 1 frame")
-def test_a_measured_cycle_with_a_muscle_shorter_than_its_scaled_tendon_is_solved(knee):
-    """One muscle 4 mm shorter in one frame, which the longest lengths alone turn into a slack tendon."""
-    walk = measured_walk("og1")
-    muscle = walk.muscles.names.index("semimem")
-    frame = int(walk.lengths_m[:, muscle].argmin())
-    lengths = walk.lengths_m.copy()
-    lengths[frame, muscle] -= 0.004
-    shortened = replace(walk, lengths_m=lengths)
-    for given, slack in ((shortened.lengths_m, 0), (walk.lengths_m, 1)):  # fitted to its own lengths, or to og1's
-        fitted = replace(shortened, muscles=walk.muscles.fitted_to(given))
-        problem = muscle_contact.build(knee, fitted, fit_lengths=False)
-        assert problem.capacity.slack.sum() == slack
-        assert problem.capacity.active_n[frame, muscle] == pytest.approx(0.0, abs=1e-9)
-        result = muscle_contact.solve(problem)
-        assert result.converged.all(), result.reason
 
 
 def test_further_cycles_of_a_person_count_in_the_scaling(knee):

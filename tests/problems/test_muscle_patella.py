@@ -16,10 +16,12 @@ from casadi_contact.optimisation import pose_steps, shear_free_poses
 from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
 from problems.muscle_contact import __main__
+from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.extensor import quadriceps
 from problems.muscle_contact.knee_coordinates import in_newtons
-from problems.muscle_contact.report import Compared, draw, report
+from problems.muscle_contact.picture import draw
+from problems.muscle_contact.report import report
 from problems.muscle_contact.with_patella import patella_verdict
 from tests.support.compiler import needs_compiler
 
@@ -140,7 +142,7 @@ def test_table_files_and_summary_tell_of_the_patella(solved, tmp_path, capsys):
 def test_the_picture_shows_three_forces_on_the_patella_that_close_a_triangle(solved, tmp_path, monkeypatch):
     problem, result = solved
     pages = []
-    monkeypatch.setattr("problems.muscle_contact.report.save_page", lambda page, path, **_: pages.append(page))
+    monkeypatch.setattr("problems.muscle_contact.picture.save_page", lambda page, path, **_: pages.append(page))
     compared = Compared.of(problem, result, None)
     draw(problem, result, compared, tmp_path / "page.png", patella_verdict(problem, result))
     axes = {axis.get_title(): axis for axis in pages[0].axes}

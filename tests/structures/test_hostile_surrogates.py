@@ -8,7 +8,7 @@ import pytest
 
 from casadi_contact.files import hdf5_copy, open_hdf5
 from casadi_contact.files.hdf5 import sealed
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.file import _digest, _read_content
 from casadi_contact.structures.trust import Trust

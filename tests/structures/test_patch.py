@@ -6,7 +6,7 @@ import pytest
 from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Regression
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
 from tests.support.random_surrogates import random_poses, random_surrogate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.dataset import TEST, TRAIN
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
 from tests.structures.test_patch import samples
 from tests.support.random_surrogates import random_poses, random_surrogate

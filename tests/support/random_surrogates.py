@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from casadi_contact.network import Network
-from casadi_contact.scenes.scene import Scene, load_scene
+from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.structures import STRUCTURES, Surrogate
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.transcription.kernel import compiler, warn_once
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
@@ -88,7 +88,7 @@ def test_processes_that_compile_at_once_all_get_a_whole_library(cache, surrogate
     code = (
         "import sys; sys.path.insert(0, '')\n"
         "from tests.support.random_surrogates import random_surrogate, random_poses\n"
-        "from casadi_contact.scenes.scene import load_scene\n"
+        "from casadi_contact.scenes import load_scene\n"
         "s = random_surrogate(load_scene('sphere_on_plane'), 'patch')\n"
         "f = s.function(compiled=True)\n"
         "print(f.class_name(), repr(float(f(random_poses(1)[0])[0])))"

@@ -10,7 +10,7 @@ import pytest
 
 from casadi_contact import load_surrogate
 from casadi_contact.contact import PolarFoundation
-from casadi_contact.scenes.scene import Scene, load_scene
+from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate

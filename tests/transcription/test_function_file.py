@@ -3,7 +3,7 @@
 import casadi as ca
 import pytest
 
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.transcription import load_function, save_function
 from casadi_contact.transcription.function_file import _seal
 from casadi_contact.transcription.kernel.compiler import shared_library

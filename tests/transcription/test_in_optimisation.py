@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.transcription import load_function, save_function
 from tests.support.agreement import close

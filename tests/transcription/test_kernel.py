@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.activations import ACTIVATIONS
-from casadi_contact.scenes.scene import load_scene
+from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
 from tests.support.agreement import CANCELLED, agree, usual_size
 from tests.support.compiler import needs_compiler
