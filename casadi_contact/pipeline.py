@@ -17,8 +17,6 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ElasticFoundation, foundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_text
-from casadi_contact.fitting import moved_samples, structures_for_scene, train
-from casadi_contact.presets import PRESETS
 from casadi_contact.project import (
     Project,
     Update,
@@ -29,7 +27,9 @@ from casadi_contact.project import (
     read_motion,
     surrogates_at_hand,
 )
-from casadi_contact.project_samples import DrawnModel, check_table, draw, sample, take_table
+from casadi_contact.project.fitting import moved_samples, structures_for_scene, train
+from casadi_contact.project.presets import PRESETS
+from casadi_contact.project.samples import DrawnModel, check_table, draw, sample, take_table
 from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import teacher_of
 from casadi_contact.show import contact_pose

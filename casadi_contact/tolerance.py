@@ -18,10 +18,10 @@ from casadi_contact.benchmark.choose import Tolerance
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
 from casadi_contact.files import replacing
-from casadi_contact.fitting import build_command, fit_surrogate, moved_samples
-from casadi_contact.presets import Effort, Preset, effort_for
 from casadi_contact.project import Project, Update, alone
-from casadi_contact.project_samples import sample
+from casadi_contact.project.fitting import build_command, fit_surrogate, moved_samples
+from casadi_contact.project.presets import Effort, Preset, effort_for
+from casadi_contact.project.samples import sample
 from casadi_contact.quantities import FORCE, TORQUE, of_kind
 from casadi_contact.sampling import foundations, teacher_of
 from casadi_contact.sampling.draw import ModelPair
@@ -96,8 +96,9 @@ def train_to_tolerance(
     """Sample and train in rounds until the tolerances of the project's scene are met; samples and surrogate of the last
     round go into the project's folder.
 
-    device: as in `pipeline.sample` and `fitting.train`. Goes on where an earlier run stopped. Raises ValueError, naming
-    the largest misses, where the last round does not meet them; its samples and surrogate are kept all the same.
+    device: as in `pipeline.sample` and `project.fitting.train`. Goes on where an earlier run stopped. Raises
+    ValueError, naming the largest misses, where the last round does not meet them; its samples and surrogate are kept
+    all the same.
     """
     efforts = {
         "": Effort(LADDER, RATIO_SHARE * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),

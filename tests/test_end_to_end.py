@@ -16,8 +16,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.project import project_surrogates
+from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.verification.fitness import fitness
 from problems import pose_estimation
@@ -47,7 +47,7 @@ def project(tmp_path_factory, warned):
     try:
         made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
         pipeline.sample(made)
-        log, handler = logging.getLogger("casadi_contact.fitting"), logging.Handler(logging.WARNING)
+        log, handler = logging.getLogger("casadi_contact.project.fitting"), logging.Handler(logging.WARNING)
         handler.emit = lambda record: warned.append(record.getMessage())
         log.addHandler(handler)
         pipeline.train(made)

@@ -7,8 +7,8 @@ import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.presets import PRESETS, Effort, Preset
 from casadi_contact.project import walks
+from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import TrunkSurrogate

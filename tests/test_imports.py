@@ -16,10 +16,10 @@ PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
     *("compilation", "files", "page", "workers", "cluster", "terminal", "command_line", "machine", "quantities"),
     *("conventions", "pressure_laws"),
-    *("activations", "spots", "network", "transcription", "geometry", "shapes", "scenes", "motion"),
-    *("contact", "statics", "dataset", "sampling", "training", "structures"),
-    *("presets", "project", "active", "fitting", "verification", "optimisation", "assembly", "bridges"),
-    *("benchmark", "show", "report", "live", "proposal", "project_samples", "pipeline", "tolerance", "progress"),
+    *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
+    *("contact", "statics", "dataset", "sampling", "training", "structures", "bridges"),
+    *("project", "verification", "optimisation", "assembly"),
+    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
     *("commands", "cli", "__main__"),
 ]
 

@@ -11,7 +11,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
-from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.sampling import model_name_of
 from tests.support import own_contact

@@ -78,7 +78,7 @@ def choose(
     scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
     built, the front that comes with the library for this scene, of models that are at hand. loads: names, all of
     the scene's if None; a surrogate's time is then that of the networks they need. A chosen size that is not on disk
-    is trained, with these networks only; update is called as in `fitting.train`.
+    is trained, with these networks only; update is called as in `project.fitting.train`.
 
     Raises FileNotFoundError where nothing has been measured; ValueError for a tolerance that is missing or not above
     0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming the nearest).

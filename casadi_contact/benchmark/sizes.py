@@ -12,9 +12,9 @@ import numpy as np
 from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE
 from casadi_contact.dataset import COLUMNS, TEST, Samples
 from casadi_contact.files import writable_folder
-from casadi_contact.fitting import fit_surrogate, size_text
-from casadi_contact.presets import ChartEffort, Effort
 from casadi_contact.project import Project, Update, alone
+from casadi_contact.project.fitting import fit_surrogate, size_text
+from casadi_contact.project.presets import ChartEffort, Effort
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
 from casadi_contact.workers import worker_pool
@@ -22,8 +22,8 @@ from casadi_contact.workers import worker_pool
 
 @dataclass(frozen=True)
 class Sized:
-    """A surrogate to train: structure, effort (see `presets.Effort`), samples learned from (None: all), the sweep of
-    the chart it belongs to, and the seed of its random weights."""
+    """A surrogate to train: structure, effort (see `project.presets.Effort`), samples learned from (None: all), the
+    sweep of the chart it belongs to, and the seed of its random weights."""
 
     structure: str
     effort: Effort

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.presets import PRESETS
 from casadi_contact.project import Project, shipped_surrogates
+from casadi_contact.project.presets import PRESETS
 from casadi_contact.sampling import MODELS
 from casadi_contact.scenes import ready_scenes
 from casadi_contact.structures import ready_surrogates

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.training.arrays import TorchArrays
 from casadi_contact.training.mlp import OUTPUT_RIDGE
 from casadi_contact.training.row_loss import RowLoss

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.activations import Activation
+from casadi_contact.network.activations import Activation
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 
 

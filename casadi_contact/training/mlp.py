@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.training.arrays import NumpyArrays, TorchArrays
 from casadi_contact.training.chunk import Chunk, Factors
 from casadi_contact.training.drawn_rows import draw_rows

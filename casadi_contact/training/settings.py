@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from casadi_contact.activations import activation_of
+from casadi_contact.network.activations import activation_of
 from casadi_contact.training.growth import check_ladder
 
 

@@ -1,6 +1,6 @@
 """A network whose outputs are the root loads of the spots of one patch, in training on the root load of the patch.
 
-The loss of a row is that of `row_loss` with S(y), the joint root load of all outputs (`casadi_contact.spots`), in
+The loss of a row is that of `row_loss` with S(y), the joint root load of all outputs (`network.spots`), in
 place of y: nobody says which spot bears how much. S grows in proportion to y, so that outputs of one common scale keep
 it.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.spots import joint_root
+from casadi_contact.network.spots import joint_root
 from casadi_contact.training.chunk import Chunk
 from casadi_contact.training.trunk import TrunkMlp
 

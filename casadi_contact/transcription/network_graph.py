@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.transcription.expressions import Output
 
 

@@ -18,7 +18,7 @@ from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_
 from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
-from casadi_contact.presets import PRESETS, ChartEffort, Effort, Preset
+from casadi_contact.project.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.quantities import FORCE, quantity
 from problems.studies import seeds, two_stage_work
 

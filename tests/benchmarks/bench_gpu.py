@@ -18,8 +18,8 @@ torch = pytest.importorskip("torch", reason="a device needs the extra train")
 import casadi_contact as cc  # noqa: E402
 from casadi_contact.bridges.torch_foundation import TorchFoundation  # noqa: E402
 from casadi_contact.network import Regression  # noqa: E402
-from casadi_contact.presets import PRESETS, effort_for  # noqa: E402
 from casadi_contact.project import reference_motion_cycles  # noqa: E402
+from casadi_contact.project.presets import PRESETS, effort_for  # noqa: E402
 from casadi_contact.sampling.reference import reference_poses  # noqa: E402
 from casadi_contact.training import TrainingSettings, fit_all  # noqa: E402
 

@@ -16,8 +16,8 @@ from casadi_contact.bridges import torch_surfaces  # noqa: E402
 from casadi_contact.bridges.torch_foundation import FoundationsOn, TorchFoundation  # noqa: E402
 from casadi_contact.contact import ElasticFoundation  # noqa: E402
 from casadi_contact.dataset import write_samples  # noqa: E402
-from casadi_contact.presets import Effort, Preset  # noqa: E402
 from casadi_contact.project import Project, reference_motion_cycles  # noqa: E402
+from casadi_contact.project.presets import Effort, Preset  # noqa: E402
 from casadi_contact.sampling import SamplingSettings, draw_samples, foundations, reference_motion, teacher_of  # noqa: E402
 from casadi_contact.sampling.draw import elastic_foundations  # noqa: E402
 from casadi_contact.scenes import load_scene  # noqa: E402

@@ -14,7 +14,7 @@ import casadi_contact as cc
 from casadi_contact.dataset import read_samples
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle, reference_cycles
-from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.project.presets import PRESETS, Effort, Preset
 from problems.common.contact import ContactSource
 from problems.implant import SCENE, __main__, from_meshes
 from problems.implant.__main__ import app

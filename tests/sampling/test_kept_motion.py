@@ -9,9 +9,9 @@ import pytest
 import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.dataset import partial_folder
-from casadi_contact.presets import Preset
 from casadi_contact.project import Project, read_motion
-from casadi_contact.project_samples import draw
+from casadi_contact.project.presets import Preset
+from casadi_contact.project.samples import draw
 from casadi_contact.scenes import Scene
 from tests.support import own_contact
 

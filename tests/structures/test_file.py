@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from casadi_contact.activations import ACTIVATIONS
+from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.file import FORMAT

@@ -8,8 +8,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
-from casadi_contact.fitting import fit_surrogate
-from casadi_contact.presets import PRESETS, Effort, Preset
+from casadi_contact.project.fitting import fit_surrogate
+from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.structures import STRUCTURES, with_trust
 from tests.structures.direct.surrogate import DirectSurrogate
 from tests.support import two_spheres

@@ -10,8 +10,8 @@ import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.dataset.errors import domain_errors
-from casadi_contact.fitting import fit_surrogate
-from casadi_contact.presets import Effort
+from casadi_contact.project.fitting import fit_surrogate
+from casadi_contact.project.presets import Effort
 from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate, with_trust
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler

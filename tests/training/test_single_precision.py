@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.network import PartsRegression
-from casadi_contact.spots import joint_root
+from casadi_contact.network.spots import joint_root
 from casadi_contact.training import mlp as exactly
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt

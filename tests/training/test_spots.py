@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.network import Network, Regression
-from casadi_contact.spots import joint_root
+from casadi_contact.network.spots import joint_root
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.arrays import NumpyArrays, arrays_for
 from casadi_contact.training.spots import SpotMlp

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.activations import ACTIVATIONS
+from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from tests.support.agreement import agree
 from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called

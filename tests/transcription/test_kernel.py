@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.activations import ACTIVATIONS
+from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
 from tests.support.agreement import CANCELLED, agree, usual_size

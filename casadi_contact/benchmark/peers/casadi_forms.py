@@ -13,9 +13,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.transcription.kernel.compiler import machine_flags
 

@@ -17,10 +17,10 @@ from uuid import uuid4
 
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.peers.casadi_forms import Form
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.structures.base import Surrogate
 
 Rows = Callable[[Any], dict[str, Any]]

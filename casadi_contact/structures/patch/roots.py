@@ -1,4 +1,4 @@
-"""Root loads of patches from those of the spots of their parts (`casadi_contact.spots`), in NumPy and in CasADi."""
+"""Root loads of patches from those of the spots of their parts (`network.spots`), in NumPy and in CasADi."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.spots import LEAST_ROOT, joint_root
+from casadi_contact.network.spots import LEAST_ROOT, joint_root
 
 
 def patch_roots(s: Array, ds: Array, first: Sequence[int]) -> tuple[Array, Array]:

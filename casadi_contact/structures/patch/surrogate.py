@@ -11,7 +11,7 @@ A patch that touches in several places bends where one of them comes or goes. It
 the root loads s_pk of as many spots: N_p = N0·Σ_k max(s_pk, 0)².
 
 A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
-the sum over its parts. Its root load is that of all its spots together (`casadi_contact.spots`).
+the sum over its parts. Its root load is that of all its spots together (`casadi_contact.network.spots`).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from casadi_contact.activations import activation_of
+from casadi_contact.network.activations import activation_of
 from casadi_contact.transcription.kernel.networks import Bundle, Shape, padded
 
 LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache

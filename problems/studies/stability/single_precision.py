@@ -14,10 +14,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.network import Network
+from casadi_contact.network.activations import activation_of
 from casadi_contact.structures import PatchSurrogate, Surrogate, TwoStageSurrogate
 from problems import pose_estimation
 from problems.common.same_poses import same_poses

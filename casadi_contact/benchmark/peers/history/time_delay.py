@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.benchmark.peers.history.cycles import Cycles
 from casadi_contact.benchmark.peers.training_set import Limits
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, Regression
+from casadi_contact.network.activations import activation_of
 from casadi_contact.training import TrainingSettings, fit
 
 FRAMES_SEEN = 3

@@ -11,7 +11,7 @@ from typing import Protocol
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
-from casadi_contact.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
+from casadi_contact.project.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,

@@ -19,7 +19,7 @@ from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
-from casadi_contact.presets import PRESETS, Preset
+from casadi_contact.project.presets import PRESETS, Preset
 from casadi_contact.sampling import (
     ReferenceMotion,
     SamplingSettings,

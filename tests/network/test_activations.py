@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.activations import ACTIVATIONS, Activation, activation_of
 from casadi_contact.network import Network
+from casadi_contact.network.activations import ACTIVATIONS, Activation, activation_of
 from casadi_contact.scenes import load_scene
 from casadi_contact.training import TrainingSettings
 from casadi_contact.training.arrays import NumpyArrays

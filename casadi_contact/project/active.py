@@ -16,7 +16,7 @@ import numpy as np
 from casadi_contact.conventions import Progress
 from casadi_contact.dataset import TRAIN, Samples
 from casadi_contact.dataset.errors import LoadModel
-from casadi_contact.project import Project, read_motion
+from casadi_contact.project.project import Project, read_motion
 from casadi_contact.sampling import draw_samples, models_of, settings_of
 from casadi_contact.sampling.draw import ModelPair
 

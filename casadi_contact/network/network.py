@@ -4,7 +4,7 @@ Fully connected, sigmoidal hidden neurons, linear output neurons, of which there
 
     a_0 = (x - input_shift) / input_scale,   a_l = σ(W_l a_{l-1} + b_l),   y = output_scale·(W_L a_{L-1} + b_L)
 
-with σ the network's activation (see `casadi_contact.activations`).
+with σ the network's activation (see `casadi_contact.network.activations`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from casadi_contact.activations import activation_of
 from casadi_contact.conventions import Array
-from casadi_contact.spots import joint_root
+from casadi_contact.network.activations import activation_of
+from casadi_contact.network.spots import joint_root
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Regression:
     inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
     false_load (n,): for root loads, the reference load where there is no load, so that a load predicted there counts as
     what it is, and not as a distance to the target; 0 elsewhere, or 0 for all rows.
-    spots: targets (n,) are joint root loads (`casadi_contact.spots`) of so many outputs, one if they are the output.
+    spots: targets (n,) are joint root loads (`network.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
     Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
     domain (n,): of rows that are samples, 1 to 7 for D1 to D7.

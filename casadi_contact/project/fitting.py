@@ -11,14 +11,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from casadi_contact.active import candidates, models_to_ask, worst_samples
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, PartsRegression, Regression
-from casadi_contact.presets import TOGETHER, Effort, effort_for
-from casadi_contact.project import (
+from casadi_contact.project.active import candidates, models_to_ask, worst_samples
+from casadi_contact.project.presets import TOGETHER, Effort, effort_for
+from casadi_contact.project.project import (
     Project,
     Update,
     alone,

@@ -8,11 +8,11 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
-from casadi_contact.active import candidates, worst_samples
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, write_samples
-from casadi_contact.fitting import train
-from casadi_contact.presets import ActiveRound, Effort, Preset
 from casadi_contact.project import Project
+from casadi_contact.project.active import candidates, worst_samples
+from casadi_contact.project.fitting import train
+from casadi_contact.project.presets import ActiveRound, Effort, Preset
 from casadi_contact.sampling import foundations
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.training import TrainingSettings, fit
