@@ -101,6 +101,11 @@ def beside(value: float, limit: float) -> str:
     return next(told, texts[-1])
 
 
+def two_digits(value: float) -> str:
+    """A number in two digits, without an exponent from 1e-4 up to a million: 0.94, 27, 180."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def newton_scales(names: Sequence[str], lever_mm: float) -> NDArray[np.float64]:
     """What loads (n,) are divided by to be compared in N: 1 for a force, the lever for a torque.
 

@@ -11,7 +11,18 @@ from casadi_contact.dataset.errors import load_errors, rms_by_kind
 from casadi_contact.motion.joint_cycle import column_names
 from casadi_contact.motion.opensim import ColumnMap
 from casadi_contact.motion.opensim.mapping import loads_table
-from casadi_contact.quantities import AREA, FORCE, KINDS, PRESSURE, TORQUE, beside, newton_scales, of_kind, quantity
+from casadi_contact.quantities import (
+    AREA,
+    FORCE,
+    KINDS,
+    PRESSURE,
+    TORQUE,
+    beside,
+    newton_scales,
+    of_kind,
+    quantity,
+    two_digits,
+)
 from casadi_contact.report.tables import evaluation_tables
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
@@ -124,3 +135,14 @@ def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
 ])  # fmt: skip
 def test_a_number_above_a_limit_is_told_from_it(value, limit, text):
     assert beside(value, limit) == text
+
+
+@pytest.mark.parametrize("value", [1.234e-4, 0.0567, 0.94, 9.96, 27.4, 99.6, 101.0, 184.0, 1260.0, -56789.0, 9.4e5])
+def test_two_digits_of_what_people_measure_have_no_exponent(value):
+    text = two_digits(value)
+    assert set(text) <= set("-.0123456789")
+    assert abs(float(text) - value) <= 0.05 * 10.0 ** math.floor(math.log10(abs(value)))
+
+
+def test_two_digits_of_what_is_hardly_anything_have_one():
+    assert [two_digits(value) for value in (0.0, 3.21e-9, math.inf)] == ["0", "3.2e-09", "inf"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from casadi_contact.quantities import beside, of_kind, quantity
+from casadi_contact.quantities import beside, of_kind, quantity, two_digits
 from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.structures import Surrogate
 
@@ -51,7 +51,7 @@ class Fitness:
         for kind in kinds:
             loads = of_kind(list(self.tolerances), kind)
             worst = max(self.errors[domain].get(load, 0.0) for domain in self.fit for load in loads)
-            parts.append(f"{worst:.2g} {kind.unit}")
+            parts.append(f"{two_digits(worst)} {kind.unit}")
         return " and ".join(parts)
 
     def _reason(self, domain: str) -> str:

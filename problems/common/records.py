@@ -13,6 +13,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
 from casadi_contact.files import replacing
 from casadi_contact.machine import machine_record
+from casadi_contact.quantities import two_digits
 
 DIGITS = 9  # of numbers in result tables
 
@@ -48,7 +49,7 @@ def rms_and_largest(errors: Array) -> dict[str, float | None]:
 def rms_and_largest_words(found: Mapping[str, float | None]) -> str:
     """A cell of a table: "0.12 / 0.56", "-" where there are no values."""
     rms, largest = found["rms"], found["max"]
-    return "-" if rms is None or largest is None else f"{rms:.2g} / {largest:.2g}"
+    return "-" if rms is None or largest is None else f"{two_digits(rms)} / {two_digits(largest)}"
 
 
 def write_summary(path: Path, content: Mapping[str, Any]) -> None:

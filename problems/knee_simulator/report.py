@@ -12,6 +12,7 @@ from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
@@ -111,7 +112,9 @@ def _balance_table(balance: EnergyBalance, left: dict[str, Array], kind: str) ->
     table.add_row("work against contact not stored in it [N·mm]", f"{np.abs(balance.unstored).max():.2g}")
     for name, wrench in left.items():
         force, torque = np.abs(wrench[:, :3]).max(), np.abs(wrench[:, 3:]).max()
-        table.add_row(f"unbalanced with loads of {name}: force [N], torque [N·mm]", f"{force:.2g}, {torque:.2g}")
+        table.add_row(
+            f"unbalanced with loads of {name}: force [N], torque [N·mm]", f"{two_digits(force)}, {two_digits(torque)}"
+        )
     return table
 
 

@@ -14,6 +14,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.optimisation import total_selection
 from casadi_contact.page import COLOURS, frame, new_page, save_page
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
@@ -69,8 +70,8 @@ def report(
             else "was found in no row"
         )
         console.print(
-            f"EF {grids[name]} - {kind}, largest: force {difference[:, :3].max():.2g} N, "
-            f"torque {difference[:, 3:].max():.2g} N·mm; its own equilibrium{',' if found else ''} {place}",
+            f"EF {grids[name]} - {kind}, largest: force {two_digits(difference[:, :3].max())} N, "
+            f"torque {two_digits(difference[:, 3:].max())} N·mm; its own equilibrium{',' if found else ''} {place}",
             highlight=False,
         )
     if starts is not None:
