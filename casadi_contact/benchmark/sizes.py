@@ -84,13 +84,13 @@ def on_disk(project: Project, path: Path | str) -> Surrogate | None:
     return surrogate if surrogate.scene.digest == project.scene.digest else None
 
 
-def subset_of(samples: Samples, count: int | None, seed: int = 0) -> Samples:
+def subset_of(samples: Samples, count: int | None) -> Samples:
     """All test rows and a random `count` of the others ([EF15 §3.5] fits a random subset), in their order."""
     learned = np.flatnonzero(samples.role != TEST)
     if count is None or count >= len(learned):
         return samples
     kept = np.flatnonzero(samples.role == TEST)
-    kept = np.sort(np.append(kept, np.random.default_rng(seed).choice(learned, count, replace=False)))
+    kept = np.sort(np.append(kept, np.random.default_rng(0).choice(learned, count, replace=False)))
     columns = {name: getattr(samples, name)[kept] for name in COLUMNS}
     return Samples(samples.scene, **columns, provenance=samples.provenance)
 

@@ -24,12 +24,12 @@ def mirrored(samples: Samples) -> Samples:
     )
 
 
-def either_side(samples: Samples, seed: int = 0) -> Samples:
+def either_side(samples: Samples) -> Samples:
     """Half of the samples, chosen at random, in the mirror, so that one side knows what both have seen.
 
     Those in which a side bears nothing come as they are and in the mirror: a false contact may lie on either side, and
     a surrogate that never saw it there predicts thousands of newtons.
     """
-    reflected, chosen = mirrored(samples), np.random.default_rng(seed).random(len(samples)) < 0.5
+    reflected, chosen = mirrored(samples), np.random.default_rng(0).random(len(samples)) < 0.5
     free = (samples.wrenches == 0.0).all(axis=2).any(axis=1)
     return samples.rows(~chosen | free).join_samples(reflected.rows(chosen | free))

@@ -27,25 +27,16 @@ from casadi_contact.motion.load_cycle import check_radians
 from casadi_contact.scenes import Scene
 
 _LEAST_ROWS = 10
+_HELD_BACK = 0.1  # of the poses, for validation and for the test each
 
 
-def read_sample_table(
-    path: str | Path,
-    scene: Scene,
-    *,
-    validation_fraction: float = 0.1,
-    test_fraction: float = 0.1,
-    seed: int = 0,
-) -> Samples:
-    """Samples from a table; rows without a role are split at random into training, validation and test rows.
+def read_sample_table(path: str | Path, scene: Scene) -> Samples:
+    """Samples from a table; of rows without a role a tenth each, at random, is for validation and for the test.
 
     Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, angles too large
-    for radians, columns of different length, too few rows, a role without rows, gaps of the wrong sign
-    (`gaps.refuse_wrong_gaps`) and fractions outside 0..0.5.
+    for radians, columns of different length, too few rows, a role without rows, and gaps of the wrong sign
+    (`gaps.refuse_wrong_gaps`).
     """
-    for name, fraction in (("validation_fraction", validation_fraction), ("test_fraction", test_fraction)):
-        if not 0.0 < fraction <= 0.5:
-            raise ValueError(f"{name} is {fraction}, expected a number above 0, up to 0.5")
     path = Path(path)
     wrench_columns = _wrench_columns(scene)
     needed: np.ndarray = np.any(load_selection(scene.load_names, scene.patch_names) != 0.0, axis=0)
@@ -73,7 +64,7 @@ def read_sample_table(
         wrenches=wrenches,
         gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count))),
-        role=_split(poses, validation_fraction, test_fraction, seed) if role is None else _whole(path, "role", role),
+        role=_split(poses) if role is None else _whole(path, "role", role),
         provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
@@ -119,14 +110,13 @@ def _whole(path: Path, name: str, column: Array) -> np.ndarray:
     return column.astype(np.uint8)
 
 
-def _split(poses: Array, validation_fraction: float, test_fraction: float, seed: int) -> np.ndarray:
+def _split(poses: Array) -> np.ndarray:
     """Roles (n,) of poses (n, 6) drawn at random, at least one pose of each; repeated poses have the same role, or
     networks would be judged by what they learned."""
     distinct, pose_of_row = np.unique(poses, axis=0, return_inverse=True)
-    order = np.random.default_rng(seed).permutation(len(distinct))
-    test = max(1, round(test_fraction * len(distinct)))
-    validation = max(1, round(validation_fraction * len(distinct)))
+    order = np.random.default_rng(0).permutation(len(distinct))
+    held_back = max(1, round(_HELD_BACK * len(distinct)))
     role = np.full(len(distinct), TRAIN, dtype=np.uint8)
-    role[order[:test]] = TEST
-    role[order[test : test + validation]] = VALIDATION
+    role[order[:held_back]] = TEST
+    role[order[held_back : 2 * held_back]] = VALIDATION
     return np.asarray(role[pose_of_row.ravel()])

@@ -67,9 +67,7 @@ def start_values(squat: Squat) -> Array:
     return np.clip(np.concatenate([part.ravel() for part in parts]), squat.lower, squat.upper)
 
 
-def trade_off(
-    squat: Squat, weights: Sequence[float], *, max_iterations: int = 300, print_level: int = 0
-) -> list[SquatResult]:
+def trade_off(squat: Squat, weights: Sequence[float]) -> list[SquatResult]:
     """A squat for each weight. The largest comes first and each begins at the one before: least activation alone
     leaves the most freedom, and is found in fewest iterations from there. Never raises where one does not converge.
 
@@ -77,7 +75,7 @@ def trade_off(
     """
     if not len(weights) or not all(0.0 <= weight < np.inf for weight in weights):
         raise ValueError(f"weights are {', '.join(map(str, weights)) or '(none)'}, expected finite numbers >= 0")
-    options = ipopt_options(tolerance=1e-6, max_iterations=max_iterations, print_level=print_level, mu_init=1e-2)
+    options = ipopt_options(tolerance=1e-6, max_iterations=300, mu_init=1e-2)
     solver = ca.nlpsol("squat", "ipopt", squat.nlp, options)
     bounds = {"lbx": squat.lower, "ubx": squat.upper, "lbg": squat.lower_g, "ubg": squat.upper_g}
     x = start_values(squat)

@@ -37,14 +37,14 @@ _OFF = 0.1 * KNEE_STEPS[:5]  # [mm, rad]
 _BISECTIONS = 12
 
 
-def step_function(simulator: KneeSimulator, scheme: str, time_s: float = 0.0) -> ca.Function:
-    """(state (10), step [s]) -> next state, loads frozen at a time; raises ValueError for an unknown scheme."""
+def step_function(simulator: KneeSimulator, scheme: str) -> ca.Function:
+    """(state (10), step [s]) -> next state, under the loads at the start; raises ValueError for an unknown scheme."""
     if scheme not in SCHEMES:
         raise ValueError(f"scheme is {scheme!r}, expected one of {', '.join(SCHEMES)}")
     x, h = ca.MX.sym("x", 10), ca.MX.sym("h")
 
     def rate(state: ca.MX) -> ca.MX:
-        return simulator.rate(state, time_s)
+        return simulator.rate(state, 0.0)
 
     if scheme == "explicit_euler":
         return ca.Function(scheme, [x, h], [x + h * rate(x)])
@@ -75,46 +75,39 @@ def is_stable(step: ca.Function, rest: Array, step_s: float, steps: int = STEPS_
     return last <= GROWTH
 
 
-def largest_stable_step(
-    simulator: KneeSimulator, scheme: str, rest: Array | None = None, *, time_s: float = 0.0, steps: int = STEPS_TAKEN
-) -> float:
-    """Largest stable step [s] of a fixed-step scheme about rest under the loads at a time; `LONGEST_STEP_S` where that
-    is stable, 0 where none above 1 ns is.
-
-    rest: state (10,), `start_state` if left out (needed for models other than surrogates). Found by halving from
-    `LONGEST_STEP_S`, then bisection in the logarithm.
-    """
-    at = start_state(simulator, time_s) if rest is None else np.asarray(rest, dtype=float)
-    step = step_function(simulator, scheme, time_s)
+def largest_stable_step(simulator: KneeSimulator, scheme: str, rest: Array, steps: int = STEPS_TAKEN) -> float:
+    """Largest stable step [s] of a fixed-step scheme about the state rest (10,); `LONGEST_STEP_S` where that is stable,
+    0 where none above 1 ns is. Found by halving from `LONGEST_STEP_S`, then bisection in the logarithm."""
+    step = step_function(simulator, scheme)
     high = LONGEST_STEP_S
-    if is_stable(step, at, high, steps):
+    if is_stable(step, rest, high, steps):
         return high
     low = 0.5 * high
-    while not is_stable(step, at, low, steps):
+    while not is_stable(step, rest, low, steps):
         high, low = low, 0.5 * low
         if low < _SHORTEST_STEP_S:
             return 0.0
     for _ in range(_BISECTIONS):
         middle = float(np.sqrt(low * high))
-        if is_stable(step, at, middle, steps):
+        if is_stable(step, rest, middle, steps):
             low = middle
         else:
             high = middle
     return low
 
 
-def contact_stiffness(simulator: KneeSimulator, rest: Array, time_s: float = 0.0) -> float:
+def contact_stiffness(simulator: KneeSimulator, rest: Array) -> float:
     """-dFy/dty of the contact [N/mm] at a state (10,)."""
     pose = ca.MX.sym("pose", 6)
     slope = ca.Function("slope", [pose], [ca.jacobian(simulator.contact(pose), pose)])
-    return float(slope(simulator.poses(rest[None], np.array([time_s]))[0])[1, 1])
+    return float(slope(simulator.poses(rest[None], np.zeros(1))[0])[1, 1])
 
 
-def fastest_rate(simulator: KneeSimulator, rest: Array, time_s: float = 0.0) -> float:
+def fastest_rate(simulator: KneeSimulator, rest: Array) -> float:
     """Largest |λ| [1/s] of the linearised motion about a state (10,)."""
     x, t = ca.MX.sym("x", 10), ca.MX.sym("t")
     jacobian = ca.Function("jacobian", [x, t], [ca.jacobian(simulator.rate(x, t), x)])
-    return float(np.abs(np.linalg.eigvals(np.asarray(jacobian(rest, time_s)))).max())
+    return float(np.abs(np.linalg.eigvals(np.asarray(jacobian(rest, 0.0)))).max())
 
 
 app = new_app()

@@ -76,8 +76,6 @@ def test_files_that_are_no_tables(tmp_path):
         (tmp_path / name).write_bytes(b"\x93\x00\xff")
         with pytest.raises(ValueError, match=r"is not a|not an HDF5"):
             read_sample_table(tmp_path / name, SCENE)
-    with pytest.raises(ValueError, match=r"test_fraction is 0\.9"):
-        read_sample_table(write_csv(tmp_path / "t.csv", table_rows(20)), SCENE, test_fraction=0.9)
 
 
 def test_a_gap_may_change_its_sign_a_little_before_the_load_but_not_far(tmp_path):

@@ -20,9 +20,7 @@ _ROUNDS = 6
 _LEAST_SHARE, _MOST = 0.5, 2.0  # of the force wanted, in poses that are kept
 
 
-def pressed_poses(
-    model: ElasticFoundation, patch: int, loads_n: tuple[float, float], count: int, seed: int = 0
-) -> Array:
+def pressed_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, float], count: int) -> Array:
     """Poses (m, 6), m <= count, that press one patch of a model, each found from a random one.
 
     From the scene's start pose the body is turned about the patch's anchor, as far as the scene's motion and a little
@@ -30,7 +28,7 @@ def pressed_poses(
     brought down along a direction that leans from it; then it presses with forces spread evenly on a logarithmic scale
     between loads_n [N]. Where it comes down beside the patch there is no pose.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     elements = model.scene.elements(model.grid)[patch]
     points, up = elements.centres_mm, elements.areas_mm2 @ elements.normals
     up /= np.linalg.norm(up)

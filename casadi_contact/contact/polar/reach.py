@@ -18,14 +18,14 @@ _COARSE = Rays(16, 3)
 
 
 def pressed_poses(
-    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int, seed: int = 0
+    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int
 ) -> tuple[Array, Array]:
     """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
 
     The deepest point lies anywhere on the patch, faced by any place of the moving arcs, turned and leant a little;
     forces spread evenly on a logarithmic scale between loads_n [N]. Poses whose contact the rim cuts are left out.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     v = random.uniform(*patch.rim.v, count)
     low, high = u_range(patch, v)
     u = low + (high - low) * random.random(count)

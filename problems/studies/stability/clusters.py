@@ -20,9 +20,9 @@ SPACINGS = (1e-1, 1e-3, 1e-5, 0.0)  # of a cluster's points, in standard deviati
 NUGGETS = (0.0, 1e-10, 1e-6, 1e-2)  # variances of the loads
 
 
-def clustered(model: Any, data: TrainingSet, count: int, spacing: float, seed: int = 0) -> TrainingSet:
+def clustered(model: Any, data: TrainingSet, count: int, spacing: float) -> TrainingSet:
     """The first points of data, and about five of them 20 more points each, a normal distance of `spacing` away."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     near = np.repeat(data.poses[:CLUSTERS], PER_CLUSTER, axis=0)
     near = near + spacing * data.spread * rng.standard_normal(near.shape)
     poses = np.vstack([data.poses[:count], near])
