@@ -11,12 +11,11 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.benchmark.candidate import Candidate, Stopwatch
-from casadi_contact.benchmark.evaluate import grid_text
 from casadi_contact.benchmark.front_file import SIZE
 from casadi_contact.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.benchmark.timing import time_batch, time_mapped, time_single_calls
-from casadi_contact.contact import ElasticFoundation, SymbolicContact, foundation_ladder
+from casadi_contact.contact import ElasticFoundation, SymbolicContact, foundation_ladder, grid_text
 from casadi_contact.conventions import Array
 from casadi_contact.project import Project, project_surrogates, read_motion, shipped_surrogates
 from casadi_contact.scenes import Scene

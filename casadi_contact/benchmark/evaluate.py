@@ -9,7 +9,7 @@ from typing import Any
 
 from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
 from casadi_contact.benchmark.walking import unseen_walking
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS, TEST, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors, load_errors, rms_by_kind
@@ -20,11 +20,6 @@ from casadi_contact.structures.base import Surrogate
 
 CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
 FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
-
-
-def grid_text(grid: tuple[int, int]) -> str:
-    """Elements per side as people write them: "80×40"."""
-    return f"{grid[0]}×{grid[1]}"
 
 
 def converged_elements(scene: Scene) -> tuple[int, int]:

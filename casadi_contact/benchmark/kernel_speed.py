@@ -11,9 +11,8 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from casadi_contact.benchmark.evaluate import grid_text
 from casadi_contact.benchmark.timing import Timing, compare, one_thread, time_batch, time_mapped, time_single_calls
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.structures.base import Surrogate

@@ -17,12 +17,12 @@ from casadi_contact.benchmark.candidates import (
     surrogate_candidates,
     untrained_candidates,
 )
-from casadi_contact.benchmark.evaluate import converged_elements, grid_text
+from casadi_contact.benchmark.evaluate import converged_elements
 from casadi_contact.benchmark.front_file import FILE_NAME, SIZE, TIMES, Front, Point, write_front
 from casadi_contact.benchmark.sizes import train_sizes
 from casadi_contact.benchmark.timing import Timing, compare, one_thread
 from casadi_contact.benchmark.walking import unseen_walking
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors, load_errors, rms_by_kind

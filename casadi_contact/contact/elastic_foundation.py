@@ -28,6 +28,11 @@ from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
 
 
+def grid_text(grid: tuple[int, int]) -> str:
+    """Elements per side as people write them: "80×40"."""
+    return f"{grid[0]}×{grid[1]}"
+
+
 class _Bed(NamedTuple):
     """Elements, as numba's kernels read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
 
@@ -77,7 +82,12 @@ class ElasticFoundation:
         self._law = law_of(material)
 
     def __repr__(self) -> str:
-        return f"ElasticFoundation({self.scene.name}, grid={self.grid[0]}×{self.grid[1]})"
+        return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"
+
+    @property
+    def label(self) -> str:
+        """Its name in tables: "EF 80×40"."""
+        return f"EF {grid_text(self.grid)}"
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:

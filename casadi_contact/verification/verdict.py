@@ -127,7 +127,7 @@ def judge(
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)
         errors[np.isnan(errors)] = np.inf
-        name = f"EF {'×'.join(map(str, model.grid))}" if isinstance(model, ElasticFoundation) else type(model).__name__
+        name = model.label if isinstance(model, ElasticFoundation) else type(model).__name__
     ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     errors[alone] = 0.0
     allowed = ALLOWED * np.array([tried.scene.tolerances[load] for load in names])

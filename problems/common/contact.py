@@ -11,7 +11,7 @@ import typer
 
 import casadi_contact as cc
 from casadi_contact.assembly.file import whole_wrench
-from casadi_contact.contact import ElasticFoundation, NotGoodEnoughError, SymbolicContact, symbolic
+from casadi_contact.contact import ElasticFoundation, NotGoodEnoughError, SymbolicContact, grid_text, symbolic
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
 from casadi_contact.scenes import Scene
@@ -81,7 +81,7 @@ def models_on_grids(scene: Scene) -> dict[str, ElasticFoundation]:
 
 def grids_in_words(models: Mapping[str, ElasticFoundation]) -> dict[str, str]:
     """Elements along and across of `models_on_grids`, by name: 160×80."""
-    return {name: "×".join(map(str, model.grid)) for name, model in models.items()}
+    return {name: grid_text(model.grid) for name, model in models.items()}
 
 
 def _untrained(scene: Scene) -> SymbolicContact:

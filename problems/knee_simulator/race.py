@@ -49,7 +49,7 @@ def race(
     and compare with it."""
     simulators = {kind: first}
     for foundation in foundations(first.model.scene):
-        simulators[label(foundation)] = build(foundation, first.waveforms, first.rig)
+        simulators[foundation.label] = build(foundation, first.waveforms, first.rig)
     start = start_state(first)
     seconds: dict[tuple[str, float], list[float]] = {}
     last: dict[tuple[str, float], Simulation] = {}
@@ -81,8 +81,3 @@ def foundations(scene: Scene) -> list[ElasticFoundation]:
         return []
     nx, nz = scene.grids["fine"]
     return [ElasticFoundation(scene, (nx, nz)), ElasticFoundation(scene, (2 * nx, 2 * nz))]
-
-
-def label(foundation: ElasticFoundation) -> str:
-    """Its name in tables."""
-    return f"EF {foundation.grid[0]}×{foundation.grid[1]}"

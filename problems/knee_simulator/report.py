@@ -20,7 +20,7 @@ from problems.common.outcome import print_reasons, print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.knee_simulator.balance import EnergyBalance, unbalanced
 from problems.knee_simulator.problem import KneeSimulator
-from problems.knee_simulator.race import REFERENCE_TOLERANCE, Run, foundations, label
+from problems.knee_simulator.race import REFERENCE_TOLERANCE, Run, foundations
 from problems.knee_simulator.solve import Simulation
 
 
@@ -34,7 +34,7 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     print_verdict(console, verdict)
     console.print(_race_table(runs, motion.settings["integrator"]))
     balance = EnergyBalance.of(simulator, motion)
-    left = {label(foundation): unbalanced(motion, foundation) for foundation in foundations(simulator.model.scene)}
+    left = {foundation.label: unbalanced(motion, foundation) for foundation in foundations(simulator.model.scene)}
     console.print(_balance_table(balance, left, runs[0].model))
     reason = reasons(simulator.model, motion.poses, verdict)
     print_reasons(console, reason)

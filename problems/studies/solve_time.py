@@ -18,10 +18,10 @@ from rich.table import Table
 
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
-from casadi_contact.benchmark.evaluate import converged_elements, grid_text
+from casadi_contact.benchmark.evaluate import converged_elements
 from casadi_contact.benchmark.front_file import Front, Point, write_front
 from casadi_contact.benchmark.timing import compare, one_thread
-from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact, symbolic
+from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact, grid_text, symbolic
 from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
 from casadi_contact.machine import machine_record

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ElasticFoundation, grid_text
 from casadi_contact.files import writable_folder
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.terminal import PlainConsole
@@ -61,7 +61,7 @@ def run(
     fewer = ElasticFoundation(fine.scene)
     coarser = {
         "every other frame": volume_mm3(archard_wear(fine, cycle[::2], wear_factor)),
-        f"elements {fewer.grid[0]}×{fewer.grid[1]}": volume_mm3(archard_wear(fewer, cycle, wear_factor)),
+        f"elements {grid_text(fewer.grid)}": volume_mm3(archard_wear(fewer, cycle, wear_factor)),
     }
     report(fine, wear, coarser, wear_factor, seconds, out)
     if verdict is not None:

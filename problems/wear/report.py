@@ -34,7 +34,7 @@ def report(
     """
     console = PlainConsole()
     total = volume_mm3(wear)
-    table = Table(title=f"Wear of {model.scene.name} in a million cycles, k = {wear_factor:g} mm³/(N·m), {model!r}")
+    table = Table(title=f"Wear of {model.scene.name} in a million cycles, k = {wear_factor:g} mm³/(N·m), {model.label}")
     for name in ("patch", "volume (mm³)", "deepest (mm)", "slid there in a cycle (mm)", "worn area (mm²)"):
         table.add_column(name, justify="left" if name == "patch" else "right")
     for patch in wear:

@@ -1,6 +1,7 @@
 """Archard's law: what a flat punch wears off is known in closed form, and a cylinder that rolls wears nothing."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -134,7 +135,11 @@ def test_the_path_of_a_result_table_is_taken_and_open_ends_are_said_with_what_is
     arguments, write = ball
     write([0.0, 0.5, 1.0, 0.5])
     assert command(monkeypatch, *arguments) == 0
-    assert capsys.readouterr().err == ""
+    said = capsys.readouterr()
+    assert said.err == ""
+    table = " ".join(said.out.split())
+    (elements,) = set(re.findall(r"EF \d+×\d+", table))  # the verdict's are those that the wear is summed on
+    assert f"k = 1e-07 mm³/(N·m), {elements}" in table
     write([0.0, 0.5, 1.0, 1.5])
     assert command(monkeypatch, *arguments) == 0
     said = capsys.readouterr().err

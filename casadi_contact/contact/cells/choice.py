@@ -14,7 +14,7 @@ from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
-from casadi_contact.contact.elastic_foundation import ElasticFoundation
+from casadi_contact.contact.elastic_foundation import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 
@@ -55,7 +55,7 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
         model="cubic cells",
         cells_mm=[cells.u_mm, cells.v_mm],
         sub_points=[cells.along_u, cells.along_v],
-        against="EF {}×{}".format(*CONVERGED),
+        against=f"EF {grid_text(CONVERGED)}",
         elements_unsure=truth.unsure,
     )
     return model

@@ -53,7 +53,7 @@ def measure(bench: Bench) -> tuple[list[Line], None]:
         curls[method], worst[method] = 100.0 * float(np.median(share)), 100.0 * float(share.max())
         own[method] = 100.0 * float(np.median(np.linalg.norm(skew, axis=(1, 2)) / size))
         off[method] = 100.0 * float(np.median(np.linalg.norm(k - true, axis=(1, 2)) / size))
-    grid = f"EF {bench.teacher.grid[0]}×{bench.teacher.grid[1]}"
+    grid = bench.teacher.label
     case = f"{len(bench.poses)} frames of the motion"
     return [
         Line(9, case, f"curl, median [%] ({grid}: {100.0 * np.median(curl(true)):.2g})", curls, bench.missing),

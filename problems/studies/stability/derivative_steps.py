@@ -61,7 +61,7 @@ def measure(bench: Bench, count: int = 20, steps_mm: Array = STEPS_MM) -> tuple[
             m: f"{curve.min():.1e} at {steps_mm[curve.argmin()]:.0e}" for m, curve in chosen.items()
         }
         lines.append(Line(4, f"{label}, best step [mm]", "relative error", best, why))
-    case = f"as used, against the EF {bench.teacher.grid[0]}×{bench.teacher.grid[1]}"
+    case = f"as used, against the {bench.teacher.label}"
     lines.append(Line(4, case, "relative error", off_truth, bench.missing))
     errors_of = {method: curve.tolist() for (method, central), curve in curves.items() if central}
     return lines, {"steps_mm": list(steps_mm), "errors": errors_of}
