@@ -70,7 +70,8 @@ def run(
     result = diagnose(problem, result, foundation)
     verdict = judge(model, result.poses, result.converged, foundation)
     result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
-    report(problem, result, verdict, out, solve_from_lifts(problem, result, starts) if starts else None, source.kind)
+    again = solve_from_lifts(problem, result, starts) if starts and result.converged.any() else None
+    report(problem, result, verdict, out, again, source.kind)
     end_with(verdict, NAME, out)
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import WRENCH_NAMES
 from problems.common.learned_range import beyond_learned
 from problems.static_equilibrium.problem import StaticEquilibrium
+from problems.static_equilibrium.pulls import pulls
 from problems.static_equilibrium.solve import EquilibriumResult, on_model
 
 
@@ -19,7 +19,7 @@ def diagnose(problem: StaticEquilibrium, result: EquilibriumResult, model: Conta
 
     model: words where there is none (`own_model`): then the result stays as it is.
     """
-    asked = ~result.converged & (problem.loads[:, WRENCH_NAMES.index("Fy")] < 0.0)
+    asked = ~result.converged & (pulls(problem) == "")
     if isinstance(model, str) or not asked.any():
         return result
     found = on_model(problem, result, model, asked)

@@ -60,7 +60,8 @@ def report(
         table.add_row(f"{-shown[5]:.1f}", *cells, f"{np.abs(misfit).max():.1e}")
     console.print(table)
     print_outcome(console, result, "in equilibrium", "row")
-    off = {name: np.abs(wrench - result.wrenches) for name, wrench in ef.items()}
+    solved = result.converged
+    off = {name: np.abs(wrench - result.wrenches)[solved] for name, wrench in ef.items() if solved.any()}
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
     for name, difference in off.items():
         found = int(np.isfinite(ef_poses[name][:, 0]).sum())

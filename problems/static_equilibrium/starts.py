@@ -16,7 +16,8 @@ LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # starts out of contact, and
 
 @dataclass(frozen=True)
 class LiftedStarts:
-    """For each lift of `LIFTS_MM`: share of rows (lifts,) that end at the same pose, and median IPOPT iterations."""
+    """For each lift of `LIFTS_MM`: share of the rows in equilibrium (lifts,) that end at the same pose, and median
+    IPOPT iterations."""
 
     count: int
     shares: Array
@@ -33,18 +34,22 @@ class LiftedStarts:
 def solve_from_lifts(
     problem: StaticEquilibrium, result: EquilibriumResult, count: int, lifts_mm: tuple[float, ...] = LIFTS_MM
 ) -> LiftedStarts:
-    """Solve again, in turn for every lift, from poses moved by up to the lift along ty, 4 mm along tx and 1 mm along
-    tz, and 0.05 rad (rx) and 0.1 rad (ry). Poses that differ by what nothing holds alone are the same."""
+    """Solve the rows in equilibrium again, in turn for every lift, from poses moved by up to the lift along ty, 4 mm
+    along tx and 1 mm along tz, and 0.05 rad (rx) and 0.1 rad (ry). Poses that differ by what nothing holds alone are
+    the same. Raises ValueError where no row is in equilibrium."""
+    if not result.converged.any():
+        raise ValueError("no row is in equilibrium, expected one at least, whose pose other starts may find again")
+    problem, poses = problem.of_rows(result.converged), result.poses[result.converged]
     rng = np.random.default_rng(7)
     shares, iterations = [], []
     for lift in lifts_mm:
         same, used = [], []
         for _ in range(count):
-            moves = rng.uniform(-1.0, 1.0, result.poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
+            moves = rng.uniform(-1.0, 1.0, poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
             moves[:, 1] = lift * rng.uniform(0.0, 1.0, len(moves))
-            again = solve(problem, result.poses + moves)
-            held = result.poses + held_moves(problem, result.poses, again.poses - result.poses)
-            near = same_poses(held, result.poses)
+            again = solve(problem, poses + moves)
+            held = poses + held_moves(problem, poses, again.poses - poses)
+            near = same_poses(held, poses)
             same.append((near & again.converged).mean())
             used.append(again.iterations)
         shares.append(float(np.mean(same)))

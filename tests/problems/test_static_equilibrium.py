@@ -3,17 +3,23 @@
 import csv
 import json
 import sys
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.assembly.file import whole_wrench
+from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
 from casadi_contact.verification import own_model
 from problems import static_equilibrium
 from problems.static_equilibrium import __main__
 from problems.static_equilibrium.diagnosis import diagnose
+from problems.static_equilibrium.pulls import pulls
 from problems.static_equilibrium.starts import solve_from_lifts
+from tests.support.compiler import needs_compiler
 
 FLEXIONS_DEG = (5.0, 30.0, 75.0)
 LOADS = (-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0)
@@ -114,6 +120,79 @@ def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
     assert "not found in the learned range" in result.reason[1]
 
 
+def refuse_to_search(*_, **__):
+    raise AssertionError("IPOPT was asked for what contact never carries")
+
+
+@needs_compiler
+@pytest.mark.parametrize("force_n", [-100.0, 0.0])
+def test_a_force_that_presses_no_patch_is_not_sought_for(force_n, monkeypatch):
+    """A patella's button presses the groove along +x: no pose pulls it that way. A spring along x might."""
+    model = PolarFoundation(whole_wrench(cc.load_scene("patellofemoral")), Rays(4, 1))
+    loads = np.array([[force_n, -1500.0, 0.0, 0.0, 0.0, 0.0]])
+    sprung = static_equilibrium.build(model, loads, stiffness=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert pulls(sprung)[0] == pulls(static_equilibrium.build(model, loads, free=("ty", "tz")))[0] == ""
+    monkeypatch.setattr(ca, "nlpsol", refuse_to_search)
+    result = static_equilibrium.solve(static_equilibrium.build(model, loads))
+    assert not result.converged.any()
+    assert result.reason[0].startswith(f"Fx is {force_n:g} N, which does not press the bodies together, expected above")
+
+
+def test_what_counts_as_balanced_grows_with_the_load_alone(knee):
+    loads = np.array([LOADS, np.multiply(LOADS, 1000.0)])
+    light, heavy = static_equilibrium.build(knee, loads).tolerance_n
+    assert heavy == pytest.approx(1000.0 * light)
+    assert light == pytest.approx(0.15, rel=0.01)
+
+
+def test_rows_that_nothing_carries_leave_the_others_and_their_starts_alone(knee, rest, solved):
+    loads = np.tile(LOADS, (3, 1))
+    loads[1, WRENCH_NAMES.index("Fy")] = 50.0
+    problem = static_equilibrium.build(knee, loads, rest=rest, about="moving")
+    result = static_equilibrium.solve(problem)
+    np.testing.assert_allclose(result.poses[[0, 2]], solved[1].poses[[0, 2]], atol=1e-6)
+    assert (solve_from_lifts(problem, result, 1, (2.0,)).shares == 1.0).all()
+    with pytest.raises(ValueError, match="no row is in equilibrium"):
+        solve_from_lifts(problem, replace(result, converged=np.zeros(3, dtype=bool)), 1)
+
+
+@pytest.mark.parametrize("force_n", [5.0, 1500.0])
+def test_light_and_heavy_loads_are_balanced_to_the_same_share(knee, force_n):
+    """On elements, too, which carry some per cent of 5 N more or less in the surrogate's pose."""
+    loads = force_n * np.array([[-0.02, -1.0, 0.0, 5.0, 0.0, 0.0]])
+    problem = static_equilibrium.build(knee, loads, rest=[0.0, 27.5, 0.0, 0.0, 0.0, -0.5], about="moving")
+    result = static_equilibrium.solve(problem)
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(result.wrenches[:, :3], loads[:, :3], atol=1e-4 * force_n)
+    elements = cc.ElasticFoundation(knee.scene, (80, 40))
+    wrench = elements.wrenches(static_equilibrium.on_model(problem, result, elements)).sum(axis=1)
+    np.testing.assert_allclose(wrench[:, :3], loads[:, :3], atol=1e-4 * force_n)
+
+
+@needs_compiler
+def test_a_ball_carries_no_torque_about_its_centre_but_a_spring_does():
+    model = cc.foundation("sphere_in_dish")
+    loads = np.array([[20.0, -200.0, 0.0, 1000.0, 0.0, 0.0]])
+    free = static_equilibrium.solve(static_equilibrium.build(model, loads, about="moving"))
+    assert not free.converged.any()
+    assert free.reason[0].startswith("nothing holds rx against the given loads, expected contact or a spring")
+    stiffness = np.array([0.0, 0.0, 0.0, 5e3, 0.0, 0.0])
+    held = static_equilibrium.build(model, loads, stiffness=stiffness, about="moving")
+    result = static_equilibrium.solve(held)
+    assert result.converged.all(), result.reason
+    assert result.poses[0, 3] - held.rest[0, 3] == pytest.approx(1000.0 / 5e3, rel=1e-3)
+
+
+@needs_compiler
+def test_an_unsolved_row_of_a_joint_that_is_pressed_upwards_is_tried_on_the_contact_model():
+    model = cc.foundation("hip")
+    loads = np.array([[-100.0, 1500.0, 400.0, 7500.0, 0.0, 0.0]])  # a ball's torque
+    problem = static_equilibrium.build(model, loads, rest=[model.scene.start_pose], about="moving")
+    result = diagnose(problem, static_equilibrium.solve(problem), cc.ElasticFoundation(model.scene, (40, 40)))
+    assert result.reason[0].startswith("nothing holds rx")
+    assert result.reason[0].endswith("the contact model finds no equilibrium either")
+
+
 def test_the_contact_model_says_whether_an_unsolved_row_lies_outside_of_what_was_learned(knee, rest):
     loads = np.tile(LOADS, (3, 1))
     loads[1, WRENCH_NAMES.index("Fz")] = 900.0  # up the side of the dish
@@ -176,6 +255,13 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
         assert abs(float(row["Tx_ef_Nmm"]) - float(row["Tx_contact_Nmm"])) < 100.0
     assert json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))["converged"] == 2
     assert (tmp_path / "static_equilibrium.png").read_bytes().startswith(b"\x89PNG")
+
+
+@needs_compiler
+def test_a_patella_under_a_knee_s_loads_ends_without_a_search(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(ca, "nlpsol", refuse_to_search)
+    assert command(monkeypatch, "--out", tmp_path, "--scene", "patellofemoral", "--flexions", "10,40") == 2
+    assert "scene patellofemoral is pressed along +Fx alone" in capsys.readouterr().out
 
 
 def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):

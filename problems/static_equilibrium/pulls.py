@@ -1,0 +1,33 @@
+"""Loads that no contact carries, told by a look at their direction: nothing is to be sought for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
+from problems.static_equilibrium.problem import StaticEquilibrium
+
+
+def pulls(problem: StaticEquilibrium) -> np.ndarray:
+    """Why no pose carries a row's loads, (n,); "" where their direction does not exclude it.
+
+    Contact pushes: the force on patches that are all pressed along one direction d has F·d > 0, whatever the pose. So
+    has the given force, then, if nothing but contact holds the body along d: the translation is free, nothing is tied
+    to it, and no spring acts on it.
+    """
+    normals, space = problem.model.scene.normal_loads, problem.model.scene.pose_space
+    words = np.full(len(problem.loads), "", dtype=object)
+    if len({(normal.component, normal.sign) for normal in normals}) > 1 or normals[0].index is None:
+        return words
+    along, sign = normals[0].index, normals[0].sign
+    tied = np.count_nonzero(space.matrix[:, along]) > 1
+    if POSE_NAMES[along] not in problem.free or tied or problem.stiffness[along] > 0.0:
+        return words
+    force, side = WRENCH_NAMES[along], "above" if sign > 0.0 else "below"
+    for row in np.flatnonzero(sign * problem.loads[:, along] <= 0.0):
+        words[row] = (
+            f"{force} is {problem.loads[row, along]:g} N, which does not press the bodies together, expected {side} "
+            f"0 N: scene {problem.model.scene.name} is pressed along {'+' if sign > 0.0 else '-'}{force} alone, give "
+            "it loads that do so"
+        )
+    return words
