@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.optimisation import pose_bounds
 from problems import knee_simulator, static_equilibrium
 from problems.knee_simulator import __main__
 from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
 from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
+from tests.support.compiler import needs_compiler
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +159,18 @@ def test_wrong_requests_are_refused(knee, simulator):
     short = knee_simulator.solve(simulator, cycles=0.01, frames=2)
     with pytest.raises(ValueError, match="energies=True"):
         EnergyBalance.of(simulator, short)
+
+
+@needs_compiler
+def test_a_ball_carries_the_axial_force_above_its_centre_alone():
+    """Beside it the force turns the ball, which a dish does not hold."""
+    ball = PolarFoundation(cc.load_scene("sphere_in_dish"), Rays(12, 3))
+    with pytest.raises(ValueError, match=r"nothing holds rx .* 5 mm medially .* or a Rig with axial_offset_mm=0"):
+        knee_simulator.start_state(knee_simulator.build(ball))
+    above = knee_simulator.build(ball, Waveforms.constant(20.0, 500.0, -50.0), Rig(axial_offset_mm=0.0))
+    still = knee_simulator.solve(above, cycles=0.2, frames=3, tolerance=1e-8)
+    np.testing.assert_allclose(still.states, np.tile(still.states[0], (3, 1)), atol=1e-5)
+    assert still.wrenches[-1, 1] == pytest.approx(-500.0, rel=1e-3)
 
 
 def command(monkeypatch, *arguments):
