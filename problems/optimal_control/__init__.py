@@ -3,7 +3,7 @@
 Run ``python -m problems.optimal_control --help``.
 """
 
-from problems.optimal_control.forward import forward_poses
+from problems.optimal_control.forward import forward_load_errors, forward_poses, strays
 from problems.optimal_control.problem import OptimalControl, build
 from problems.optimal_control.solve import ControlResult, solve, start_values
 from problems.optimal_control.wanted_cycle import WantedCycle, cycle_of, own_cycle, simulated_cycle
@@ -14,9 +14,11 @@ __all__ = [
     "WantedCycle",
     "build",
     "cycle_of",
+    "forward_load_errors",
     "forward_poses",
     "own_cycle",
     "simulated_cycle",
     "solve",
     "start_values",
+    "strays",
 ]

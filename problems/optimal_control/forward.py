@@ -9,10 +9,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, load_unit
 from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl, inertia_of, point_function
 from problems.optimal_control.solve import ControlResult
 
+FOLLOWED = 0.01  # of the largest load: beyond it a motion is the transcription's, not the actuators'
 _TOLERANCE = 1e-7  # of a step, relative and absolute
 
 
@@ -40,6 +41,34 @@ def forward_poses(problem: OptimalControl, result: ControlResult) -> Array | Non
     poses = result.poses.copy()
     poses[1:, free] = answer[:, : len(free)]
     return poses
+
+
+def forward_load_errors(problem: OptimalControl, result: ControlResult, forward: Array) -> dict[str, float]:
+    """Root mean square difference of each contact load [N, N·mm] by name, in poses (points, 6) of `forward_poses`, from
+    those found."""
+    off = problem.model(forward) - result.loads
+    return dict(zip(problem.model.load_names, np.sqrt(np.mean(off**2, axis=0)).tolist(), strict=True))
+
+
+def strays(problem: OptimalControl, result: ControlResult, forward: Array | None) -> str:
+    """Why the found actuators do not bring about the found contact loads forward in time, "" where they do: every force
+    to within `FOLLOWED` of the largest of the cycle (root mean square), and every torque likewise.
+
+    Collocation meets the equations of motion at its points alone; how well they hold between them, this tells.
+    """
+    cure = "give more --intervals or a higher --degree, or springs where nothing holds the motion"
+    if forward is None:
+        return f"forward in time under these actuators the integrator gives up, expected the motion found: {cure}"
+    errors, largest = forward_load_errors(problem, result, forward), np.abs(result.loads).max(axis=0)
+    for unit in ("N", "N·mm"):
+        of_unit = {name: most for name, most in zip(errors, largest, strict=True) if load_unit(name) == unit}
+        name, allowed = max(of_unit, key=lambda load: errors[load]), FOLLOWED * max(of_unit.values())
+        if not errors[name] <= allowed:
+            return (
+                f"forward in time under these actuators {name} is off by {errors[name]:.3g} {unit} (RMS), expected at "
+                f"most {allowed:.3g} {unit}, {100.0 * FOLLOWED:g} % of the cycle's largest: {cure}"
+            )
+    return ""
 
 
 def _spline(name: str, times: Array, values: Array) -> ca.Function:

@@ -25,6 +25,7 @@ from problems.common.records import (
     rms_and_largest_words,
     write_summary,
 )
+from problems.optimal_control.forward import forward_load_errors
 from problems.optimal_control.problem import OptimalControl
 from problems.optimal_control.solve import ControlResult
 
@@ -65,9 +66,13 @@ def report(
         highlight=False,
     )
     moved = {} if forward is None else _forward_errors(result, forward)
-    said = ", ".join(f"{largest:.2g} {unit}" for unit, largest in moved.items())
-    said = f"poses off by {said} at most" if moved else "not simulated: not solved, or the integrator gave up"
-    console.print(f"forward in time under these actuators: {said}", highlight=False)
+    said = "not simulated: not solved, or the integrator gave up"
+    strayed = {} if forward is None else forward_load_errors(problem, result, forward)
+    if forward is not None:
+        largest = " and ".join(f"{most:.2g} {unit}" for unit, most in moved.items())
+        loads = ", ".join(f"{name} {off:.2g} {load_unit(name)}" for name, off in strayed.items())
+        said = f"poses off by {largest} at most; loads off (RMS): {loads}"
+    console.print(f"forward in time under these actuators: {said}", highlight=False, soft_wrap=True)
     reason = reasons(problem.model, result.poses, verdict)
     print_reasons(console, reason, "point")
     _write_table(out / "optimal_control.csv", problem, result, verdict, reason)
@@ -84,6 +89,7 @@ def report(
         },
         "held_errors": {what: rms_and_largest(error) for what, error in held.items()},
         "forward_largest_error": moved,
+        "forward_rms_load_error": strayed,
     }
     write_summary(out / "optimal_control.json", summary)
     draw(problem, result, ef.get("fine"), kind, out / "optimal_control.png")
