@@ -89,10 +89,10 @@ def propose(
     made_of = material or ("cartilage" if meeting.together else "polyethylene")
     tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]
-    because = "" if material else f", since the files {'' if meeting.together else 'do not '}come from one scan"
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]
     untold += [doubt for mesh in meshes.values() for doubt in (*specks(mesh), *spikes(mesh))]
-    untold.append(f"the material's stiffness and thickness: taken as {made_of}{because} (--material)")
+    why = " (--material)" if material else _guess(meeting.together)
+    untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")
     if units is None and pair.scale < 1.0:
         untold.insert(0, _small(meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
@@ -142,6 +142,13 @@ def _shell(sight: Sight) -> str:
     """Which side of a moving shell counts: the outer one where it is one side and what touches is of it, else both."""
     one = sight.regions.round and outer_side(sight.pair.moving, sight.regions.anchors_mm)[1] <= MOST_BOTH_SIDES
     return "outer" if one else "whole"
+
+
+def _guess(together: bool) -> str:
+    """Why a material is guessed, and what to do where the guess is wrong."""
+    if together:
+        return ", since the files share a frame, as a scan's do; an implant's may as well (--material polyethylene)"
+    return ", since the files do not share a frame, as a scan's would (--material cartilage)"
 
 
 def _small(fixed: TriangleMesh, unit: str) -> str:
