@@ -7,6 +7,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.conventions import pose_index
 from casadi_contact.optimisation import ipopt_options, pose_bounds
+from tests.support.compiler import needs_compiler
 
 LOCKED = {"ry": 0.02, "rz": -0.5}
 FORCES = {"Fy_med": -600.0, "Fy_lat": -400.0}
@@ -46,6 +47,21 @@ def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_exact_loads(kn
         if wanted is not FORCES:
             fy = got["Fy_med"] + got["Fy_lat"]
             np.testing.assert_allclose([got["Tz"] / fy, -got["Tx"] / fy], [[3.0], [1.0]], atol=1e-4)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
+def test_a_bounded_solution_follows_its_wanted_load_by_the_inverse_of_the_stiffness(knee, compiled):
+    """As docs/how-to/opti.md says: to CasADi bounds with a multiplier are active, and IPOPT leaves one on each."""
+    sides, force, q = [knee.load_names.index(name) for name in FORCES], ca.MX.sym("force"), ca.MX.sym("q", 2)
+    pose = ca.vertcat(0.0, 27.2 + 0.1 * q[0], 0.0, 0.02 * q[1], 0.02, -0.5)
+    loads = knee.function(compiled=compiled)(pose)[sides]
+    misfit = (loads - ca.vertcat(force, FORCES["Fy_lat"])) / 100.0
+    options = {"min_lam": 1e-6, **ipopt_options()}
+    solver = ca.nlpsol("settle", "ipopt", {"x": q, "p": force, "f": ca.sumsqr(misfit)}, options)
+    found = solver(x0=0.0, p=force, lbx=-5.0, ubx=5.0)["x"]
+    at, compliance = ca.Function("follow", [force], [found, ca.jacobian(found, force)])(FORCES["Fy_med"])
+    stiffness = np.asarray(ca.Function("stiffness", [q], [ca.jacobian(loads, q)])(at))
+    np.testing.assert_allclose(np.asarray(compliance).ravel(), np.linalg.solve(stiffness, [1.0, 0.0]), rtol=1e-3)
 
 
 def test_starts_that_nothing_settles_still_find_their_way_by_root_loads(knee):
