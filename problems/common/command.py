@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -41,8 +42,11 @@ def end_with(verdict: Verdict, name: str, out: Path) -> None:
 
 
 def numbers(text: str, option: str) -> list[float]:
-    """Numbers separated by commas; ValueError naming the option."""
+    """Finite numbers separated by commas; ValueError naming the option."""
     try:
-        return [float(part) for part in text.split(",")]
+        found = [float(part) for part in text.split(",")]
     except ValueError:
-        raise ValueError(f"--{option} is {text!r}, expected numbers separated by commas") from None
+        found = [math.nan]
+    if not all(map(math.isfinite, found)):
+        raise ValueError(f"--{option} is {text!r}, expected finite numbers separated by commas")
+    return found

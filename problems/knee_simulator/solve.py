@@ -57,7 +57,7 @@ def start_state(simulator: KneeSimulator, time_s: float = 0.0) -> Array:
         raise ValueError(
             f"no equilibrium to start from at {time_s:g} s: {result.reason[0]}; expected a joint that carries "
             f"{-loads[0, 1]:.3g} N, {rig.axial_offset_mm:g} mm medially of the moving origin: take a scene with two "
-            "sides like a knee's, smaller loads, or a Rig with axial_offset_mm=0"
+            "sides like a knee's, smaller loads, a Rig with axial_offset_mm=0, or a start of your own"
         )
     return np.concatenate([result.poses[0, :5], np.zeros(5)])
 

@@ -165,7 +165,7 @@ def test_wrong_requests_are_refused(knee, simulator):
 def test_a_ball_carries_the_axial_force_above_its_centre_alone():
     """Beside it the force turns the ball, which a dish does not hold."""
     ball = PolarFoundation(cc.load_scene("sphere_in_dish"), Rays(12, 3))
-    with pytest.raises(ValueError, match=r"nothing holds rx .* 5 mm medially .* or a Rig with axial_offset_mm=0"):
+    with pytest.raises(ValueError, match=r"nothing holds rx .* 5 mm medially .* axial_offset_mm=0, or a start"):
         knee_simulator.start_state(knee_simulator.build(ball))
     above = knee_simulator.build(ball, Waveforms.constant(20.0, 500.0, -50.0), Rig(axial_offset_mm=0.0))
     still = knee_simulator.solve(above, cycles=0.2, frames=3, tolerance=1e-8)

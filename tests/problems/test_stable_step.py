@@ -62,4 +62,4 @@ def test_a_mistake_is_one_line(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["stable_step", "--axial", "much"])
     with pytest.raises(SystemExit) as end:
         stable_step.main()
-    assert end.value.code == "stable_step: --axial is 'much', expected numbers separated by commas"
+    assert end.value.code == "stable_step: --axial is 'much', expected finite numbers separated by commas"

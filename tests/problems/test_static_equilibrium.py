@@ -272,7 +272,8 @@ def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, caps
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--flexions", "ten"), "--flexions is 'ten', expected numbers"),
+        (("--flexions", "ten"), "--flexions is 'ten', expected finite numbers"),
+        (("--flexions", "10,nan"), "--flexions is '10,nan', expected finite numbers"),
         (("--surrogate", "hip"), "unknown surrogate 'hip'"),
         (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
     ],
