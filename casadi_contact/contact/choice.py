@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.charts import CELL_SHAPES
 from casadi_contact.contact.cells.choice import cell_foundation, cell_sizes_mm, square_cells
 from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.cells.patches import CELL_SHAPES
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.cup.choice import CANDIDATES as CUP_POINTS
 from casadi_contact.contact.cup.choice import cup_foundation

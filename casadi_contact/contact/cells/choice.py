@@ -9,8 +9,8 @@ from functools import lru_cache, partial
 import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.charts import patch_charts
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
+from casadi_contact.contact.cells.patches import patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
@@ -18,7 +18,7 @@ from casadi_contact.contact.elastic_foundation import ElasticFoundation, grid_te
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 
-_SIZES_MM = (2.4, 1.7, 1.2, 0.85, 0.6, 0.45)  # of patches that are `_USUAL_MM` long and more
+_SIZES_MM = (2.4, 2.0, 1.7, 1.4, 1.2, 1.0, 0.85, 0.7, 0.6, 0.52, 0.45)  # of patches that are `_USUAL_MM` long and more
 _USUAL_MM = 30.0
 CONVERGED, _HALF = (320, 320), (160, 160)  # elements of a patch
 _ROUGH = (40, 40)  # elements that find poses
@@ -77,14 +77,14 @@ class _Truth:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+        self.scene, self._charts = scene, patch_charts(scene)
         self._selection = load_selection(scene.load_names, scene.patch_names)
         tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
         rough, half, fine = (ElasticFoundation(scene, grid) for grid in (_ROUGH, _HALF, CONVERGED))
         self.places: list[list[tuple[Array, Array]]] = []
         self.wrenches: list[Array] = []
         cut, unsure = [], []
-        for p, patch in enumerate(cell_patches(scene, _MIDDLING)):
+        for p, patch in enumerate(cell_patches(scene, _MIDDLING, self._charts)):
             poses = pressed_poses(rough, p, forces_tried(scene), _TRIES)
             places = list(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True))
             wrenches = fine.wrenches(poses)[:, p]
@@ -117,7 +117,7 @@ class _Truth:
 
     def errors(self, cells: Cells) -> Errors:
         """Of the named loads, each pose with one patch pressed."""
-        patches = enumerate(cell_patches(self.scene, cells))
+        patches = enumerate(cell_patches(self.scene, cells, self._charts))
         errors = [self._errors(p, patch, self.places[p], self.wrenches[p])[0] for p, patch in patches]
         forces = np.linalg.norm(np.concatenate(self.wrenches)[:, :3], axis=1)
         return Errors(self.scene, np.concatenate(errors), forces, self.at_rim)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.charts import patch_charts
-from casadi_contact.contact.cells.patches import lay_cells
+from casadi_contact.contact.cells.charts import Chart
+from casadi_contact.contact.cells.patches import lay_cells, patch_charts
 from casadi_contact.contact.cells.pressures import cell_moments
 from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
@@ -95,11 +96,11 @@ class CellFoundation(CompiledPressures):
         return wrench, stiffness, gap, gap_slope, cut
 
 
-def cell_patches(scene: Scene, cells: Cells) -> list[Quadrature]:
-    """The scene's patches in cells of this size."""
+def cell_patches(scene: Scene, cells: Cells, charts: Sequence[Chart] = ()) -> list[Quadrature]:
+    """The scene's patches in cells of this size; charts: its `patch_charts`, if they are at hand."""
     law = law_of(scene.material)
-    body, charts = scene.surfaces()[0], patch_charts(scene)  # one body faces every patch
+    body = scene.surfaces()[0]  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it
         body = MovingSurface(body.family, in_single_precision(body.parameters))
     fade_n = FADE_SHARE * scene.boundary_load
-    return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts]
+    return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts or patch_charts(scene)]

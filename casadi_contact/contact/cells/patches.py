@@ -6,9 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.cells.basis import Cells, middles
-from casadi_contact.contact.cells.charts import Chart
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.charts import Chart, CupChart, PlaneChart
+from casadi_contact.contact.cells.grading import lay_lines
+from casadi_contact.contact.cells.mesh_chart import MeshChart
 from casadi_contact.conventions import Array
+from casadi_contact.scenes import Scene
+
+CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
 BOXES = 8  # that the kernel looks at together
@@ -18,8 +23,8 @@ BOXES = 8  # that the kernel looks at together
 class CellPatch:
     """One patch of m nodes and k cells, fixed frame.
 
-    c, n (m, 3): points and unit normals; tangents, bends (m, 2, 3): their derivatives times the size of a cell; loads
-    (m, 7): N·a, c×N·a and |N|·a with N = τ_v × τ_u and a the size of a cell, so that |N|·a is an area [mm²]; known
+    c, n (m, 3): points and unit normals; tangents, bends (m, 2, 3): their derivatives times the size of cells there;
+    loads (m, 7): N·a, c×N·a and |N|·a with N = τ_v × τ_u and a their area, so that |N|·a is an area [mm²]; known
     (m,): False for nodes beyond the rim. corners (k, 4): nodes at 00, 01, 10, 11; present (k, sub-points): 1 where the
     surface is, 0 beyond its rim; rim (k,): cells at the rim. blocks (b + 1,): first cell of each block.
     """
@@ -36,39 +41,50 @@ class CellPatch:
     blocks: np.ndarray
 
 
-def cell_counts(chart: Chart, cells: Cells) -> tuple[int, int]:
-    """The numbers of cells along u and v whose size comes nearest."""
-    counts = np.maximum(np.round((chart.high - chart.low) / [cells.u_mm, cells.v_mm]), 2).astype(int)
-    return int(counts[0]), int(counts[1])
+def patch_charts(scene: Scene) -> list[Chart]:
+    """The charts of a scene's patches; raises ValueError for a shape that has none."""
+    if scene.shape == "mesh":
+        return [MeshChart(scene, patch) for patch in scene.patch_names]
+    if scene.shape == "ball_in_cup":
+        return [CupChart(scene)]
+    g = scene.geometry
+    if scene.shape == "punch_on_plane":
+        return [PlaneChart(g["area"] ** 0.5, g["area"] ** 0.5)]
+    if scene.shape in CELL_SHAPES:
+        return [PlaneChart(g["patch_side"], g.get("length", g["patch_side"]))]
+    raise ValueError(
+        f"scene {scene.name} has the shape {scene.shape}, which cubic cells do not cover: expected one of "
+        f"{', '.join(CELL_SHAPES)}; others take cc.ElasticFoundation"
+    )
 
 
 def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     """The chart's cells that hold some surface, block by block, and their corners."""
-    nu, nv = cell_counts(chart, cells)
-    step = (chart.high - chart.low) / [nu, nv]
-    u, v = (
-        chart.low[axis] + step[axis] * (np.arange(count)[:, None] + middles(parts)).ravel()
-        for axis, (count, parts) in enumerate(((nu, cells.along_u), (nv, cells.along_v)))
+    across_u, across_v = (
+        lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], parts)
+        for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
     )
-    present = chart.present(u, v).reshape(nu, cells.along_u, nv, cells.along_v)
+    nu, nv = len(across_u.places) - 1, len(across_v.places) - 1
+    present = chart.present(across_u.sub_points, across_v.sub_points).reshape(nu, cells.along_u, nv, cells.along_v)
     shares = np.moveaxis(present, 1, 2).reshape(nu, nv, -1).astype(float)
     whole = np.pad((shares == 1.0).all(axis=-1), 1)
     rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
     held = np.asarray(shares.any(axis=-1))
-    order, blocks = _in_blocks(held, _block(step))
+    order, blocks = _in_blocks(held, _block(np.array([cells.u_mm, cells.v_mm])))
     i, j = order.T
     numbers = np.stack([(i + a) * (nv + 1) + j + b for a in (0, 1) for b in (0, 1)], 1)
     used, corners = np.unique(numbers, return_inverse=True)
-    surface = chart.surface(chart.low[0] + step[0] * (used // (nv + 1)), chart.low[1] + step[1] * (used % (nv + 1)))
-    scaled = step[:, None]
-    N = np.cross(surface.tangents[:, 1], surface.tangents[:, 0]) * step.prod()
+    row, column = np.divmod(used, nv + 1)
+    surface = chart.surface(across_u.places[row], across_v.places[column])
+    sizes = np.stack([across_u.sizes[row], across_v.sizes[column]], 1)
+    N = np.cross(surface.tangents[:, 1], surface.tangents[:, 0]) * sizes.prod(axis=1)[:, None]
     N *= np.sign(np.einsum("ij,ij->i", N, surface.n))[:, None]
     loads = np.concatenate([N, np.cross(surface.c, N), np.linalg.norm(N, axis=1, keepdims=True)], 1)
     return CellPatch(
         surface.c,
         _single(surface.n),
-        _single(surface.tangents * scaled),
-        _single(surface.bends * scaled),
+        _single(surface.tangents * sizes[..., None]),
+        _single(surface.bends * sizes[..., None]),
         _single(loads),
         surface.known,
         corners.reshape(-1, 4),

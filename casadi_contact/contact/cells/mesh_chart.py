@@ -1,0 +1,144 @@
+"""The chart of a part of a fixed mesh, as its scene's projection shows it.
+
+A mesh is seen from where the moving body comes: from above, u = x and v = z, along the scene's `pressing`, or from a
+cup's middle. The surface is the zero of its distance field on each line. Beyond its edge, where the cells of the rim
+still need corners, it goes on as the quadric h(u, v) through the points around, and so it does where the mesh turns
+over a sharp edge at its rim, which cubics cannot follow.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from casadi_contact.contact.cells.charts import Surface, surface_at
+from casadi_contact.contact.cells.grading import density
+from casadi_contact.conventions import Array
+from casadi_contact.geometry.field_derivatives import field_derivatives
+from casadi_contact.geometry.mesh_elements import grid_on_mesh
+from casadi_contact.geometry.projection import LEAST_UPWARD, Lines
+from casadi_contact.scenes import Scene
+
+_RASTER_MM, _FEWEST_PARTS, _MOST_PARTS = 0.15, 64, 400  # of each side: where the mesh is looked for
+_RIDGE_SHARE = 97  # percentile of the curvatures along a line: a ridge may be as short
+_STEPS = 6  # of Newton's method along the rays
+_SHARPEST = 1.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell
+_AROUND_MM = 2.5  # reach of the quadric that continues a surface
+_FEWEST = 12  # points that it goes through
+
+
+class MeshChart:
+    """The part of a fixed mesh that a patch's box holds; it is looked for on a raster, once."""
+
+    def __init__(self, scene: Scene, patch: str) -> None:
+        from casadi_contact.shapes.mesh_bodies import body_field, body_surface, patch_box
+        from casadi_contact.shapes.mesh_patches import patch_mesh, patch_projection
+
+        self._projection = patch_projection(scene.geometry, patch)
+        self._mesh = patch_mesh(scene.geometry, patch, reaching=True)
+        self._field = body_field(scene.geometry, "fixed")
+        box = patch_box(scene.geometry, patch)
+        self.low, self.high, _ = self._projection.bounds(self._mesh, box)
+        counts = np.clip(np.ceil((self.high - self.low) / _RASTER_MM), _FEWEST_PARTS, _MOST_PARTS).astype(int)
+        self._step = (self.high - self.low) / counts
+        u, v = (self.low[k] + self._step[k] * (np.arange(count) + 0.5) for k, count in enumerate(counts))
+        surface = partial(body_surface, scene.geometry, "fixed")
+        grid = (len(u), len(v))
+        points, _, areas = grid_on_mesh(self._mesh, self._field, grid, box, self._projection, surface)
+        self._present = present = areas > 0.0
+        lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
+        heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
+        self._heights = heights.reshape(areas.shape)
+        edge = present & self._sharp(points.reshape(-1, 3)).reshape(areas.shape)
+        ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
+        self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
+        self.densities = self._densities(u[1::2], v[1::2])
+
+    def present(self, u: Array, v: Array) -> np.ndarray:
+        """Where a ray meets the mesh inside the box, and no wall, at the nearest places of the raster."""
+        places = (self._nearest(values, axis) for axis, values in enumerate((u, v)))
+        return np.asarray(self._present[np.ix_(*places)])
+
+    def _nearest(self, values: Array, axis: int) -> np.ndarray:
+        place = np.floor((values - self.low[axis]) / self._step[axis]).astype(int)
+        return np.clip(place, 0, self._present.shape[axis] - 1)
+
+    def surface(self, u: Array, v: Array) -> Surface:
+        """From the distance field where the four points of the raster around are on the mesh and not on its rim's edge,
+        continued elsewhere."""
+        known, height = self._around(u, v)
+        jet = np.zeros((len(u), 6))
+        jet[known], found = self._jets(self._projection.lines(u[known], v[known]), height[known])
+        known[np.flatnonzero(known)[~found]] = False
+        if not known.all():
+            jet[~known] = self._continued(u[~known], v[~known])
+        return surface_at(self._projection.lines(u, v), jet, known)
+
+    def _around(self, u: Array, v: Array) -> tuple[np.ndarray, Array]:
+        """Whether the four points of the raster around are on the mesh (m,), and their mean height (m,) [mm]."""
+        place = (np.stack([u, v], 1) - self.low) / self._step - 0.5
+        first = np.clip(np.floor(place).astype(int), 0, np.array(self._smooth.shape) - 2)
+        corners = [(first[:, 0] + a, first[:, 1] + b) for a in (0, 1) for b in (0, 1)]
+        known = np.all([self._smooth[corner] for corner in corners], axis=0)
+        return known, np.mean([self._heights[corner] for corner in corners], axis=0)
+
+    def _densities(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Of lines across u (nu,) and across v (nv,), by the convex curvature along u and along v."""
+        at_u, at_v = (values.ravel() for values in np.meshgrid(u, v, indexing="ij"))
+        known, height = self._around(at_u, at_v)
+        lines = self._projection.lines(at_u[known], at_v[known])
+        jet, found = self._jets(lines, height[known])
+        surface = surface_at(lines, jet, found)
+        bent = np.einsum("nak,nak->na", surface.bends, surface.tangents)
+        curvature = np.zeros((len(at_u), 2))
+        curvature[known] = np.where(found[:, None], bent / (surface.tangents**2).sum(axis=2), 0.0)
+        along_u, along_v = np.moveaxis(curvature.reshape(len(u), len(v), 2), 2, 0)
+        return (
+            density(np.percentile(along_u, _RIDGE_SHARE, axis=1)),
+            density(np.percentile(along_v, _RIDGE_SHARE, axis=0)),
+        )
+
+    def _jets(self, lines: Lines, h: Array) -> tuple[Array, np.ndarray]:
+        """h and its derivatives u, v, uu, uv, vv (m, 6) on the field's zero; False for a wall (m,)."""
+        up, h = lines.ups, h.copy()
+        for _ in range(_STEPS):
+            g, slope = self._field(lines.starts + h[:, None] * up)
+            h -= g / np.maximum(np.einsum("nk,nk->n", slope, up), LEAST_UPWARD)
+        _, slope, bend = field_derivatives(self._field.parameters, lines.starts + h[:, None] * up)
+        along = np.einsum("nk,nk->n", slope, up)
+        fine = along > LEAST_UPWARD * np.linalg.norm(slope, axis=1)
+        along = np.where(fine, along, 1.0)
+        across = lines.start_slopes + h[:, None, None] * lines.up_slopes
+        h_a = -np.einsum("nk,nak->na", slope, across) / along[:, None]
+        c_a = across + h_a[..., None] * up[:, None]
+        turns = h_a[:, :, None, None] * lines.up_slopes[:, None]
+        rest = turns + np.swapaxes(turns, 1, 2) + h[:, None, None, None] * lines.up_bends
+        h_ab = -np.einsum("nai,nij,nbj->nab", c_a, bend, c_a) - np.einsum("nk,nabk->nab", slope, rest)
+        h_ab /= along[:, None, None]
+        return np.column_stack([h, h_a, h_ab[:, 0, 0], h_ab[:, 0, 1], h_ab[:, 1, 1]]), fine
+
+    def _sharp(self, points: Array) -> np.ndarray:
+        """True (m,) for points where the surface is bent outwards more sharply than `_SHARPEST`."""
+        _, slope, bend = field_derivatives(self._field.parameters, points)
+        size = np.linalg.norm(slope, axis=1)[:, None, None]
+        across = np.eye(3) - slope[:, :, None] * slope[:, None, :] / size**2
+        return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > _SHARPEST)
+
+    def _continued(self, u: Array, v: Array) -> Array:
+        """h and its derivatives (m, 6) of a quadric through the points on the mesh around (u, v)."""
+        at = np.argwhere(self._smooth)
+        there = self.low + (at + 0.5) * self._step
+        heights = self._heights[self._smooth]
+        tree = cKDTree(there)
+        jets = np.empty((len(u), 6))
+        for k, point in enumerate(np.stack([u, v], 1)):
+            away, nearest = tree.query(point, _FEWEST)
+            near = tree.query_ball_point(point, away[0] + _AROUND_MM)
+            near = nearest if len(near) < _FEWEST else near
+            x, y = (there[near] - point).T
+            terms = np.stack([x**0, x, y, 0.5 * x * x, x * y, 0.5 * y * y], 1)
+            jets[k] = np.linalg.lstsq(terms, heights[near], rcond=1e-6)[0]
+        return jets
