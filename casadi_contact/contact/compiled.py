@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.functions import check_name
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch, name_of_wrenches
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import roots_source
@@ -173,13 +174,13 @@ class CompiledFoundation(ContactFunctions, Exportable):
         wanted, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
         if not wanted:
             return super().function(loads, name, compiled=compiled, batch=batch)
-        wrenches = self._wrench_function(compiled is not False)
-        function = parametric_function(check_name(name), wanted, self.scene.material, self._rows(loads), wrenches)
+        wrenches = self._wrench_function(name_of_wrenches(check_name(name)), compiled is not False)
+        function = parametric_function(name, wanted, self.scene.material, self._rows(loads), wrenches)
         return function if batch is None else function.map(batch)
 
-    def _wrench_function(self, compiled: bool) -> ca.Function:
+    def _wrench_function(self, name: str, compiled: bool) -> ca.Function:
         """casadi.Function pose (6) -> wrenches of all patches (6·P)."""
-        name, names = "patch_wrenches", wrench_names(self.patch_names)
+        names = wrench_names(self.patch_names)
         path = self._kernel(name, names, ("loads",)) if compiled else None
         if path is not None:
             return ca.external(name, str(path))
@@ -202,6 +203,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
         names, patches = self.check_loads(loads), len(self.patch_names)
         kernel = FoundationKernel(self.scene, names, self._patch_source(), self.lanes)
         source = kernel.source(loads=len(names), roots=patches)
+        wrenches = replace(kernel, loads=wrench_names(self.patch_names))
         return ExportedModel(
             "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
             names,
@@ -213,6 +215,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
             f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
             data=self._patch_data(),
+            wrench_source=wrenches.source(loads=6 * patches, roots=0),
         )
 
     def example_pose(self) -> list[float]:
@@ -250,7 +253,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
         texts = [
             source,
-            casadi_interface(check_name(name), outputs, batch),
+            casadi_interface({check_name(name): outputs}, batch),
             c_text("arrays.h"),
             c_text("batch.h", C_FOLDER),
             more,

@@ -13,6 +13,7 @@ from casadi_contact.transcription import function_with_derivatives
 from casadi_contact.transcription.contact_functions import ContactFunctions
 from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
+from casadi_contact.transcription.kernel.casadi_interface import name_of_parts
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 
@@ -67,7 +68,7 @@ class SurrogateFunctions(ContactFunctions):
     ) -> ca.Function:
         if "roots" not in wanted or self._root_count() == len(self.patch_names):
             return self._transcription(name, loads, wanted, compiled, batch)
-        of_parts = self._transcription(f"{name}_of_parts", loads, wanted, compiled, batch)
+        of_parts = self._transcription(name_of_parts(name), loads, wanted, compiled, batch)
         pose = ca.MX.sym("pose", 6, batch or 1)
         outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
         roots = self._patch_roots(outputs["roots"])

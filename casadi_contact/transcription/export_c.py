@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +16,7 @@ from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_parts, name_of_wrenches
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
 
@@ -29,7 +29,8 @@ class ExportedModel:
     are roots; trust_at where it is trusted; outside(pose, parts), which is 1 where the pose is not one that the model
     is made for. made_for says in words when it is. pressure_names: where there are any, source defines
     pressures_at(pose, pressures) for them. vectors: source needs the vectors of GCC and clang. data: what
-    the source includes as the file DATA_FILE of the folder in which it is compiled.
+    the source includes as the file DATA_FILE of the folder in which it is compiled. wrench_source: C of a kernel whose
+    loads are the wrenches of all patches, for CasADi functions with parameters; none where the model has none of these.
     """
 
     source: str
@@ -43,18 +44,35 @@ class ExportedModel:
     vectors: bool = False
     data: bytes = b""
     pressure_names: Sequence[str] = ()
+    wrench_source: str = ""
 
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
         words = self.words(name)
-        outputs = {"loads": len(self.load_names)}
         parts = [
-            f"/* {words['description']} Written by casadi_contact {words['version']}. */",
+            _written(words),
             self.source,
             f"#define TRUSTED {int(self.trusted)}",
             Template(c_text("export_api.c")).substitute(words),
         ]
-        return "\n".join([*parts, casadi_interface(name, outputs)])
+        return "\n".join([*parts, casadi_interface(self._casadi_functions(name))])
+
+    def wrench_c_source(self, name: str) -> str:
+        """Another C file: the wrenches of all patches, as casadi.external takes them."""
+        outputs = {"loads": 6 * len(self.patch_names)}
+        parts = [_written(self.words(name)), self.wrench_source, casadi_interface({name_of_wrenches(name): outputs})]
+        return "\n".join(parts)
+
+    def _casadi_functions(self, name: str) -> dict[str, dict[str, int]]:
+        """What casadi.external finds in the file: loads, and where there are roots, these alone and with the loads."""
+        loads, roots = {"loads": len(self.load_names)}, {"roots": self.kernel_roots}
+        functions = {name: loads}
+        if self.kernel_roots:
+            named = f"{name}_root_loads", f"{name}_loads_and_roots"
+            if self.kernel_roots > len(self.patch_names):
+                named = name_of_parts(named[0]), name_of_parts(named[1])
+            functions |= dict(zip(named, (roots, loads | roots), strict=True))
+        return functions
 
     def header(self, name: str) -> str:
         """The header of that file."""
@@ -93,7 +111,13 @@ class ExportedModel:
             "pressure_count": len(pressures),
             "pressure_names": _quoted(pressures),
             "pressure_unit_names": _quoted(pressure_units),
+            "wrenches": f" {name_of_wrenches(name)}.c" if self.wrench_source else "",
         }
+
+
+def _written(words: Mapping[str, object]) -> str:
+    """The first line of a C file."""
+    return f"/* {words['description']} Written by casadi_contact {words['version']}. */"
 
 
 def _with_units(names: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -119,10 +143,11 @@ def _quoted(names: Sequence[str]) -> str:
 def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pose: Sequence[float]) -> list[Path]:
     """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave.
 
-    Returns their paths in folder.
+    ``name_patch_wrenches.c`` too where the model has `wrench_source`. Returns their paths in folder.
 
     C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
-    each with a status, and pressures where the model has them; also loadable by casadi.external.
+    each with a status, and pressures where the model has them. casadi.external, and code that CasADi generates, find
+    ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots`` and ``name_patch_wrenches`` there.
     Raises ValueError for an unusable name, OSError where folder cannot be written.
     """
     words = model.words(name)
@@ -134,6 +159,8 @@ def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pos
         "example.c": Template(c_text("export_example.c")).substitute(words),
         "Makefile": Template(c_text("export_makefile")).safe_substitute(words),
     }
+    if model.wrench_source:
+        texts[f"{name_of_wrenches(name)}.c"] = model.wrench_c_source(name)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for file_name, text in texts.items():

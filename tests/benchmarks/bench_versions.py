@@ -54,7 +54,7 @@ def main(names: list[str]) -> None:
     poses = np.ascontiguousarray(motion.poses.reshape(-1, 6)[:505])
     old = VERSION_0_1.read_text("utf-8")
     measurements = {"version 0.1, in C": in_c(old, 7, poses)}
-    called = casadi_interface("old", {"loads": 7})
+    called = casadi_interface({"old": {"loads": 7}})
     external = ca.external("old", str(shared_library(f"{old}\n{called}")))
     measurements["version 0.1, called"] = partial(time_single_calls, external, poses)
     for name in names:

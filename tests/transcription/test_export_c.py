@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from casadi_contact import load_surrogate
-from casadi_contact.contact import PolarFoundation
+from casadi_contact.contact import CellFoundation, Cells, PolarFoundation
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_surrogates import IN_SPOTS, random_poses, random_surrogate
 from tests.transcription.test_consistency import second_derivatives
 
 
@@ -58,22 +58,43 @@ def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
 
 
+def random_spots():
+    return random_surrogate(load_scene("knee"), IN_SPOTS, seed=6), random_poses(1)[0]
+
+
+def cells():
+    model = CellFoundation(load_scene("sphere_on_plane"), Cells(2.0, 2.0))
+    return model, model.example_pose()
+
+
 @needs_compiler
-@pytest.mark.parametrize("kind", ["surrogate", "foundation"])
-def test_code_that_casadi_generates_is_linked_with_the_exported_file(kind, tmp_path, monkeypatch):
-    """A compiled function is called by its name in it, with its derivatives."""
+@pytest.mark.parametrize("made", [random_spots, cells])
+def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_path, monkeypatch):
+    """All compiled functions of a model are called by their names there, in one program, with their derivatives."""
     monkeypatch.chdir(tmp_path)  # where Function.generate writes
-    model = load_surrogate("knee") if kind == "surrogate" else PolarFoundation(load_scene("sphere_on_plane"))
-    pose = ca.MX.sym("pose", 6)
-    cost = ca.sumsqr(model.function(name=model.export_name, compiled=True)(pose)) / 1e6
-    mine = ca.Function("mine", [pose], [cost, ca.gradient(cost, pose), ca.hessian(cost, pose)[0]])
+    (model, at), pose, inputs = made(), ca.MX.sym("pose", 6), ca.MX.sym("inputs", 4)
+    name, given = model.export_name, ca.vertcat(pose, inputs)
+    outputs = [
+        model.function(name=name, compiled=True)(pose),
+        model.root_function(name=f"{name}_root_loads", compiled=True)(pose),
+        *model.load_and_root_function(name=f"{name}_loads_and_roots", compiled=True)(pose),
+    ]
+    if made is cells:
+        parameters = ("youngs_modulus", "thickness", "fixed_ty", "fixed_rz")
+        outputs.append(model.function(name=name, parameters=parameters)(pose, inputs))
+    both = ca.vertcat(*outputs)
+    cost = ca.sumsqr(both * np.linspace(1.0, 2.0, both.numel()))
+    mine = ca.Function("mine", [pose, inputs], [both, ca.gradient(cost, given), ca.hessian(cost, given)[0]])
     mine.generate("mine.c")
-    written = model.export_c(tmp_path)
-    sources = ["mine.c", *(path.name for path in written if path.stem == model.export_name and path.suffix == ".c")]
-    command = [*compiler_command(), "-O1", "-shared", "-fPIC", "-Wno-psabi", *sources, "-o", "mine.so", "-lm"]
+    sources = ["mine.c"]
+    for path in model.export_c(tmp_path):
+        if path.suffix == ".c" and path.stem in (name, f"{name}_patch_wrenches"):
+            sources.append(path.name)
+    command = [*compiler_command(), "-O0", "-shared", "-fPIC", "-Wno-psabi", *sources, "-o", "mine.so", "-lm"]
     subprocess.run(command, check=True, capture_output=True, text=True)
-    at = model.example_pose()
-    for got, want in zip(ca.external("mine", str(tmp_path / "mine.so"))(at), mine(at), strict=True):
+    linked = ca.external("mine", str(tmp_path / "mine.so"))
+    at = at, [450.0, 6.5, 0.01, 0.002]
+    for got, want in zip(linked(*at), mine(*at), strict=True):
         np.testing.assert_allclose(got.full(), want.full(), rtol=1e-9, atol=1e-9 * np.abs(want.full()).max())
         assert want.full().any()
 

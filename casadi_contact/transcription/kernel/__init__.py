@@ -44,5 +44,5 @@ def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], bat
     """
     name = name_of_batch(check_name(name), batch)
     source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-    library = shared_library(f"{source}\n{casadi_interface(name, outputs, batch)}")
+    library = shared_library(f"{source}\n{casadi_interface({name: outputs}, batch)}")
     return ca.external(name, str(library))

@@ -78,16 +78,34 @@ def name_of_batch(name: str, batch: int) -> str:
     return name if batch == 1 else f"map{batch}_{name}"
 
 
-def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> str:
-    """C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x batch).
+def name_of_parts(name: str) -> str:
+    """The name of a function that gives root loads of a surrogate's parts, of which `name` makes those of patches."""
+    return f"{name}_of_parts"
 
-    outputs: "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's blocks, adj1_name the
-    product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian: all that nlpsol asks.
-    jac_jac_name gives the second derivatives of every output, which a Jacobian of a Jacobian and forward sensitivities
-    of an integrator ask for.
+
+def name_of_wrenches(name: str) -> str:
+    """The name of the function of all patches' wrenches, of which `name` with parameters makes loads."""
+    return f"{name}_patch_wrenches"
+
+
+def casadi_interface(functions: Mapping[str, Mapping[str, int]], batch: int = 1) -> str:
+    """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
+    batch).
+
+    functions: the outputs of each, "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's
+    blocks, adj1_name the product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian:
+    all that nlpsol asks. jac_jac_name gives the second derivatives of every output, which a Jacobian of a Jacobian and
+    forward sensitivities of an integrator ask for.
     """
-    keys = list(outputs)
-    of = _Patterns({"pose": 6, **outputs})
+    rows = {key: count for outputs in functions.values() for key, count in outputs.items()}
+    patterns = _Patterns({"pose": 6, **rows})
+    texts = [_functions(name, list(outputs), patterns) for name, outputs in functions.items()]
+    header = [f"#define BATCH {batch}", c_text("casadi_interface.h")]
+    return "\n".join([*header, *patterns.declarations.values(), "", *texts])
+
+
+def _functions(name: str, keys: Sequence[str], of: _Patterns) -> str:
+    """All of one name."""
 
     def pair(of: str, first: int, step: int = 1) -> str:
         """The arguments for loads and roots, 0 for what this function does not give."""
@@ -128,10 +146,6 @@ def casadi_interface(name: str, outputs: Mapping[str, int], batch: int = 1) -> s
     names = " : ".join(f'i == {i} ? "{key}"' for i, key in enumerate(keys))
     return "\n".join(
         [
-            f"#define BATCH {batch}",
-            c_text("casadi_interface.h"),
-            *of.declarations.values(),
-            "",
             f'EXPORT const char *{name}_name_in(casadi_int i) {{ return i == 0 ? "pose" : 0; }}',
             f"EXPORT const char *{name}_name_out(casadi_int i) {{ return {names} : 0; }}",
             *functions,
