@@ -130,6 +130,10 @@ def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_be
     weights = np.ones(len(model.load_names))
     close(exported("hessian", pressed, weights, (6, 6))[2], model.hessian(pressed, weights), 8)
     assert exported.all_of(pressed - 10.0 * away)[0] == OUTSIDE
+    for distance in (1e3, 1e50, 1e155, 1e300):  # squares of the last two are no numbers
+        status, *numbers = exported.all_of(pressed + distance * away)[:5]
+        assert status == (OK if distance < 1e100 else OUTSIDE)
+        assert status == OUTSIDE or all(np.isfinite(array).all() for array in numbers)
     if scene == "knee":
         assert re.search(r"\d+ rays x \d points", exported.header)
         metres = [0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3]
