@@ -31,7 +31,7 @@ def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> byt
         sources = [name for name in files if name.endswith(".c")]
         wanted = [f"-Wl,--export={name}" for name in (*exports, "__heap_base")]
         command = [sys.executable, "-m", "ziglang", "cc", *_TARGET, *_FLAGS, "-o", "kernel.wasm", *sources, *wanted]
-        found = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        found = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
         if found.returncode != 0:
             said = found.stderr.strip().splitlines()
             raise CompilerError(f"ziglang failed: {said[0] if said else f'exit status {found.returncode}'}")

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import re
+import shlex
 import subprocess
 import sys
 import warnings
@@ -131,6 +132,22 @@ def test_without_a_working_compiler_one_warning_and_the_same_results(cache, monk
         assert function.class_name() != "External"
         np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses)[0], rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(batch(poses.T).full().T, surrogate(poses), rtol=1e-12, atol=1e-9)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell")
+def test_a_compiler_may_say_what_is_no_text(cache, tmp_path, monkeypatch):
+    """Messages name folders, in the bytes that they are called by, or are in a language of another encoding."""
+    says = tmp_path / "says"
+    says.write_text(
+        f'#!/bin/sh\nprintf "in \\374ber: a note\\n" >&2\nexec {shlex.join(compiler.compiler_command())} "$@"\n'
+    )
+    says.chmod(0o700)
+    monkeypatch.setenv("CC", str(says))
+    assert compiler.shared_library(SOURCE).is_file()
+    monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-no-such-flag")
+    with pytest.raises(compiler.CompilerError, match=r"failed: in .ber: a note$"):
+        compiler.shared_library(SOURCE)
 
 
 @pytest.fixture

@@ -87,7 +87,8 @@ def _processor() -> str:
 
 def _run(command: list[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder)
+        # A compiler's messages name files as they are called, and need not be text in this locale.
+        return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder)
     except subprocess.CalledProcessError as error:
         said = (error.stderr or error.stdout).strip().splitlines()
         raise CompilerError(f"{command[0]} failed: {said[0] if said else f'exit status {error.returncode}'}") from None
