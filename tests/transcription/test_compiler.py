@@ -150,6 +150,18 @@ def test_a_compiler_may_say_what_is_no_text(cache, tmp_path, monkeypatch):
         compiler.shared_library(SOURCE)
 
 
+@needs_compiler
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_cache_whose_name_is_no_text_is_one_warning_and_the_same_results(tmp_path, monkeypatch, surrogate):
+    """CasADi opens libraries by text, and ended with an error of the system's loader."""
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9"))
+    warn_once.cache_clear()
+    with pytest.warns(RuntimeWarning, match="no text in this locale"):
+        function = surrogate.function(compiled=True)
+    pose = random_poses(1)[0]
+    np.testing.assert_allclose(function(pose).full().ravel(), surrogate(pose[None])[0], rtol=1e-12, atol=1e-9)
+
+
 @pytest.fixture
 def refused(cache):
     """No library comes out of the cache as it is, and the reason is one line."""
