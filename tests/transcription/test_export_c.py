@@ -114,14 +114,15 @@ def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tm
 
 @needs_compiler
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make found")
-def test_makefile_builds_the_example(tmp_path):
-    random_surrogate(load_scene("sphere_on_plane"), "patch").export_c(tmp_path, name="ball", loads=["Fy", "Tx"])
+@pytest.mark.parametrize("loads", [["Fy", "Tx"], ["Fy"]])  # with and without ratio networks
+def test_makefile_builds_the_example(loads, tmp_path):
+    random_surrogate(load_scene("sphere_on_plane"), "patch").export_c(tmp_path, name="ball", loads=loads)
     built = subprocess.run(
         ["make", "-C", str(tmp_path), f"CC={compiler_command()[0]}"], check=True, capture_output=True, text=True
     )
     assert "warning" not in built.stdout + built.stderr
     demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
-    assert [line.split()[0] for line in demo.splitlines()] == ["Fy", "Tx"]
+    assert [line.split()[0] for line in demo.splitlines()] == loads
 
 
 def test_bad_name_is_refused(tmp_path):

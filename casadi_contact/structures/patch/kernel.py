@@ -37,7 +37,7 @@ INLINE void ${patch}_jacobian(const double *pose, const Frame *frame, double *lo
   if (!(normal > 0.0)) return;
   normal_gradient($spots, $n0, s, ds, d_normal);
   ratios_${patch}_gradient(local.x, ratio, d_ratio[0]);
-  for (int m = 0; m < $ratios; m++) gradient_in_pose(&local, d_ratio[m]);
+$ratio_slopes
 $loads
   for (int j = 0; j < 6; j++) {
 $rows
@@ -54,7 +54,7 @@ INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const doubl
 $root_slopes
   if (pressed_squares($spots, s, 1) > 0.0) {
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
-    for (int m = 0; m < $ratios; m++) phi += c[m] * ratio[m];
+$ratio_sum
   } else {
     phi = 0.0;
   }
@@ -195,7 +195,8 @@ def _patch(
         root_curvature=f"  {_ROOT_CURVATURE[several].format(patch=symbol)}",
         n0=repr(float(reference_load)),
         anchor=_anchor(patch),
-        ratios=len(ratios),
+        ratio_slopes=_lines([f"gradient_in_pose(&local, d_ratio[{m}]);" for m in range(len(ratios))], 2),
+        ratio_sum=_lines([f"phi += c[{m}] * ratio[{m}];" for m in range(len(ratios))], 4),
         loads=_lines(sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"), 2),
         rows=_lines(
             sums(
