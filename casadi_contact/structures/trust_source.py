@@ -33,10 +33,9 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
     """
     _check_shapes(trust, patches, len(load_names))
     known = [load_names.index(load) if load in load_names else None for load in loads]
-    unknown = np.full(1, np.nan)
 
     def picked(rows: Array) -> Array:
-        return np.stack([np.broadcast_to(unknown, rows.shape[1:]) if k is None else rows[k] for k in known])
+        return np.stack([np.broadcast_to(np.nan, rows.shape[1:]) if k is None else rows[k] for k in known])
 
     box, border, confirmation, states = trust.box, trust.border, trust.confirmation, trust.states
     counts = {

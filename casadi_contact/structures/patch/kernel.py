@@ -13,11 +13,13 @@ from casadi_contact.transcription.c_names import identifier
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
 
-# Loads of one patch from its local pose and the root loads of its spots; nothing but these outside contact.
+# Loads of one patch from its local pose and the root loads of its spots; nothing but these outside contact. (void) is
+# for a patch that has none of the loads asked for.
 _PATCH = Template("""\
 INLINE void ${patch}_value(const Local *local, const double *s, double *loads) {
   const double normal = $n0 * pressed_squares($spots, s, 1);
   double ratio[RATIOS];
+  (void)loads;
   if (!(normal > 0.0)) return;
   ratios_${patch}_value(local->x, ratio);
 $loads
@@ -27,6 +29,7 @@ INLINE void ${patch}_jacobian(const double *pose, const Frame *frame, double *lo
                               double (*loads_jacobian)[6], double (*roots_jacobian)[6]) {
   const Local local = local_of(pose, frame, $anchor, 1);
   double s[$spots], ds[$spots][6], ratio[RATIOS], d_ratio[RATIOS][6], normal, d_normal[6];
+  (void)loads, (void)loads_jacobian;
   root_${patch}_gradient(local.x, s, ds[0]);
   for (int k = 0; k < $spots; k++) gradient_in_pose(&local, ds[k]);
   if (ROOTS) {
@@ -51,6 +54,7 @@ INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const doubl
   const double c[RATIOS] = {$ratio_weights};
   double s[$spots], ds[$spots][6] = {{0}}, d2s[36] = {0}, on_root[$spots];
   double ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
+  (void)loads_weight;
 $root_slopes
   if (pressed_squares($spots, s, 1) > 0.0) {
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
@@ -67,6 +71,7 @@ $root_curvature
 
 INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
   double x[6 * LANES], s[$spots * LANES], all_ratios[RATIOS * LANES];
+  (void)loads;
   for (int l = 0; l < LANES; l++) {
     const Local local = local_of(pose + 6 * l, frame + l, $anchor, 0);
     for (int j = 0; j < 6; j++) x[j * LANES + l] = local.x[j];
@@ -76,6 +81,7 @@ INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*load
   if (ROOTS) memcpy(roots[$row], s, sizeof s);
   for (int l = 0; l < LANES; l++) {
     const double normal = $n0 * pressed_squares($spots, s + l, LANES);
+    (void)normal;
 $lane_loads
   }
 }
