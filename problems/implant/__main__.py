@@ -32,6 +32,7 @@ from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_mes
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build, wanted_loads
 from problems.pose_estimation.report import report
+from problems.pose_estimation.sign_doubts import sign_doubts
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 from problems.pose_estimation.unit_doubts import unit_doubts
 
@@ -83,7 +84,7 @@ def run(
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for path, problem, first in zip(cycles, problems, poses, strict=True):
-        for doubt in unit_doubts(problem.wanted, elements):
+        for doubt in (*unit_doubts(problem.wanted, elements), *sign_doubts(problem.wanted, problem.measured, elements)):
             typer.echo(f"{NAME}: {path}: {doubt}", err=True)
         result = solve_and_complete(problem, first, elements)
         loads = problem.wanted.load_names

@@ -18,6 +18,7 @@ from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
+from problems.pose_estimation.sign_doubts import sign_doubts
 from problems.pose_estimation.solve import solve
 from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 from problems.pose_estimation.unit_doubts import unit_doubts
@@ -60,7 +61,7 @@ def run(
     if warm is not None:
         poses = solve(build(ContactSource(surrogate=warm).load(), measured)).poses
     model = own_model(problem.model.scene)
-    for doubt in unit_doubts(problem.wanted, model):
+    for doubt in (*unit_doubts(problem.wanted, model), *sign_doubts(problem.wanted, problem.measured, model)):
         typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
     result = solve_and_complete(problem, poses, model)
     names = problem.wanted.load_names

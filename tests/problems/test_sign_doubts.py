@@ -1,0 +1,61 @@
+"""Cycles with the signs of another knee, or of forces on the other body, are doubted; those of the joint are not."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.motion.joint_cycle import scene_cycles
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.verification import own_model
+from problems.pose_estimation import __main__
+from problems.pose_estimation.problem import measured_pose, wanted_loads
+from problems.pose_estimation.sign_doubts import sign_doubts
+
+WALK = reference_cycle(frames=21)
+
+
+def doubts(cycle, name="knee"):
+    scene = cc.load_scene(name)
+    return sign_doubts(wanted_loads(scene, cycle), measured_pose(scene, cycle), own_model(scene))
+
+
+@pytest.mark.parametrize(
+    ("changes", "doubted"),
+    [
+        ({}, ""),
+        ({"ry": -WALK.ry, "cop_ml_mm": -WALK.cop_ml_mm}, "left knee that was not mirrored"),
+        ({"fy_med": WALK.fy_lat, "fy_lat": WALK.fy_med}, "sides exchanged"),
+        ({"fy_med": WALK.fy_lat, "fy_lat": WALK.fy_med, "cop_ml_mm": -WALK.cop_ml_mm}, ""),
+        ({"rz": -WALK.rz}, "flexion is negative, is its sign reversed?"),
+        ({"fy_med": 0.0 * WALK.fy_med, "fy_lat": 0.0 * WALK.fy_lat}, ""),
+    ],
+)
+def test_a_left_knee_exchanged_sides_and_reversed_flexion_are_doubted(changes, doubted):
+    """A knee whose sides and centre of pressure are both mirrored is a right knee again."""
+    told = doubts(replace(WALK, **changes))
+    assert len(told) == bool(doubted)
+    assert doubted in "".join(told)
+
+
+def test_forces_that_pull_a_hip_out_of_its_cup_are_doubted():
+    cycle = scene_cycles(cc.load_scene("hip"))[0]
+    assert doubts(cycle, "hip") == []
+    (told,) = doubts(replace(cycle, loads={name: -curve for name, curve in cycle.loads.items()}), "hip")
+    assert "contact only pushes" in told
+    aside = replace(cycle, loads={**cycle.loads, "Fz": -3.0 * np.abs(cycle.loads["Fz"])})
+    assert doubts(aside, "hip") == [], "a force towards the rim still pushes"
+
+
+def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):
+    write_cycle(replace(WALK, rz=-WALK.rz), tmp_path / "bent.csv")
+    asked = []
+    monkeypatch.setattr(__main__, "solve_and_complete", lambda *_: asked.append(capsys.readouterr().err) or sys.exit(7))
+    monkeypatch.setattr(sys, "argv", ["pose", "--cycle", str(tmp_path / "bent.csv"), "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match="7"):
+        __main__.main()
+    assert asked[0].startswith("pose_estimation: bent: rz reaches ")
+    assert asked[0].count("\n") == 1
