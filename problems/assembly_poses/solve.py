@@ -91,18 +91,17 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
     began = time.perf_counter()
     count = len(problem.cycle)
     best, outcome = _one_round(problem, start, max_iterations)
-    iterations = outcome.iterations
+    iterations, loaded = outcome.iterations, _loaded(problem)
     for _ in range(_ROUNDS - 1):
         converged = best.converged(problem)
-        if converged.all() or not converged.any():
+        if converged[loaded].all() or not converged.any():
             break
-        rows = two_or_more(np.flatnonzero(~converged), count)
+        rows = two_or_more(np.flatnonzero(~converged & loaded), count)
         beside = _beside_solved(problem, best.poses, converged)[rows]
         found, outcome = _one_round(build(problem.assembly, problem.cycle.frames(rows)), beside, max_iterations)
         best, iterations = best.or_better(found, rows), iterations + outcome.iterations
     poses, residual, errors, converged = best.poses, best.residual_n, best.errors, best.converged(problem)
     loads = np.asarray(problem.assembly.function().map(count)(poses.reshape(-1, 6).T)).T
-    loaded = problem.measured.wanted.loaded if problem.measured else np.ones(count, dtype=bool)
     why = [_why(problem, *of_frame) for of_frame in zip(residual, errors, converged, loaded, strict=True)]
     reason = np.array(why, dtype=object)
     seconds = time.perf_counter() - began
@@ -125,10 +124,27 @@ def _one_round(problem: AssemblyPoses, start: Array | None, max_iterations: int)
     poses = _settled(problem, start)
     options = ipopt_options(tolerance=_IPOPT_TOLERANCE, max_iterations=max_iterations, **SCALING)
     solver = ca.nlpsol("poses", "ipopt", problem.nlp, options)
-    answer = solver(x0=problem.variables(poses), lbx=problem.lower, ubx=problem.upper, lbg=0.0, ubg=0.0)
+    begin, held = problem.variables(poses), _held(problem)
+    lower, upper = np.where(held, begin, problem.lower), np.where(held, begin, problem.upper)
+    answer = solver(x0=begin, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
     solved = np.asarray(problem.poses(answer["x"])).T.reshape(poses.shape)
     found = _Found.at(problem, poses).or_better(_Found.at(problem, solved), np.arange(len(poses)))
     return found, IpoptOutcome.of(solver)
+
+
+def _loaded(problem: AssemblyPoses) -> np.ndarray:
+    """True (n,) in frames whose measured contact presses (`WantedLoads.loaded`), or where none is measured."""
+    return problem.measured.wanted.loaded if problem.measured else np.ones(len(problem.cycle), dtype=bool)
+
+
+def _held(problem: AssemblyPoses) -> np.ndarray:
+    """True (variables,) for the measured body's in frames without load: in any pose out of contact it carries none, and
+    IPOPT would go round and round among these."""
+    held = np.zeros(len(problem.lower), dtype=bool)
+    if problem.measured:
+        each = np.repeat(~_loaded(problem), len(problem.measured.free))
+        held[: len(each)] = each
+    return held
 
 
 def _beside_solved(problem: AssemblyPoses, poses: Array, solved: np.ndarray) -> Array:

@@ -160,6 +160,26 @@ def hung(pull, hoist):
     return assembly_poses.solve(assembly_poses.build(assembly, cycle))
 
 
+@needs_compiler
+def test_frames_in_flight_take_no_steps_of_those_that_bear(problem, result):
+    """Out of contact any pose of the femur carries no load: there is nothing to look for, and nothing to slow down."""
+    bears = np.array([True, True, True, False, False, False])
+    rows = np.array([0, 1, 2, 2, 2, 2])
+    given = problem.cycle
+    loads = {name: curve[rows] * (bears if name.startswith("Fy") else 1.0) for name, curve in given.loads.items()}
+    pose = {"femur": {name: curve[rows] for name, curve in given.pose["femur"].items()}}
+    flight = AssemblyCycle(
+        "run", np.arange(6.0), pose, given.contact, loads, {"quadriceps": given.tensions["quadriceps"][rows]}
+    )
+    found = assembly_poses.solve(assembly_poses.build(problem.assembly, flight))
+    np.testing.assert_array_equal(found.converged, bears)
+    assert found.iterations <= result.iterations + 2
+    assert loads_apart_n(problem.assembly, found.loads[bears], result.loads).max() < SAME_N
+    tibiofemoral = [k for k, name in enumerate(problem.assembly.load_names) if name.startswith("tibiofemoral_")]
+    np.testing.assert_allclose(found.loads[~bears][:, tibiofemoral], 0.0, atol=1e-12)
+    assert all("no load" in reason for reason in found.reason[~bears])
+
+
 def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():
     """No contact, nothing measured: tension = weight, so the strain is weight/stiffness + 0.03 in the straight part."""
     pull = np.array([-60.0, -120.0])
