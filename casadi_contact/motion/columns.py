@@ -36,7 +36,9 @@ class TextColumns:
             with path.open(newline="", encoding="utf-8-sig") as file:
                 lines = enumerate(csv.reader(file), start=1)
                 rows = [(number, row) for number, row in lines if any(cell.strip() for cell in row)]
-        except (UnicodeDecodeError, csv.Error) as error:
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path} is not a CSV text file in UTF-8 ({error}): save it as CSV UTF-8") from None
+        except csv.Error as error:
             raise ValueError(f"{path} is not a CSV text file ({error})") from None
         if not rows:
             raise ValueError(f"{path} is empty, expected a header and rows")
@@ -48,7 +50,8 @@ class TextColumns:
             raise ValueError(f"{path} has {what} between its columns, expected commas (and points in numbers)")
         for line, row in rows[1:]:
             if len(row) != len(header):
-                raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}")
+                commas = ": are there commas in numbers?" if len(row) == 2 * len(header) else ""
+                raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}{commas}")
         return cls(path, header, tuple((line, tuple(cell.strip() for cell in row)) for line, row in rows[1:]))
 
     def require(self, *names: str) -> None:
@@ -82,7 +85,8 @@ def finite_number(text: str, where: str) -> float:
     except ValueError:
         number = None
     if number is None:
-        raise ValueError(f"{where}: got {short(text)!r}, expected a number")
+        point = " with a decimal point" if "," in text else ""
+        raise ValueError(f"{where}: got {short(text)!r}, expected a number{point}")
     if not math.isfinite(number):
         raise ValueError(f"{where}: got {text}, expected a finite number")
     return number

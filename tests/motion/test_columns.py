@@ -45,6 +45,8 @@ def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
         ("x,y\n1,1_0\n", "line 2, y: got '1_0', expected a number"),
         ("x,y\n1,\u0661\n", "line 2, y: got '\u0661', expected a number"),
         ("x,y\n1,inf\n", "line 2, y: got inf, expected a finite number"),
+        ("x,y\n1,5,2,5\n", "line 2: got 4 values, expected 2: are there commas in numbers"),
+        ('x,y\n"1,5","2,5"\n', "line 2, x: got '1,5', expected a number with a decimal point"),
         ("x;y\n1,5;2,5\n", "has semicolons between its columns, expected commas"),
         ("x\ty\n1\t2\n", "has tabs between its columns, expected commas"),
     ],
@@ -53,6 +55,13 @@ def test_what_is_no_table_of_these_numbers_is_refused_with_its_place(tmp_path, t
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(ValueError, match=said):
         read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_text_in_another_encoding_is_refused_with_the_cure(tmp_path):
+    for encoding in ("utf-16", "latin-1"):
+        (tmp_path / "t.csv").write_bytes("knöchel,x,y\n0,1,2\n".encode(encoding))
+        with pytest.raises(ValueError, match="save it as CSV UTF-8"):
+            read_columns(tmp_path / "t.csv", required=("x", "y"))
 
 
 def test_lines_of_spaces_count_as_empty_ones(tmp_path):
