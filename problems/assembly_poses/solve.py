@@ -195,6 +195,8 @@ def _why(problem: AssemblyPoses, residual: float, errors: Array, converged: bool
     if converged:
         return ""
     missed = [f"{residual:.3g} N left on a body"] if residual > TOLERANCE_N else []
+    if not loaded and not missed:
+        return NO_LOAD
     if problem.measured:
         missed.append(off_by(problem.measured.wanted.values, errors) if loaded else NO_LOAD)
     return f"not found: {', '.join(missed)}"

@@ -15,8 +15,8 @@ from casadi_contact.verification.verify import LEAST_VALIDITY
 
 
 def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
-    """By how much, in which pose parameter or patch's normal load, each pose (n, 6) lies outside of what a surrogate
-    has learned (n,); "" inside, and for a model that learned nothing."""
+    """By how much, in which pose parameters or else in which patch's normal load, each pose (n, 6) lies outside of what
+    a surrogate has learned (n,); "" inside, and for a model that learned nothing."""
     words = np.full(len(poses), "", dtype=object)
     if not isinstance(model, Surrogate):
         return words
@@ -24,7 +24,9 @@ def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
     excess = np.maximum(low - poses, poses - high)
     validity = model.validity(poses)
     for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
-        named = [*_parameters_beyond(excess[k]), *_loads_beyond(model, poses[k]), f"validity {validity[k]:.2g}"]
+        # Beyond its range a surrogate extrapolates loads, by the hundredfold a radian away.
+        named = _parameters_beyond(excess[k]) or _loads_beyond(model, poses[k])
+        named.append(f"validity {validity[k]:.2g}")
         words[k] = f"outside the learned range ({', '.join(named)})"
     return words
 

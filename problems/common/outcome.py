@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any, Protocol
 
@@ -10,6 +11,8 @@ import numpy as np
 from rich.console import Console
 
 from casadi_contact.verification import Verdict
+
+_DETAILS, _NUMBER = re.compile("[:(]"), re.compile(r"\d\S*")
 
 
 class SolverWork(Protocol):
@@ -63,27 +66,28 @@ def rows_in_words(chosen: np.ndarray) -> str:
     return ", ".join(words)
 
 
-def _neighbours(chosen: np.ndarray) -> Iterator[list[int]]:
-    """The rows (n,) that are True, neighbouring ones together."""
-    for given, group in groupby(range(len(chosen)), key=lambda k: bool(chosen[k])):
-        if given:
+def _neighbours(kinds: Sequence[Any] | np.ndarray) -> Iterator[list[int]]:
+    """Neighbouring rows (n,) of one kind together, those of a kind that is False or empty left out."""
+    for kind, group in groupby(range(len(kinds)), key=lambda k: kinds[k]):
+        if kind:
             yield list(group)
 
 
 def print_reasons(console: Console, reason: np.ndarray, row: str = "frame") -> None:
-    """Why rows (n,) are not verified: neighbouring ones together, with the reason of the middle one."""
-    for rows in _neighbours(reason != ""):
+    """What there is to say of rows (n,), such as why they are not verified: neighbouring ones together where they
+    differ in numbers alone or in what follows a colon or bracket, with what is said of the middle one."""
+    for rows in _neighbours([_NUMBER.sub("", _DETAILS.split(text)[0]) for text in reason]):
         middle = rows[len(rows) // 2]
-        which = f"{row} {rows[0]}" if len(rows) == 1 else f"{row}s {rows[0]} to {rows[-1]}, as {middle}"
+        which = f"{row} {rows[0]}" if len(rows) == 1 else f"{row}s {rows[0]} to {rows[-1]}"
+        which += "" if len(set(reason[rows])) == 1 else f", as {middle}"
         console.print(f"{which}: {reason[middle]}", highlight=False, soft_wrap=True)
 
 
 def print_outcome(console: Console, result: Outcome, what: str = "frames converged", row: str = "frame") -> None:
-    """How many rows are solved, what IPOPT needed, and whatever there is to say of single ones."""
+    """How many rows are solved, what IPOPT needed, and whatever there is to say of them (`print_reasons`)."""
     console.print(
         f"{int(result.converged.sum())} of {len(result.converged)} {what}; IPOPT: {result.ipopt_status}, "
         f"{result.iterations} iterations, {result.seconds:.2f} s with its start",
         highlight=False,
     )
-    for k in np.flatnonzero(~result.converged | (result.reason != "")):
-        console.print(f"{row} {k}: {result.reason[k]}", highlight=False, soft_wrap=True)
+    print_reasons(console, result.reason, row)

@@ -160,6 +160,7 @@ def report(
         "frames": problem.frames,
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
+        "without_load": int((~problem.wanted.loaded).sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
         **({} if ef is None else ef.record()),
@@ -234,7 +235,8 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: st
     wide = max(len(tracked.names), len(_PANELS))
     page = new_page(3.5 * wide, 8.5)
     parts = panels(page, 2, wide, {(0, column) for column in range(len(tracked.names))})
-    percent, failed = problem.cycle.percent, ~result.converged
+    percent, loaded = problem.cycle.percent, problem.wanted.loaded
+    failed = ~result.converged & loaded
     for column, name in enumerate(tracked.names):
         unit = quantity(name).unit
         panel, axis = parts[0, column], parts[0, column].curves
@@ -268,5 +270,6 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: st
         panel.curves.set_visible(False)
     frame((panel.lowest for panel in parts.values() if panel not in empty), "cycle [%]")
     converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
+    converged += "" if loaded.all() else f", {int((~loaded).sum())} bear no load"
     page.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
     save_page(page, path, dots_per_inch=110)

@@ -266,6 +266,7 @@ def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch,
     assert "frame 4: no load: any pose out of contact carries it" in " ".join(capsys.readouterr().out.split())
     text = (tmp_path / "summary.json").read_text("utf-8")
     assert "NaN" not in text
+    assert json.loads(text)["without_load"] == 1
     errors = json.loads(text)["errors"]
     assert errors["cop_ap"]["tracking"]["values"] == 10
     assert errors["cop_ap"]["tracking"]["rms"] < 0.1

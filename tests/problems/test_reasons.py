@@ -41,6 +41,9 @@ def test_a_pose_outside_names_the_parameter_and_the_load_that_are_and_by_how_muc
     bent = usual.copy()
     bent[0, 5] = low - 0.2
     assert "rz by 0.2 rad" in beyond_learned(knee, bent)[0]
+    bent[0, [1, 5]] = 24.0, low - 0.5
+    assert "rz by 0.5 rad" in beyond_learned(knee, bent)[0]
+    assert "load by" not in beyond_learned(knee, bent)[0], "what a surrogate extrapolates there is no load"
     learned = -(knee.trust.root_high**2) * knee.scene.reference_load
     said = beyond_learned(knee, heavy)[0]
     for patch, most in zip(("med", "lat"), learned, strict=True):
@@ -117,7 +120,14 @@ def test_neighbouring_rows_are_told_by_their_ends():
     assert rows_in_words(np.ones(101, dtype=bool)) == "0 to 100"
 
 
-def test_neighbouring_rows_share_one_line():
+def test_neighbouring_rows_of_one_kind_share_one_line():
     console = PlainConsole(record=True, width=200)
-    print_reasons(console, np.array(["", "a", "b", "c", "", "d"], dtype=object))
-    assert console.export_text().split("\n")[:2] == ["frames 1 to 3, as 2: b", "frame 5: d"]
+    said = ["", "beyond by 1 mm", "beyond by 2 mm", "beyond by 3 mm", "solved", "", "none: a", "none: a", "none: b"]
+    print_reasons(console, np.array(said, dtype=object))
+    assert console.export_text().split("\n")[:-1] == [
+        "frames 1 to 3, as 2: beyond by 2 mm",
+        "frame 4: solved",
+        "frames 6 to 8, as 7: none: a",
+    ]
+    print_reasons(console, np.full(20_000, "no load", dtype=object))
+    assert console.export_text().split("\n")[-2] == "frames 0 to 19999: no load"
