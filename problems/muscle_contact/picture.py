@@ -60,7 +60,7 @@ def draw(
     rows = 2 if patellar is None else 3
     page = new_page(13.0, 4.25 * rows)
     parts = panels(page, rows, 2, {(2, 1)} if compared.teacher is None else {(0, 0), (0, 1), (2, 1)})
-    failed = ~result.converged
+    failed = ~result.converged | result.overloaded
     for column, (name, side) in enumerate(zip(SIDES, ("medial", "lateral"), strict=True)):
         panel, axis = parts[0, column], parts[0, column].curves
         title = f"{side} side"
@@ -71,7 +71,7 @@ def draw(
         if compared.teacher is not None:
             axis.plot(walk.percent, -compared.teacher[:, column], label="EF, same poses", **FOUNDATION)
         if failed.any():
-            axis.plot(walk.percent[failed], -compared.got[failed, column], label="not converged", **FAILED)
+            axis.plot(walk.percent[failed], -compared.got[failed, column], label="not solved", **FAILED)
         axis.set(title=title, ylabel="compression [N]")
         axis.legend(fontsize=8)
         if compared.teacher is not None:
@@ -102,6 +102,7 @@ def draw(
         panel.curves.set_xlim(0.0, 100.0)
     activation.grid(visible=False)
     converged = f"{int(result.converged.sum())} of {len(walk)} frames converged"
+    converged += f", {int(result.overloaded.sum())} overloaded" if result.overloaded.any() else ""
     page.suptitle(f"Muscle and contact forces from inverse dynamics, {walk.name}: {converged}")
     save_page(page, path, dots_per_inch=110)
 

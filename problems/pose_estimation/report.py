@@ -175,7 +175,7 @@ def report(
     if starts is not None:
         summary["random_starts"] = starts.record()
     write_summary(out / "summary.json", summary)
-    draw(problem, result, tracked, kind, out / "pose_estimation.png")
+    draw(problem, result, verdict, tracked, kind, out / "pose_estimation.png")
     PlainConsole().print(f"results in {out}", highlight=False)
 
 
@@ -230,7 +230,9 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     write_columns(path, columns, digits=DIGITS)
 
 
-def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: str, path: Path) -> None:
+def draw(
+    problem: PoseEstimation, result: PoseResult, verdict: Verdict, tracked: Tracked, kind: str, path: Path
+) -> None:
     """What is wanted (wanted, got, EF) and the poses over the cycle, as a PNG."""
     wide = max(len(tracked.names), len(_PANELS))
     page = new_page(3.5 * wide, 8.5)
@@ -270,6 +272,7 @@ def draw(problem: PoseEstimation, result: PoseResult, tracked: Tracked, kind: st
         panel.curves.set_visible(False)
     frame((panel.lowest for panel in parts.values() if panel not in empty), "cycle [%]")
     converged = f"{int(result.converged.sum())} of {len(percent)} frames converged"
+    converged += f", {int(verdict.differs.sum())} differ on the contact model" if verdict.differs.any() else ""
     converged += "" if loaded.all() else f", {int((~loaded).sum())} bear no load"
     page.suptitle(f"Pose estimation of {problem.cycle.name}: {converged}")
     save_page(page, path, dots_per_inch=110)

@@ -16,9 +16,11 @@ import casadi_contact as cc
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
 from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.verification import judge
 from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation import __main__
+from problems.pose_estimation.report import Tracked, draw
 from problems.pose_estimation.starts import RandomStarts, StartOutcome, one_start, start_from_file
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
@@ -46,6 +48,20 @@ def test_reference_cycle_converges_in_every_frame_and_the_elastic_foundation_agr
     foundation = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
     difference = foundation(result.poses)[:, :2] - result.loads[:, :2]
     assert np.sqrt(np.mean(difference**2)) < 3.0
+
+
+def test_the_picture_tells_frames_that_the_contact_model_denies_and_frames_without_load(knee, tmp_path, monkeypatch):
+    cycle = reference_cycle(frames=11)
+    pressed = np.arange(11) != 4
+    problem = pose_estimation.build(knee, replace(cycle, fy_med=pressed * cycle.fy_med, fy_lat=pressed * cycle.fy_lat))
+    result = pose_estimation.solve(problem)
+    verdict = judge(knee, result.poses, result.converged, knee, problem.wanted.load_names)
+    verdict.errors[7] = 100.0
+    pages = []
+    monkeypatch.setattr("problems.pose_estimation.report.save_page", lambda page, path, **_: pages.append(page))
+    draw(problem, result, verdict, Tracked.of(problem, result), "surrogate", tmp_path / "page.png")
+    said = "10 of 11 frames converged, 1 differ on the contact model, 1 bear no load"
+    assert pages[0].get_suptitle().endswith(said)
 
 
 def test_beginning_at_the_solution_ends_there_at_once(solved):
