@@ -11,8 +11,8 @@ from casadi_contact.conventions import Array
 
 @dataclass(frozen=True)
 class Cells:
-    """Size of a patch's cells [mm] along the chart's coordinates u and v, where the fixed surface is flat; sub-points of
-    each along both."""
+    """Size of a patch's cells [mm] along the chart's coordinates u and v, where the fixed surface is flat, and
+    sub-points of each along both."""
 
     u_mm: float
     v_mm: float
