@@ -34,8 +34,18 @@ class Sight:
 
     @property
     def tilt_deg(self) -> float:
-        """Between the way the moving body presses and the nearest axis; 0 for a cup, which encloses it."""
-        return float(np.degrees(np.arccos(np.abs(self.meeting.pressing).max()))) if self.joint.pressing else 0.0
+        """Between the way the moving body presses and the nearest axis; 0 for a cup, which encloses it. No more than
+        the way midway between its patches: files may place the body nearer to one of them, on a slope."""
+        ways = (self.meeting.pressing, self._midway)
+        return min(float(np.degrees(np.arccos(np.abs(way).max()))) for way in ways) if self.joint.pressing else 0.0
+
+    @property
+    def _midway(self) -> Array:
+        """The direction (3,) midway between those that the patches are pressed along."""
+        patch = self.regions.patch_of(self.pair.points_mm) == np.arange(len(self.regions.anchors_mm))[:, None]
+        sums = (self.regions.weight * patch) @ self.pair.normals
+        middle = -(sums / np.linalg.norm(sums, axis=1, keepdims=True)).sum(axis=0)
+        return np.asarray(middle / np.linalg.norm(middle))
 
     @property
     def turned_deg(self) -> float:

@@ -34,9 +34,9 @@ def ball_in_cup(move=lambda points: points):
     return [checked_mesh(name, move(v), f) for name, (v, f) in (("ball", ball), ("cup", cup))]
 
 
-def button_on_groove(height=22.0):
+def button_on_groove(height=22.0, aside=0.0):
     (button, faces), valley = cap_mesh(22.0, 1.5, 0.7), sheet_mesh(40.0, 2.0, groove)
-    return checked_mesh("button", button + np.array([0.0, height, 0.0]), faces), checked_mesh("groove", *valley)
+    return checked_mesh("button", button + np.array([0.0, height, aside]), faces), checked_mesh("groove", *valley)
 
 
 @pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])
@@ -216,6 +216,13 @@ def test_a_scan_that_stands_askew_is_set_upright(turn_deg, turned):
         np.testing.assert_allclose(middle, 0.0, atol=1.0)
         np.testing.assert_allclose(above - middle, [0.0, 10.0, 0.0], atol=0.3)
         assert any("askew by 2" in line for line in frame.told)
+
+
+def test_a_groove_stands_upright_though_the_scan_has_the_button_nearer_to_one_facet():
+    """That facet alone faces 24 degrees off the direction in which both are pressed."""
+    meeting, _, joint, frame = seen(*button_on_groove(24.0, aside=3.0))
+    assert meeting.together
+    assert (joint.kind, frame.rotation_deg) == ("patella", (0.0, 0.0, 0.0))
 
 
 def test_given_axes_are_kept_as_they_are():
