@@ -24,7 +24,7 @@ from casadi_contact.training.settings import TrainingSettings
 
 _TELL_EVERY_S = 0.5
 
-F = TypeVar("F")
+F = TypeVar("F", Fit, PartsFit)
 SettingsOf = Mapping[str, TrainingSettings] | Callable[[Regression], TrainingSettings]
 
 
@@ -42,7 +42,8 @@ def fit_all(
     after the other here; on another device than "cpu" all are fitted in this process (`batch_fit`).
     checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
     starts: networks to go on from instead of random weights, by the regression's name.
-    progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``.
+    progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``; of a fit that an executor has
+    ended, at once, with what it used as what was allotted.
 
     Raises ValueError for duplicate names, missing settings, several devices, and for what `fit` refuses; the fits
     still waiting are then cancelled, those running go on in their workers until the executor is shut down.
@@ -156,8 +157,11 @@ def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: 
     try:
         while waiting:
             done, waiting = wait(waiting, timeout=_TELL_EVERY_S, return_when=FIRST_EXCEPTION)
-            for future in done:
-                future.result()
+            for name, future in futures.items():
+                if future in done:
+                    ended = future.result()
+                    if progress:
+                        progress(name, ended.gflop, ended.gflop, ended.rms, ended.hidden)
             for name, report in reports.items() if progress else ():
                 line = _last_report(report)
                 if line and told.get(name) != line:

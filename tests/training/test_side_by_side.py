@@ -27,7 +27,7 @@ def test_processes_give_the_weights_of_single_fits(tmp_path):
     for name, used, allotted, rms, hidden in told:
         assert name in fits
         assert used >= 0.0
-        assert allotted == 300.0
+        assert allotted in (300.0, used)
         assert rms > 0.0
         assert hidden == (6, 5)
 
@@ -73,8 +73,29 @@ def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
     monkeypatch.setattr(side_by_side, "fit", patient_fit)
     with ThreadPoolExecutor(1) as pool:
         fit_all([smooth()], {"smooth": SETTINGS}, pool, tmp_path, progress)
-    assert told
-    assert all(line[0] == "smooth" and line[2] == 300.0 and line[4] == (6, 5) for line in told)
+    *before, end = told
+    assert all(line[0] == "smooth" and line[2] == 300.0 and line[4] == (6, 5) for line in before)
+    assert end[0] == "smooth"
+    assert 0.0 < end[1] == end[2] < 300.0
+
+
+def test_a_fit_that_has_ended_is_told_while_another_goes_on(monkeypatch):
+    """The other one here goes on only when the caller has heard of the end."""
+    heard = Event()
+
+    def one_waits(regression, *rest):
+        assert regression.name != "root_med" or heard.wait(60.0), "the caller heard of no end"
+        return fit(regression, *rest)
+
+    def progress(name, used, allotted, rms, hidden):
+        if name == "Fx/lat" and used == allotted:
+            heard.set()
+
+    monkeypatch.setattr(side_by_side, "fit", one_waits)
+    few = replace(SETTINGS, max_iterations=3)
+    with ThreadPoolExecutor(2) as pool:
+        fits = fit_all(DATA[:2], lambda r: few, pool, progress=progress)
+    assert set(fits) == {"root_med", "Fx/lat"}
 
 
 def test_one_refused_fit_ends_all_with_its_name():
