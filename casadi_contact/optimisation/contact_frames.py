@@ -29,6 +29,7 @@ from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.pose_space import PoseSpace
+from casadi_contact.statics import turned_about_anchors
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
 
@@ -114,16 +115,20 @@ class ContactFrames:
 
     def start_poses(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
-        middle of the range if left out, along the scene's sensitive pose parameters under the wanted normal loads.
+        middle of the range if left out, turned about the anchors to the locked rotations, along the scene's sensitive
+        pose parameters under the wanted normal loads.
 
         Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
         loads, and another number of poses.
         """
-        space, rest = self._scene.pose_space, np.tile(middle_pose(self.model), (self.frames, 1))
+        space, middle = self._scene.pose_space, middle_pose(self.model)
+        rest = np.tile(middle, (self.frames, 1))
         for name, value in self._locked.items():
             if isinstance(value, ca.MX):
                 raise ValueError(f"{name} is locked to an expression, expected numbers to find a start with")
             rest[:, pose_index(name)] = value
+        moved = [pose_index(name) for name in POSE_NAMES[:3] if name in self.free]
+        rest[:, moved] = turned_about_anchors(self.model, middle, rest)[:, moved]
         rest = space.onto(rest)
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})

@@ -18,10 +18,12 @@ def pose_bounds(model: SymbolicContact) -> tuple[Array, Array]:
 
 
 def middle_pose(model: SymbolicContact) -> Array:
-    """The middle (6,) of the learned range; where there is none, `touching_start`."""
+    """The middle (6,) of the learned range; where there is none, `touching_start`, and likewise where the patches are
+    pressed in no single direction: in a cup the middle touches nothing, and no direction leads from there to contact.
+    """
     (low, high), space = pose_bounds(model), model.scene.pose_space
     known = np.isfinite(low) & np.isfinite(high)
-    if known.any():
+    if known.any() and model.scene.normal_loads[0].direction is not None:
         pairs = zip(low, high, known, strict=True)
         return space.onto(np.array([0.5 * (a + b) if both else 0.0 for a, b, both in pairs]))
     return touching_start(model)

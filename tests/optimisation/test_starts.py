@@ -1,10 +1,12 @@
 """Where optimisation begins: in the middle of what was learned, with every side of the joint in contact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.conventions import POSE_NAMES, rotation
 from casadi_contact.optimisation import middle_pose, press_together
 from casadi_contact.optimisation.starts import shares
 
@@ -69,3 +71,31 @@ def test_the_middle_pose_is_as_far_from_either_end_of_what_was_learned(knee):
     assert (ends[:, 0] < ends[:, 1]).all()
     middle = middle_pose(knee)
     np.testing.assert_allclose(middle - ends[:, 0], ends[:, 1] - middle)
+
+
+def test_a_ball_whose_origin_is_far_begins_in_its_cup_however_it_is_turned():
+    """A ball 0.3 mm smaller than its cup, 40 mm from its origin; the middle of what was learned lies 0.5 mm above."""
+    hip, far, free_mm = cc.load_scene("hip"), np.array([3.0, 40.0, -2.0]), 0.3
+    scene = replace(hip, anchors_mm=far[None])
+    start, down = scene.start_pose, np.array([0.0, -1.0, 0.0])
+    cup_mm = start[:3] + far - 0.4 * down
+
+    def off(poses):
+        moved = poses[:, :3] + rotation(poses[:, 3:]) @ far - cup_mm
+        return moved, np.linalg.norm(moved, axis=1, keepdims=True)
+
+    def wrenches(poses):
+        moved, distance = off(poses)
+        size_n = 3e4 * np.maximum(distance - free_mm, 0.0) ** 2
+        return np.concatenate([size_n * moved / np.maximum(distance, 1e-9), 0.0 * moved], axis=1)[:, None]
+
+    model = cc.contact.symbolic(cc.CallableModel(scene, wrenches, lambda poses: free_mm - off(poses)[1]))
+    middle = start - np.pad(0.5 * down, (0, 3))
+    widths = (6.0, 1.0, 6.0, 0.2, 0.2, 0.2)
+    model.record["pose_range"] = {name: (m - w, m + w) for name, m, w in zip(POSE_NAMES, middle, widths, strict=True)}
+    turned = {"rx": [0.05, 0.0, -0.05], "ry": [0.0, 0.03, 0.0], "rz": [-0.12, 0.0, 0.12]}
+    wanted = {"Fx": [20.0, -30.0, 10.0], "Fy": [-500.0, -90.0, -700.0], "Fz": [10.0, 0.0, -40.0]}
+    frames = cc.ContactFrames(model, 3, locked={name: np.array(curve) for name, curve in turned.items()})
+    for begun in (frames.start_poses(), frames.start_poses(wanted)):
+        np.testing.assert_allclose(off(begun)[1], 0.45, atol=0.15)
+    np.testing.assert_allclose(model(begun, list(wanted)), np.transpose(list(wanted.values())), atol=3.0)
