@@ -19,6 +19,7 @@ from casadi_contact.proposal.regions import Regions
 from casadi_contact.proposal.sight import Sight
 
 _FAR_MM = 50.0  # from a body to its file's origin: a scan's
+_LEVER_MM = 2.0  # from a ball's centre to its file's origin, as far as a cup may be wider than its ball
 _NOTCH_MM = 4.0  # half the width of the band between a femur's condyles
 _CLEARLY_MM = 2.0
 
@@ -154,8 +155,10 @@ def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tupl
 
     Files whose origin lies far from the bodies: to what the moving body turns about, the middle of its curvature where
     it touches, of a ball in a cup to the cup's centre; the same for both bodies where the files place them together. A
-    knee of one scan: the fixed origin, which centres of pressure refer to, in x to the middle of contact and in z to
-    between the patches, as a tray's.
+    ball in a cup: its origin to its own centre in any case, or turning it would move it by more than the tenths of a
+    millimetre that a cup leaves, and of a pose's translation nothing could be told. A knee of one scan: the fixed
+    origin, which centres of pressure refer to, in x to the middle of contact and in z to between the patches, as a
+    tray's.
     """
     pair, meeting, regions, joint = sight.pair, sight.meeting, sight.regions, sight.joint
     centre = regions.anchors_mm.mean(axis=0) + meeting.translation_mm if joint.pressing else regions.centre_mm
@@ -172,6 +175,13 @@ def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tupl
         )
         if meeting.together:
             origins = dict.fromkeys(origins, centre)
+    lever_mm = float(np.linalg.norm(regions.anchors_mm[0]))
+    if not joint.pressing and not origins["moving"].any() and lever_mm > pair.scale * _LEVER_MM:
+        origins["moving"] = regions.anchors_mm[0]
+        told.append(
+            f"the moving body's origin lies {lever_mm:.3g} mm from what it turns about in its cup: moved there, see "
+            "placement"
+        )
     if joint.kind == "knee" and meeting.together:
         up = int(np.abs(meeting.pressing).argmax())
         origins["fixed"] = _middle(pair, meeting.translation_mm, regions) * (np.arange(3) != up) + origins["fixed"] * (

@@ -20,7 +20,7 @@ from casadi_contact.proposal.sight import sight_of
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, slab_mesh, unit
 from tests.support.shared_data import shared_file
 
-POLE = unit(np.array([0.2, 0.8, 0.5]))
+POLE, DOWN = unit(np.array([0.2, 0.8, 0.5])), np.array([0.0, -1.0, 0.0])
 
 
 def seen(moving, fixed, **known):
@@ -49,6 +49,23 @@ def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lie
     assert frame.axes == ("x", "y", "z")
     centre = frame.points(far[None], "moving")[0]
     np.testing.assert_allclose(centre, 0.0, atol=0.6)
+
+
+@pytest.mark.parametrize("far_mm", [1.0, 40.0])
+def test_a_ball_turns_about_its_own_centre_wherever_its_file_s_origin_is(far_mm):
+    """Of the 0.4 mm that the cup leaves a turn about an origin far away would take all; a knee's poses stay its files'.
+
+    The cup keeps its file's origin, which torques refer to."""
+    ball, cup = (
+        checked_mesh("ball", *ball_mesh(16.0, 2.5)),
+        checked_mesh("cup", *shell_mesh(16.4, 22.0, 2.0, 1.3, DOWN)),
+    )
+    aside = np.array([0.0, far_mm, 0.0])
+    frame = seen(checked_mesh("ball", ball.vertices_mm + aside, ball.faces), cup)[3]
+    centre = frame.points(aside[None], "moving")[0]
+    np.testing.assert_allclose(centre, 0.0, atol=0.3 if far_mm == 40.0 else 1.5)
+    assert frame.offsets_mm["fixed"] == (0.0, 0.0, 0.0)
+    assert any("from what it turns about" in line for line in frame.told) == (far_mm == 40.0)
 
 
 def test_a_turned_scan_is_turned_back():
