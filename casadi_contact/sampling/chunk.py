@@ -14,7 +14,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.domains import plan_domains
-from casadi_contact.sampling.liftoff import lift_all, lift_one
+from casadi_contact.sampling.liftoff import check_liftable, lift_all, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
@@ -62,10 +62,15 @@ class DrawnChunk:
 
 
 def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
-    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses."""
+    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses.
+
+    Raises ValueError for a plan that cannot be drawn, before any of it is: as `plan_domains` and `check_liftable` do.
+    """
     chunks = []
     point = motion.point
     for block in plan_domains(motion.envelopes, scene.pressed, scene.boundary_load, settings):
+        if DOMAINS[block.domain - 1] == "D4":
+            check_liftable(scene)
         starts = motion.starts(block.inputs, scene.pose_space)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)

@@ -9,8 +9,18 @@ import numpy as np
 from casadi_contact.contact import ContactModel
 from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import Array, pose_index
+from casadi_contact.scenes import Scene
 from casadi_contact.statics import settle
 from casadi_contact.statics.settle import NOT_FINITE
+
+
+def check_liftable(scene: Scene) -> None:
+    """Raises ValueError unless two pose parameters are sensitive and the patches are pressed along directions."""
+    if len(scene.sensitive_pose) != 2 or any(normal.component is None for normal in scene.normal_loads):
+        raise ValueError(
+            f"scene {scene.name}: D4 lifts one patch of several by the second of two sensitive pose parameters, each "
+            "patch pressed along a direction; expected these, or sampling.counts.D4 = 0"
+        )
 
 
 def lift_one(
@@ -30,17 +40,12 @@ def lift_one(
     for k = 1..steps; the other free parameters (knee: t_y) are settled anew for each k so that the held loads stay.
     Δ is such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
     (by r_x, against by t_y), then corrected once by the gap that the prediction gives; the paper asks for
-    "approximately", and a model without gaps keeps the prediction. Raises ValueError unless two pose parameters are
-    sensitive and the patches are pressed along directions.
+    "approximately", and a model without gaps keeps the prediction. Raises ValueError as `check_liftable` does.
 
     Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
     """
     scene, space = model.scene, model.scene.pose_space
-    if len(scene.sensitive_pose) != 2 or any(normal.component is None for normal in scene.normal_loads):
-        raise ValueError(
-            f"scene {scene.name}: D4 lifts one patch of several by the second of two sensitive pose parameters, each "
-            "patch pressed along a direction; expected these, or sampling.counts.D4 = 0"
-        )
+    check_liftable(scene)
     rise, turn = scene.sensitive_pose
     tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
     others = [pose_index(name) for name in rest]
