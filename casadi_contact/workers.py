@@ -13,6 +13,10 @@ from typing import Any
 from loky import ProcessPoolExecutor, cpu_count
 
 
+class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
+    """What `worker_pool` makes, and ends with all its work."""
+
+
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
     """The caller's executor, left open, or one process of our own per core that this process may use.
@@ -26,7 +30,7 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
         if executor is not None:
             yield executor
             return
-        pool = ProcessPoolExecutor(cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
+        pool = _OwnPool(cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
         try:
             yield pool
         except BaseException:
@@ -40,12 +44,13 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
 
 
 @contextmanager
-def cancelled_if_left(futures: Iterable[Future[Any]]) -> Iterator[None]:
-    """Where the block is left by an exception, what has not begun does not begin: a caller's executor lives on."""
+def cancelled_if_left(workers: Executor, futures: Iterable[Future[Any]]) -> Iterator[None]:
+    """Where the block is left by an exception, what has not begun does not begin: a caller's executor lives on. A pool
+    of our own ends with all its work, and stumbles over what was cancelled before (loky 3.7 prints a traceback)."""
     try:
         yield
     except BaseException:
-        for future in futures:
+        for future in futures if not isinstance(workers, _OwnPool) else ():
             future.cancel()
         raise
 

@@ -84,3 +84,21 @@ def alive(process):
 def test_an_error_in_a_worker_reaches_the_caller_as_it_is():
     with pytest.raises(ZeroDivisionError), worker_pool() as workers:
         workers.submit(divmod, 1, 0).result()
+
+
+ENDED_BY_AN_ERROR = """
+import time
+from casadi_contact.workers import worker_pool
+
+with worker_pool() as workers:
+    futures = [workers.submit(time.sleep, 0.1) for _ in range(40)]
+    with cancelled_if_left(workers, futures):
+        futures[0].result()
+        raise SystemExit("the disc is full")
+"""
+
+
+def test_a_pool_that_an_error_ends_says_nothing_of_the_work_that_waited():
+    """A command's own line is told, and no traceback of a thread before it."""
+    done = subprocess.run([sys.executable, "-c", ENDED_BY_AN_ERROR], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == "the disc is full"

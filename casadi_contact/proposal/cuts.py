@@ -142,7 +142,7 @@ def _misfits(strips: _Strips, update: Update | None, executor: Executor | None) 
     runs = [(p, i, j) for p in patches for i, j in itertools.combinations(range(STRIPS + 1), 2)]
     with worker_pool(executor) as workers:
         futures = {workers.submit(mean_square_error, *strips.run(*run)): run for run in runs}
-        with cancelled_if_left(futures):
+        with cancelled_if_left(workers, futures):
             for done, future in enumerate(as_completed(futures), start=1):
                 misfit[futures[future]] = future.result()
                 if update is not None:

@@ -183,7 +183,7 @@ def draw_samples(
     if missing:
         with worker_pool(executor) as workers:
             futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
-            with cancelled_if_left(futures):
+            with cancelled_if_left(workers, futures):
                 for future in as_completed(futures):
                     number = futures[future]
                     try:

@@ -21,6 +21,7 @@ from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.training.fit import Fit, Progress, check, fit
 from casadi_contact.training.parts_fit import PartsFit, fit_parts
 from casadi_contact.training.settings import TrainingSettings
+from casadi_contact.workers import cancelled_if_left
 
 _TELL_EVERY_S = 0.5
 
@@ -69,7 +70,8 @@ def fit_all(
                 )
                 for r in order
             }
-            fits = _collect(futures, reports, progress)
+            with cancelled_if_left(executor, futures.values()):
+                fits = _collect(futures, reports, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
 
 
@@ -154,22 +156,18 @@ def _telling(report: Path) -> Iterator[Progress]:
 def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: Progress | None) -> dict[str, F]:
     waiting = set(futures.values())
     told: dict[str, object] = {}
-    try:
-        while waiting:
-            done, waiting = wait(waiting, timeout=_TELL_EVERY_S, return_when=FIRST_EXCEPTION)
-            for name, future in futures.items():
-                if future in done:
-                    ended = future.result()
-                    if progress:
-                        progress(name, ended.gflop, ended.gflop, ended.rms, ended.hidden)
-            for name, report in reports.items() if progress else ():
-                line = _last_report(report)
-                if line and told.get(name) != line:
-                    told[name] = line
-                    progress(*line)  # type: ignore[misc]
-    finally:
-        for future in waiting:
-            future.cancel()
+    while waiting:
+        done, waiting = wait(waiting, timeout=_TELL_EVERY_S, return_when=FIRST_EXCEPTION)
+        for name, future in futures.items():
+            if future in done:
+                ended = future.result()
+                if progress:
+                    progress(name, ended.gflop, ended.gflop, ended.rms, ended.hidden)
+        for name, report in reports.items() if progress else ():
+            line = _last_report(report)
+            if line and told.get(name) != line:
+                told[name] = line
+                progress(*line)  # type: ignore[misc]
     return {name: future.result() for name, future in futures.items()}
 
 
@@ -209,4 +207,5 @@ def fit_all_parts(
             name: executor.submit(_fit_and_tell, fit_parts, reports[name], r, s, path, start)
             for name, (r, s, path, start) in jobs.items()
         }
-        return _collect(futures, reports, progress)
+        with cancelled_if_left(executor, futures.values()):
+            return _collect(futures, reports, progress)

@@ -97,7 +97,7 @@ def measure_rows(rows: Sequence[int], plan: Plan, executor: Executor | None) -> 
             yield row, *measure_row(row, plan)
         return
     futures = {executor.submit(measure_row, row, plan): row for row in rows}
-    with cancelled_if_left(futures):
+    with cancelled_if_left(executor, futures):
         for future in as_completed(futures):
             yield futures[future], *future.result()
             print(f"{futures[future]}. {FAILURES[futures[future]]}", file=sys.stderr)
