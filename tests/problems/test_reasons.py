@@ -14,10 +14,11 @@ from problems import muscle_contact
 from problems.common.learned_range import beyond_learned
 from problems.common.outcome import print_reasons, rows_in_words
 from problems.knee_simulator import __main__ as simulator_command
+from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.example import example_walk
+from problems.muscle_contact.picture import draw
 from problems.muscle_contact.proof import least_overload
-from problems.muscle_contact.report import Compared, draw
 from problems.static_equilibrium import __main__ as equilibrium_command
 
 NO_MODEL = "no contact model at hand"
@@ -79,7 +80,7 @@ def test_a_muscle_problem_that_muscles_cannot_balance_is_infeasible_and_says_wha
 def test_the_picture_of_a_walk_too_heavy_for_muscles_marks_the_frames_that_are_not_solved(knee, tmp_path, monkeypatch):
     problem, result, _ = diagnosed(knee, 15.0)
     pages = []
-    monkeypatch.setattr("problems.muscle_contact.report.save_page", lambda page, path, **_: pages.append(page))
+    monkeypatch.setattr("problems.muscle_contact.picture.save_page", lambda page, path, **_: pages.append(page))
     draw(problem, result, Compared.of(problem, result, None), tmp_path / "page.png")
     assert f", {int(result.overloaded.sum())} overloaded" in pages[0].get_suptitle()
     marked = {line.get_label(): line for line in pages[0].axes[0].get_lines()}["not solved"]
