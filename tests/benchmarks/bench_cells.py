@@ -28,7 +28,7 @@ from casadi_contact.transcription.kernel.compiler import FLAGS, machine_flags
 from problems.implant import SCENE
 from tests.benchmarks.bench_foundation import roughness
 
-SIZES = (Cells(1.17, 0.71), Cells(1.7, 0.85, 6, 3), Cells(1.76, 0.94))
+SIZES = (Cells(1.17, 0.71), Cells(1.4, 0.85, 5, 3), Cells(1.9, 1.2, 5, 3))
 GRIDS = ((80, 40), (40, 80), (160, 80))
 REFERENCE = (320, 160)
 DOMAINS, OF_DOMAIN = ("D1", "D3", "D4"), 300  # poses, spread evenly over a domain's samples

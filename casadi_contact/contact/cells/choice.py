@@ -24,7 +24,7 @@ CONVERGED, _HALF = (320, 320), (160, 160)  # elements of a patch
 _ROUGH = (40, 40)  # elements that find poses
 _MIDDLING = Cells(1.2, 1.2, 4, 4)
 _TRIES, _DRAWN, _IN_DOUBT, _AT_RIM = 384, 24, 24, 24  # poses of each patch: tried, and kept at most
-_SAFE = 0.5  # of the errors that are allowed: poses that were not tried may be worse
+_SAFE = 0.3  # of the errors that are allowed: poses that were not tried are up to three times as wrong
 _SUB_POINT_MM = 0.3
 
 
@@ -32,8 +32,8 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     """The foundation in the largest cells that meet the scene's tolerances.
 
     Over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads,
-    errors against an element grid of `CONVERGED` are half of what `convergence.Errors.misses` allows, or all of it
-    where half cannot be had; where the rim cuts contact their RMS is what it allows, or as it comes where that cannot
+    errors against an element grid of `CONVERGED` are 0.3 of what `convergence.Errors.misses` allows, or all of it where
+    that cannot be had; where the rim cuts contact their RMS is what it allows, or as it comes where that cannot
     be had. Along each side cells are as large as one of `cell_sizes_mm`: first along v, then along u. Raises ValueError
     where nothing is good enough, and where no pose presses the patches.
     """

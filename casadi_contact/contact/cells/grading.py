@@ -17,9 +17,9 @@ from scipy.ndimage import gaussian_filter1d
 from casadi_contact.contact.cells.basis import middles
 from casadi_contact.conventions import Array
 
-_BLUNT = 0.1  # curvature [1/mm] up to which cells are as large as on the flat
+_BLUNT = 0.08  # curvature [1/mm] up to which cells are as large as on the flat
 _DENSEST = 3.3  # times as many cells as on the flat, on the sharpest ridge
-_GRADUAL = 3.0  # cells: standard deviation of the Gaussian that densities are smoothed with
+_GRADUAL = 2.5  # cells: standard deviation of the Gaussian that densities are smoothed with
 
 
 @dataclass(frozen=True)
