@@ -37,7 +37,7 @@ def test_the_peak_beside_an_edge_is_what_depths_there_allow(wheel, size):
     found = cc.CellFoundation(scene, size, compiled=False).summary(poses)
     for got, expected in ((found.largest_mpa, truth.largest_mpa), (found.penetration_mm, truth.penetration_mm)):
         ratio = got / expected
-        assert ratio.max() < 1.12
+        assert ratio.max() < 1.13
         assert size != SIZES[-1] or ratio.min() > 0.8
 
 

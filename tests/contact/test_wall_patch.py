@@ -46,7 +46,7 @@ def test_a_ball_in_the_corner_is_carried_by_floor_and_wall_as_by_two_planes(mode
         force = force_n(overlap) * np.array(direction)
         np.testing.assert_allclose(wrench[:3], force, atol=0.02 * force_n(overlap))
         np.testing.assert_allclose(wrench[3:], np.cross(pose[:3], force), atol=0.02 * force_n(overlap) * RADIUS_MM)
-    np.testing.assert_allclose(model.gaps(corner(-1.5, -0.5)), [0.5, 1.5], atol=0.01)
+    np.testing.assert_allclose(model.gaps(corner(-1.5, -0.5)), [0.5, 1.5], atol=0.02)  # cells: of the nearest corner
 
 
 def test_load_on_the_wall_is_lost_no_longer(folder, model):
