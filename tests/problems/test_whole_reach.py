@@ -1,5 +1,7 @@
 """The study of a surrogate's whole reach: errors by domain, over valid poses, and coverage."""
 
+import json
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -43,4 +45,6 @@ def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples,
     done = CliRunner().invoke(app, ["knee", str(tmp_path / "samples.h5"), "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "foundation" in done.output
-    assert (tmp_path / "whole_reach.json").is_file()
+    domains = json.loads((tmp_path / "whole_reach.json").read_text())["domains"]
+    assert domains["evenly"]["poses"] > 1000  # drawn between these few, with the foundation's loads
+    assert domains["evenly"]["loads"]["Fy_med"]["max"] < 100.0
