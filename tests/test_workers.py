@@ -88,7 +88,7 @@ def test_an_error_in_a_worker_reaches_the_caller_as_it_is():
 
 ENDED_BY_AN_ERROR = """
 import time
-from casadi_contact.workers import worker_pool
+from casadi_contact.workers import cancelled_if_left, worker_pool
 
 with worker_pool() as workers:
     futures = [workers.submit(time.sleep, 0.1) for _ in range(40)]
