@@ -1,6 +1,5 @@
 """Cycles with the signs of another knee, or of forces on the other body, are doubted; those of the joint are not."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +7,11 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.motion.joint_cycle import scene_cycles
-from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
-from problems.pose_estimation import __main__
 from problems.pose_estimation.problem import measured_pose, wanted_loads
 from problems.pose_estimation.sign_doubts import sign_doubts
+from tests.support.asked import asked_before_solving
 
 WALK = reference_cycle(frames=21)
 
@@ -51,11 +49,6 @@ def test_forces_that_pull_a_hip_out_of_its_cup_are_doubted():
 
 
 def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):
-    write_cycle(replace(WALK, rz=-WALK.rz), tmp_path / "bent.csv")
-    asked = []
-    monkeypatch.setattr(__main__, "solve_and_complete", lambda *_: asked.append(capsys.readouterr().err) or sys.exit(7))
-    monkeypatch.setattr(sys, "argv", ["pose", "--cycle", str(tmp_path / "bent.csv"), "--out", str(tmp_path)])
-    with pytest.raises(SystemExit, match="7"):
-        __main__.main()
-    assert asked[0].startswith("pose_estimation: bent: rz reaches ")
-    assert asked[0].count("\n") == 1
+    asked = asked_before_solving(replace(WALK, rz=-WALK.rz), "bent", tmp_path, monkeypatch, capsys)
+    assert asked.startswith("pose_estimation: bent: rz reaches ")
+    assert asked.count("\n") == 1

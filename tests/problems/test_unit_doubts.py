@@ -1,17 +1,15 @@
 """A cycle in kN, body weights or metres is doubted, one in N and mm is not, nor one without load."""
 
-import sys
 from dataclasses import replace
 
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
-from problems.pose_estimation import __main__
 from problems.pose_estimation.unit_doubts import unit_doubts
 from problems.pose_estimation.wanted import WantedLoads
+from tests.support.asked import asked_before_solving
 
 
 @pytest.mark.parametrize(
@@ -37,11 +35,7 @@ def test_walking_in_other_units_is_doubted(force, centre, doubted):
 
 def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):
     walking = reference_cycle(frames=3)
-    write_cycle(replace(walking, fy_med=1e-3 * walking.fy_med, fy_lat=1e-3 * walking.fy_lat), tmp_path / "light.csv")
-    asked = []
-    monkeypatch.setattr(__main__, "solve_and_complete", lambda *_: asked.append(capsys.readouterr().err) or sys.exit(7))
-    monkeypatch.setattr(sys, "argv", ["pose", "--cycle", str(tmp_path / "light.csv"), "--out", str(tmp_path)])
-    with pytest.raises(SystemExit, match="7"):
-        __main__.main()
-    assert asked[0].startswith("pose_estimation: light: the largest force is ")
-    assert asked[0].count("\n") == 1
+    light = replace(walking, fy_med=1e-3 * walking.fy_med, fy_lat=1e-3 * walking.fy_lat)
+    asked = asked_before_solving(light, "light", tmp_path, monkeypatch, capsys)
+    assert asked.startswith("pose_estimation: light: the largest force is ")
+    assert asked.count("\n") == 1
