@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import ceil
@@ -11,10 +12,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from casadi_contact.terminal import is_interrupt
 
+_BETWEEN_LINES_S = 60.0  # where nobody watches
+
 
 @contextmanager
 def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str], None]]:
-    """A callback (what, done, all, remark) that keeps one progress bar for each `what`."""
+    """A callback (what, done, all, remark) that keeps one progress bar for each `what`; in a file, which shows bars at
+    the end alone, a line each minute."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -25,11 +29,16 @@ def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str
     )
     with Progress(*columns, console=console) as progress:
         tasks: dict[str, int] = {}
+        told_s = time.monotonic()
 
         def update(what: str, done: float, total: float, remark: str = "") -> None:
+            nonlocal told_s
             if what not in tasks:
                 tasks[what] = progress.add_task(what, total=ceil(total), remark=remark)
             progress.update(tasks[what], completed=ceil(done), total=ceil(total), remark=remark)  # type: ignore[arg-type]
+            if not console.is_terminal and time.monotonic() - told_s >= _BETWEEN_LINES_S:
+                told_s = time.monotonic()
+                console.print(f"{what} {ceil(done)}/{ceil(total)} {remark}".rstrip(), highlight=False, soft_wrap=True)
 
         try:
             yield update

@@ -45,6 +45,8 @@ class TextColumns:
         if len(rows) == 1:
             raise ValueError(f"{path} has a header only, expected rows below it")
         header = tuple(name.strip() for name in rows[0][1])
+        if any("\0" in name for name in header):
+            raise ValueError(f"{path} is not a CSV text file in UTF-8 (in UTF-16?): save it as CSV UTF-8")
         if len(header) == 1 and (delimiter := next((c for c in ";\t" if c in rows[0][1][0]), "")):
             what = "semicolons" if delimiter == ";" else "tabs"
             raise ValueError(f"{path} has {what} between its columns, expected commas (and points in numbers)")

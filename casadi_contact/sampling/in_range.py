@@ -35,8 +35,10 @@ def samples_in_range(
 
     validity (n,) and root loads (n, P) of poses (n, 6) are a surrogate's; where one is above zero a patch is pressed.
     Half of the poses are pressed, as far as `MOST_DRAWN` times as many hold them: chance seldom presses. Roles, poses
-    that are dropped, and progress are those of `samples_around`.
+    that are dropped, and progress are those of `samples_around`. Raises ValueError where all samples are test rows.
     """
+    if (samples.role == TEST).all():
+        raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
     count = min(len(samples) // 3, IN_RANGE_COUNT) if count is None else count
     known = samples.poses[samples.role != TEST]
     low, width = known.min(axis=0), np.ptp(known, axis=0)

@@ -7,13 +7,23 @@ from typing import Any
 
 import casadi as ca
 
-RESERVED_NAMES = ("jac", "hess", "null")
+_OF_C = (  # and of C++, whose programs include the header
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const "
+    "const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export "
+    "extern false float for friend goto if inline int long main mutable namespace new noexcept not not_eq nullptr "
+    "operator or or_eq private protected public register reinterpret_cast requires restrict return short signed "
+    "sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef "
+    "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
+)
+RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
 
 
 def check_name(name: str) -> str:
     """A name that CasADi and C accept; raises ValueError otherwise."""
     if not name.isascii() or not ca.Function.check_name(name) or name in RESERVED_NAMES:
-        raise ValueError(f"function name {name!r} is not usable, expected letters, digits and single underscores")
+        raise ValueError(
+            f"function name {name!r} is not usable, expected letters, digits and single underscores, and no word of C"
+        )
     return name
 
 

@@ -59,6 +59,17 @@ class ContactSource:
         return model if self.scene is None or whole is model.scene else cc.foundation(whole)
 
 
+def warm_model(surrogate: str, model: SymbolicContact) -> SymbolicContact:
+    """The surrogate on whose solution a problem on model begins; raises ValueError for one of other patches."""
+    warm = ContactSource(surrogate=surrogate).load()
+    if set(warm.scene.patch_names) != set(model.scene.patch_names):
+        raise ValueError(
+            f"--warm {surrogate} is of scene {warm.scene.name} with patches {', '.join(warm.scene.patch_names)}, "
+            f"expected a surrogate with {', '.join(model.scene.patch_names)}, as scene {model.scene.name} has"
+        )
+    return warm
+
+
 @cache
 def _load(source: ContactSource) -> SymbolicContact:
     if source.scene is None:

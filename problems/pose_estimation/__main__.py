@@ -13,7 +13,7 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.project import reference_motion_cycles, walks
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
-from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
 from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, build
@@ -59,7 +59,7 @@ def run(
     problem = build(source.load(), measured, smoothness, compiled=True if compiled else None)
     poses = None if start is None else start_from_file(start, problem.frames)
     if warm is not None:
-        poses = solve(build(ContactSource(surrogate=warm).load(), measured)).poses
+        poses = solve(build(warm_model(warm, problem.model), measured)).poses
     model = own_model(problem.model.scene)
     for doubt in (*unit_doubts(problem.wanted, model), *sign_doubts(problem.wanted, problem.measured, model)):
         typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)

@@ -27,6 +27,7 @@ from problems.squat.muscles import MUSCLES
 
 FREE = ("tx", "ty", "rx")
 STANDING_FLEXION_DEG = 10.0
+LEAST_DURATION_S = 0.3  # nobody falls as fast, and IPOPT looks for muscles that do for minutes
 LEAST_ACTIVATION = 0.01
 _COST_SCALE = 100.0  # the cost is some thousandths, which a barrier of usual size would drown
 _STEADINESS = 1e-3  # of activations' changes from point to point
@@ -71,10 +72,10 @@ def build(
     """Transcribe the squat. Raises ValueError for a depth that is no squat, for a contact model of no knee with two
     sides (`check_knee`), and as `Collocation` does."""
     check_knee("a squat", model.scene, model.load_names)
-    if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not 0.0 < duration_s < np.inf:
+    if not STANDING_FLEXION_DEG < depth_deg <= 110.0 or not LEAST_DURATION_S <= duration_s < np.inf:
         raise ValueError(
             f"depth {depth_deg} deg, {duration_s} s: expected a knee flexion above {STANDING_FLEXION_DEG:g} and up to "
-            "110 deg, and a positive time"
+            f"110 deg, and a time of {LEAST_DURATION_S:g} s or more"
         )
     grid = Collocation(intervals, degree, duration_s)
     mechanics = LegMechanics.of(Body() if body is None else body)

@@ -15,7 +15,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.optimisation import middle_pose
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
-from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
 from problems.common.learned_range import reasons
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
@@ -65,7 +65,7 @@ def run(
         return build(chosen, loads, free=free, rest=rest, stiffness=springs, about="moving")
 
     problem = on(model)
-    result = solve(problem, None if warm is None else solve(on(ContactSource(surrogate=warm).load())).poses)
+    result = solve(problem, None if warm is None else solve(on(warm_model(warm, model))).poses)
     foundation = own_model(model.scene)
     result = diagnose(problem, result, foundation)
     verdict = judge(model, result.poses, result.converged, foundation)

@@ -18,7 +18,7 @@ from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.common.outcome import print_verdict
 from problems.wear.cycle import open_ends, read_path, simulated_poses
-from problems.wear.problem import WEAR_FACTOR, archard_wear, volume_mm3
+from problems.wear.problem import WEAR_FACTOR, archard_wear, check_wear_factor, volume_mm3
 from problems.wear.report import report
 
 NAME = "wear"
@@ -41,6 +41,7 @@ def run(
 
     Exit status 3: on some frames of the simulated cycle the EF gives other loads than what it was simulated on.
     """
+    check_wear_factor(wear_factor)  # before minutes of simulation
     writable_folder(out)
     if poses is not None:
         if scene is None or surrogate is not None:

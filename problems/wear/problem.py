@@ -52,14 +52,21 @@ def volume_mm3(patches: Sequence[PatchWear]) -> float:
     return sum(patch.volume_mm3 for patch in patches)
 
 
+def check_wear_factor(wear_factor: float) -> None:
+    """Raises ValueError unless a wear factor [mm³/(N·m)] is positive and finite."""
+    if not 0.0 < wear_factor < np.inf:
+        raise ValueError(f"wear factor {wear_factor}, expected a positive number [mm³/(N·m)]")
+
+
 def archard_wear(model: ElasticFoundation, poses: Array, wear_factor: float = WEAR_FACTOR) -> list[PatchWear]:
     """Wear of every patch over a closed cycle of poses (n, 6), whose last is joined to its first.
 
     wear_factor [mm³/(N·m)]. Raises ValueError for fewer than two poses and a factor that is not positive.
     """
     poses = as_poses(poses)
-    if len(poses) < 2 or not 0.0 < wear_factor < np.inf:
-        raise ValueError(f"{len(poses)} poses, wear factor {wear_factor}: expected at least 2, and a positive number")
+    check_wear_factor(wear_factor)
+    if len(poses) < 2:
+        raise ValueError(f"{len(poses)} poses, expected at least 2")
     elements = model.scene.elements(model.grid)
     depths, slides = ([np.zeros(len(e.areas_mm2)) for e in elements] for _ in range(2))
     before = [found.pressures_mpa for found in model.pressure_maps(poses[-1])]

@@ -58,8 +58,8 @@ def test_what_is_no_table_of_these_numbers_is_refused_with_its_place(tmp_path, t
 
 
 def test_text_in_another_encoding_is_refused_with_the_cure(tmp_path):
-    for encoding in ("utf-16", "latin-1"):
-        (tmp_path / "t.csv").write_bytes("knöchel,x,y\n0,1,2\n".encode(encoding))
+    for label, encoding in (("knöchel", "utf-16"), ("ankle", "utf-16-le"), ("knöchel", "latin-1")):
+        (tmp_path / "t.csv").write_bytes(f"{label},x,y\n0,1,2\n".encode(encoding))
         with pytest.raises(ValueError, match="save it as CSV UTF-8"):
             read_columns(tmp_path / "t.csv", required=("x", "y"))
 

@@ -128,6 +128,18 @@ def test_the_command_writes_the_poses_that_a_file_holds(tmp_path):
     np.testing.assert_allclose(read_poses(tmp_path / "poses.csv"), poses, rtol=1e-15)
 
 
+@pytest.mark.parametrize(("in_degrees", "unit", "asked"), [(True, "", True), (False, "", False), (True, ":rad", False)])
+def test_a_knee_that_hardly_bends_in_degrees_is_asked_about(in_degrees, unit, asked, tmp_path):
+    """A file in radians whose header says degrees would be read as a knee that stands still."""
+    columns = {"time": [0.0, 1.0], "knee": [0.1, 1.2], "med": [-500.0, -900.0], "lat": [-300.0, -600.0]}
+    columns |= {"turn": [0.0, 0.1], "a": [0.0, 0.0], "m": [0.0, 0.0]}
+    write_table(Table("walk", columns, in_degrees=in_degrees), tmp_path / "walk.mot")
+    names = (f"knee=-rz{unit}", f"turn=ry{unit}", "med=Fy_med", "lat=Fy_lat", "a=cop_ap", "m=cop_ml")
+    done = cycle_command(tmp_path / "walk.mot", *mapped(names), "--out", tmp_path / "cycle.csv")
+    assert done.returncode == 0, done.stderr
+    assert ("knee, turn stay within 1.2 degrees, as inDegrees=yes says: are they in radians?" in done.stderr) == asked
+
+
 @pytest.mark.parametrize(
     ("names", "said"),
     [

@@ -296,6 +296,7 @@ def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch,
         (("--cycle", "none.csv"), "cycle file none.csv does not exist"),
         (("--start", "none.csv"), "pose file none.csv does not exist"),
         (("--start", "none.csv", "--warm", "knee"), "got both --start and --warm"),
+        (("--scene", "hip", "--warm", "knee"), "--warm knee is of scene knee with patches med, lat, expected a surr"),
         (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
     ],
 )

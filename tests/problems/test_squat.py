@@ -187,6 +187,7 @@ def test_the_table_and_its_file_say_which_bounds_hold(small, results, tmp_path, 
         ({"body": {"height_m": np.inf}}, "height inf m"),
         ({"body": {"adduction_lever_mm": np.nan}}, "passes nan mm medially of the knee, expected -200 to 200 mm"),
         ({"duration_s": np.inf}, "inf s: expected a knee flexion"),
+        ({"duration_s": 0.05}, "a time of 0.3 s or more"),
     ],
 )
 def test_wrong_requests_are_refused(small, given, said):

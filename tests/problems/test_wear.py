@@ -87,9 +87,12 @@ def test_a_pose_held_and_a_pose_out_of_contact_wear_nothing(punch):
     assert wear.volume_mm3(wear.archard_wear(punch, apart)) == 0.0
 
 
-@pytest.mark.parametrize(("count", "factor"), [(1, 1e-7), (3, 0.0), (3, np.nan)])
-def test_what_is_no_cycle_or_no_wear_factor_is_refused(punch, count, factor):
-    with pytest.raises(ValueError, match="expected at least 2, and a positive number"):
+@pytest.mark.parametrize(
+    ("count", "factor", "said"),
+    [(1, 1e-7, "1 poses, expected at least 2"), (3, 0.0, "positive number"), (3, np.nan, "positive number")],
+)
+def test_what_is_no_cycle_or_no_wear_factor_is_refused(punch, count, factor, said):
+    with pytest.raises(ValueError, match=said):
         wear.archard_wear(punch, np.zeros((count, 6)), factor)
 
 
@@ -99,6 +102,11 @@ def command(monkeypatch, *arguments):
     with pytest.raises(SystemExit) as end:
         __main__.main()
     return end.value.code
+
+
+def test_a_wrong_factor_is_said_before_a_cycle_is_simulated(tmp_path, monkeypatch):
+    monkeypatch.setattr(__main__, "simulated_poses", lambda *_: pytest.fail("simulated"))
+    assert "positive number" in command(monkeypatch, "--wear-factor", "nan", "--out", tmp_path)
 
 
 def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monkeypatch):

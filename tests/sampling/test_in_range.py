@@ -1,6 +1,7 @@
 """Poses over the whole sampled range that are asked of a contact model."""
 
 import numpy as np
+import pytest
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
@@ -41,3 +42,11 @@ def test_poses_that_are_not_valid_are_not_asked_and_fewer_are_found_where_few_ar
     assert (found.poses[:, 0] > 0.0).all()
     none, _ = drawn(lambda poses: np.zeros(len(poses)), count=10)
     assert len(none) == 0
+
+
+def test_samples_of_which_none_was_learned_have_no_range():
+    poses = np.array([LOW, HIGH])
+    role = np.full(2, TEST, dtype=np.uint8)
+    samples = Samples(SCENE, poses, np.zeros((2, 1, 6)), np.ones((2, 1)), np.ones(2, dtype=np.uint8), role)
+    with pytest.raises(ValueError, match="all of them test rows"):
+        samples_in_range(samples, ElasticFoundation(SCENE, (20, 20)), lambda poses: poses[:, 0], lambda poses: poses)

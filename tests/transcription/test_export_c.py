@@ -125,10 +125,11 @@ def test_makefile_builds_the_example(loads, tmp_path):
     assert [line.split()[0] for line in demo.splitlines()] == loads
 
 
-def test_bad_name_is_refused(tmp_path):
+@pytest.mark.parametrize("name", ["not-a-c-name", "int", "main", "class"])
+def test_bad_name_is_refused(name, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     with pytest.raises(ValueError, match="not usable"):
-        surrogate.export_c(tmp_path, name="not-a-c-name")
+        surrogate.export_c(tmp_path, name=name)
     assert not list(tmp_path.iterdir())
 
 

@@ -1,12 +1,20 @@
 """OpenSim's motion and storage files, and how their columns become poses and loads."""
 
-from casadi_contact.motion.opensim.mapping import ColumnMap, loads_table, mapped_curves, poses_table, renamed_table
+from casadi_contact.motion.opensim.mapping import (
+    ColumnMap,
+    degrees_doubt,
+    loads_table,
+    mapped_curves,
+    poses_table,
+    renamed_table,
+)
 from casadi_contact.motion.opensim.table import TIME, Table, read_opensim_table, write_table
 
 __all__ = [
     "TIME",
     "ColumnMap",
     "Table",
+    "degrees_doubt",
     "loads_table",
     "mapped_curves",
     "poses_table",
