@@ -14,7 +14,7 @@ typedef struct {
   const Boxes *block_boxes; /* around the surface of blocks */
   const Block *blocks;
   const unsigned char *known;          /* nodes within the rim */
-  const double (*present)[SUB_POINTS]; /* 1 at sub-points on the surface: of whole cells, then of those at the rim */
+  const double (*present)[SUB_POINTS]; /* share of the surface at sub-points: of whole cells, then of others */
   int block_count;
 } Patch;
 

@@ -16,6 +16,7 @@ from casadi_contact.scenes import Scene
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
+LOOKS = 4  # along each side of a sub-point, to find its share of the surface
 BOXES = 8  # that the kernel looks at together
 
 
@@ -25,8 +26,8 @@ class CellPatch:
 
     c, n (m, 3): points and unit normals; tangents, bends (m, 2, 3): their derivatives times the size of cells there;
     loads (m, 7): N·a, c×N·a and |N|·a with N = τ_v × τ_u and a their area, so that |N|·a is an area [mm²]; known
-    (m,): False for nodes beyond the rim. corners (k, 4): nodes at 00, 01, 10, 11; present (k, sub-points): 1 where the
-    surface is, 0 beyond its rim; rim (k,): cells at the rim. blocks (b + 1,): first cell of each block.
+    (m,): False for nodes beyond the rim. corners (k, 4): nodes at 00, 01, 10, 11; present (k, sub-points): the
+    share of the surface at them, 0 beyond its rim; rim (k,): cells at the rim. blocks (b + 1,): first cell of each block.
     """
 
     c: Array
@@ -61,12 +62,13 @@ def patch_charts(scene: Scene) -> list[Chart]:
 def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
     """The chart's cells that hold some surface, block by block, and their corners."""
     across_u, across_v = (
-        lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], parts)
+        lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], LOOKS * parts)
         for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
     )
     nu, nv = len(across_u.places) - 1, len(across_v.places) - 1
-    present = chart.present(across_u.sub_points, across_v.sub_points).reshape(nu, cells.along_u, nv, cells.along_v)
-    shares = np.moveaxis(present, 1, 2).reshape(nu, nv, -1).astype(float)
+    present = chart.present(across_u.sub_points, across_v.sub_points)
+    looks = present.reshape(nu, cells.along_u, LOOKS, nv, cells.along_v, LOOKS)
+    shares = np.moveaxis(looks.mean(axis=(2, 5)), 1, 2).reshape(nu, nv, -1)
     whole = np.pad((shares == 1.0).all(axis=-1), 1)
     rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
     held = np.asarray(shares.any(axis=-1))
