@@ -94,11 +94,11 @@ def _as_in_the_paper(gflop: float) -> dict[str, Effort]:
     }
 
 
-def _reach_round(root_gflop: float, ratios_gflop: float) -> ActiveRound:
-    """The worst tenth of six times the samples, learned by wider networks."""
+def _reach_round(root: int, root_gflop: float, ratios: int, ratios_gflop: float) -> ActiveRound:
+    """The worst tenth of six times the samples, learned by wider networks: three layers of so many neurons, and two."""
     efforts = {
-        "root": Effort(((32, 32, 32),), root_gflop, tolerance_share=0.2),
-        "ratios": Effort(((28, 28),), ratios_gflop, tolerance_share=0.2),
+        "root": Effort(((root,) * 3,), root_gflop, tolerance_share=0.2),
+        "ratios": Effort(((ratios,) * 2,), ratios_gflop, tolerance_share=0.2),
     }
     return ActiveRound(times=6.0, worst_share=0.1, efforts={"trunk": efforts})
 
@@ -185,10 +185,13 @@ PRESETS: dict[str, Preset] = {
             }
         },
         active=(
-            _reach_round(3_000.0, 3_000.0),
-            _reach_round(6_000.0, 6_000.0),
-            _reach_round(8_000.0, 8_000.0),
-            _reach_round(10_000.0, 10_000.0),
+            _reach_round(32, 3_000.0, 28, 3_000.0),
+            _reach_round(32, 6_000.0, 28, 6_000.0),
+            _reach_round(32, 8_000.0, 28, 8_000.0),
+            _reach_round(32, 10_000.0, 28, 10_000.0),
+            _reach_round(40, 30_000.0, 32, 12_000.0),
+            _reach_round(40, 40_000.0, 32, 15_000.0),
+            _reach_round(40, 50_000.0, 32, 20_000.0),
         ),
     ),
     "paper": Preset(

@@ -14,7 +14,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.sampling.domains import plan_domains
-from casadi_contact.sampling.liftoff import check_liftable, lift_all, lift_one
+from casadi_contact.sampling.liftoff import check_liftable, lift_all, lift_each, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
@@ -122,7 +122,7 @@ def draw_chunk(
         lost.append(lifted.reshape(-1, 6)[~settled])
         poses, role = lifted.reshape(-1, 6)[settled], np.repeat(role, steps)[settled]
     elif domain == "D5":
-        raised = lift_all(settle_model, poses, liftoff_mm=settings.liftoff_mm, steps=steps)
+        raised = _raised(settle_model, poses, settings)
         known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
         _count(dropped, "not lifted off", np.where(known, "", NOT_FINITE))
         lost.append(poses[~known])
@@ -151,6 +151,17 @@ def draw_chunk(
         np.concatenate([*lost, poses[~good]]),
         {reason: count for reason, count in dropped.items() if count},
     )
+
+
+def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
+    """Poses (n, steps, 6) of D5: all patches lifted alike [EF15 §3.3], in the plan `reach` each by a random gap."""
+    most, steps = settings.liftoff_mm, settings.liftoff_steps
+    scene = model.scene
+    if not settings.reach or len(scene.sensitive_pose) != len(scene.normal_loads):
+        return lift_all(model, poses, liftoff_mm=most, steps=steps)
+    shape = (len(poses) * steps, len(scene.normal_loads))
+    gaps = np.random.default_rng([settings.seed, DOMAINS.index("D5")]).uniform(0.0, most, shape)
+    return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
 
 
 def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array, np.ndarray]:

@@ -3,7 +3,7 @@
     D1, D2  per time frame: the 2^k vertices of the expanded envelope's box, filled up with Hammersley points
     D3      one big box: Hammersley points
     D4      one patch at the contact boundary, later lifted off in steps: Hammersley points
-    D5      all patches at the contact boundary, later lifted off in steps: Hammersley points
+    D5      all patches at the contact boundary, later lifted off: Hammersley points
     D6, D7  one patch, all patches at the contact boundary: Hammersley points
 
 No input pulls: normal loads end at the contact boundary. With one patch, one patch out of contact is all patches out
@@ -11,7 +11,8 @@ of contact: D4 and D6 are then left out (`left_out`).
 
 The plan `reach` (``[sampling.reach]``) follows no motion: the box of D3 to D7 has the given ranges, wide enough for
 every pose whose contact lies on the fixed surface (others are dropped where it runs off), and normal loads are drawn
-evenly in their roots √N, so that light and heavy contact are known alike. D1 and D2 are left out.
+evenly in their roots √N, so that light and heavy contact are known alike. D5 lifts each patch by a gap of its own. D1
+and D2 are left out.
 """
 
 from __future__ import annotations

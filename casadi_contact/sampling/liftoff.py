@@ -1,4 +1,8 @@
-"""Out-of-contact poses from poses at the contact boundary: one patch lifted off (D4), all patches (D5) [EF15 §3.3]."""
+"""Out-of-contact poses from poses at the contact boundary: one patch lifted off (D4), all patches (D5) [EF15 §3.3].
+
+The paper lifts all patches alike. Networks that never saw one patch just off and another farther out claimed thousands
+of newtons there, in a region as wide as a joint's whole reach: the plan `reach` lifts each patch by an amount of its own.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,9 @@ from casadi_contact.conventions import Array, pose_index
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import settle
 from casadi_contact.statics.settle import NOT_FINITE
+
+_NEWTON_STEPS = 5
+_LEAST_DETERMINANT = 1e-9  # of the root loads' slopes: less, and no pose parameters lift the patches apart
 
 
 def check_liftable(scene: Scene) -> None:
@@ -110,3 +117,28 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     raised = np.repeat(poses[:, None, :], steps, axis=1)
     raised[..., columns] += apart[:, None, :] * (liftoff_mm * np.arange(1, steps + 1) / steps)[:, None]
     return space.onto(raised)
+
+
+def lift_each(model: ContactModel, poses: Array, gaps_mm: Array) -> Array:
+    """Move poses (n, 6) at the contact boundary along the sensitive pose parameters until each patch is gaps_mm (n, P)
+    away, as many as there are of both.
+
+    Newton's method on the root loads, -c·gap out of contact. Returns poses (n, 6), NaN where the model gives no finite
+    loads or its slopes no way there; raises ValueError unless there are as many sensitive parameters as patches.
+    """
+    scene = model.scene
+    columns = [pose_index(name) for name in scene.sensitive_pose]
+    if len(columns) != len(scene.normal_loads):
+        raise ValueError(
+            f"scene {scene.name}: got {len(columns)} sensitive pose parameters for {len(scene.normal_loads)} patches, "
+            "expected as many to lift each patch by an amount of its own"
+        )
+    found, wanted = poses.copy(), -scene.gap_slope * gaps_mm
+    for _ in range(_NEWTON_STEPS):
+        s, slope = model.root_loads(found)
+        by_pose = scene.pose_space.along(slope)[..., columns]
+        known = np.isfinite(by_pose).all(axis=(1, 2)) & np.isfinite(s).all(axis=1)
+        known[known] &= np.abs(np.linalg.det(by_pose[known])) > _LEAST_DETERMINANT
+        found[~known] = np.nan
+        found[np.ix_(known, columns)] += np.linalg.solve(by_pose[known], (wanted - s)[known][..., None])[..., 0]
+    return scene.pose_space.onto(found)

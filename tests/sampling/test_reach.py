@@ -6,6 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.sampling import Envelopes, SamplePoint, SamplingSettings, plan_domains
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
+from casadi_contact.sampling.liftoff import lift_each
 from casadi_contact.statics import settle
 from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
 
@@ -60,6 +61,30 @@ def test_poses_of_the_reach_start_from_first_touch_not_from_a_motion():
     settings = SamplingSettings(reach=REACH)
     drawn = draw_chunk(model, model, Chunk(3, -1, ("ty", "rx"), starts, loads, np.zeros(6, np.uint8)), settings)
     np.testing.assert_allclose(drawn.wrenches[:, :, 1], np.tile([-300.0, -200.0], (6, 1)), atol=1e-3)
+
+
+def test_each_side_is_lifted_by_a_gap_of_its_own():
+    """One side just off and the other farther out, as no lift of both alike gives; the gaps are those asked for."""
+    model = TwoSpheres(knee())
+    rng = np.random.default_rng(3)
+    starts = rng.uniform(-1.0, 1.0, (40, 6)) * [3.0, 0.1, 3.0, 0.02, 0.1, 0.5] + [0.0, RADIUS_MM, 0.0, 0.0, 0.0, -0.5]
+    wanted = rng.uniform(0.0, 3.0, (40, 2))
+    lifted = lift_each(model, starts, wanted)
+    np.testing.assert_allclose(model.gaps(lifted), wanted, atol=1e-6)
+    held = [0, 2, 4, 5]
+    np.testing.assert_array_equal(lifted[:, held], starts[:, held])
+
+
+def test_the_plan_of_a_reach_lifts_sides_apart_and_that_of_a_motion_lifts_them_alike():
+    model = TwoSpheres(knee())
+    starts = np.tile([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], (30, 1))
+    loads = {"Fy_med": np.full(30, -5.0), "Fy_lat": np.full(30, -5.0)}
+    chunk = Chunk(5, -1, ("ty", "rx"), starts, loads, np.zeros(30, np.uint8))
+    for settings, alike in ((SamplingSettings(reach=REACH), False), (SamplingSettings(), True)):
+        gaps = draw_chunk(model, model, chunk, settings).gaps
+        assert (gaps > -0.2).all()
+        assert gaps.max() > 0.9 * settings.liftoff_mm - 0.2
+        assert (np.ptp(gaps, axis=1).max() < 1e-3) == alike
 
 
 def test_files_of_before_know_no_reach():
