@@ -1,7 +1,7 @@
 """Out-of-contact poses from poses at the contact boundary: one patch lifted off (D4), all patches (D5) [EF15 §3.3].
 
 The paper lifts all patches alike. Networks that never saw one patch just off and another farther out claimed thousands
-of newtons there, in a region as wide as a joint's whole reach: the plan `reach` lifts each patch by an amount of its own.
+of newtons there, in a region as wide as a joint's whole reach: the plan `reach` lifts each by an amount of its own.
 """
 
 from __future__ import annotations
@@ -137,8 +137,9 @@ def lift_each(model: ContactModel, poses: Array, gaps_mm: Array) -> Array:
     for _ in range(_NEWTON_STEPS):
         s, slope = model.root_loads(found)
         by_pose = scene.pose_space.along(slope)[..., columns]
-        known = np.isfinite(by_pose).all(axis=(1, 2)) & np.isfinite(s).all(axis=1)
-        known[known] &= np.abs(np.linalg.det(by_pose[known])) > _LEAST_DETERMINANT
-        found[~known] = np.nan
-        found[np.ix_(known, columns)] += np.linalg.solve(by_pose[known], (wanted - s)[known][..., None])[..., 0]
+        finite = np.asarray(np.isfinite(by_pose).all(axis=(1, 2)) & np.isfinite(s).all(axis=1))
+        apart = np.abs(np.linalg.det(np.where(finite[:, None, None], by_pose, 0.0))) > _LEAST_DETERMINANT
+        found[~apart] = np.nan
+        step = np.linalg.solve(by_pose[apart], (wanted - s)[apart][..., None])[..., 0]
+        found[np.ix_(np.flatnonzero(apart), np.array(columns))] += step
     return scene.pose_space.onto(found)
