@@ -19,6 +19,11 @@ class Cells:
     along_u: int = 4
     along_v: int = 3
 
+    @property
+    def sub_points(self) -> int:
+        """Of each cell."""
+        return self.along_u * self.along_v
+
     def __str__(self) -> str:
         return f"cells of {self.u_mm:.3g}×{self.v_mm:.3g} mm with {self.along_u}×{self.along_v} sub-points"
 
@@ -50,7 +55,7 @@ def corner_shares(cells: Cells) -> Array:
     """(4, sub-points): bilinear share of each corner in a sub-point, over the number of sub-points."""
     xi, eta = middles(cells.along_u), middles(cells.along_v)
     shares = [np.outer(x, y) for x in (1.0 - xi, xi) for y in (1.0 - eta, eta)]
-    return np.stack(shares).reshape(4, -1) / (cells.along_u * cells.along_v)
+    return np.stack(shares).reshape(4, -1) / cells.sub_points
 
 
 def hermite_of(count: int) -> Array:

@@ -37,13 +37,13 @@ def density(convex: Array) -> Array:
     return np.clip(np.sqrt(np.maximum(convex, 0.0) / _BLUNT), 1.0, _DENSEST)
 
 
-def lay_lines(low: float, high: float, size_mm: float, densities: Array, parts: int) -> Lines:
-    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1, two cells at least; densities
-    (m,): at equal steps of that way."""
+def lay_lines(low: float, high: float, size_mm: float, densities: Array, parts: int, cut: int = 1) -> Lines:
+    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1, two cells at least, of which each
+    is then cut into so many; densities (m,): at equal steps of that way."""
     x = np.linspace(low, high, len(densities))
     smooth = gaussian_filter1d(densities, _GRADUAL * size_mm / (x[1] - x[0]), mode="nearest")
     number = cumulative_trapezoid(smooth / size_mm, x, initial=0.0)
     count = max(round(number[-1]), 2)
     place = CubicSpline(number * count / number[-1], x)
-    lines = np.arange(count + 1.0)
-    return Lines(place(lines), place(lines, 1), place(lines[:-1, None] + middles(parts)).ravel())
+    lines = np.arange(cut * count + 1.0) / cut
+    return Lines(place(lines), place(lines, 1) / cut, place(lines[:-1, None] + middles(parts) / cut).ravel())

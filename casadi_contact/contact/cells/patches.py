@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import Chart, CupChart, PlaneChart
-from casadi_contact.contact.cells.grading import lay_lines
+from casadi_contact.contact.cells.grading import Lines, lay_lines
 from casadi_contact.contact.cells.mesh_chart import MeshChart
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
@@ -16,7 +16,9 @@ from casadi_contact.scenes import Scene
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
+CUT = 3  # parts of each side of a cell at the rim, where the surface ends or turns within less than a cell
 LOOKS = 4  # along each side of a sub-point, to find its share of the surface
+_ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a cell
 BOXES = 8  # that the kernel looks at together
 
 
@@ -27,7 +29,7 @@ class CellPatch:
     c, n (m, 3): points and unit normals; tangents, bends (m, 2, 3): their derivatives times the size of cells there;
     loads (m, 7): N·a, c×N·a and |N|·a with N = τ_v × τ_u and a their area, so that |N|·a is an area [mm²]; known
     (m,): False for nodes beyond the rim. corners (k, 4): nodes at 00, 01, 10, 11; present (k, sub-points): the
-    share of the surface at them, 0 beyond its rim; rim (k,): cells at the rim. blocks (b + 1,): first cell of each block.
+    share of the surface at them, 0 beyond its rim; rim (k,): cells at the rim. blocks (b + 1,): first cell of each.
     """
 
     c: Array
@@ -60,25 +62,28 @@ def patch_charts(scene: Scene) -> list[Chart]:
 
 
 def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
-    """The chart's cells that hold some surface, block by block, and their corners."""
-    across_u, across_v = (
-        lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], LOOKS * parts)
-        for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
+    """The chart's cells that hold some surface, those at its rim cut into `CUT`×`CUT`, block by block, and their
+    corners."""
+    lattices = [_Lattice.laid(chart, cells, cut) for cut in (1, CUT)]
+    rim = lattices[0].rim
+    chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((CUT, CUT), dtype=bool))]
+    lattice = np.repeat([0, 1], [of.sum() for of in chosen])
+    index = np.concatenate([np.argwhere(of) for of in chosen])
+    side = _block(np.array([cells.u_mm, cells.v_mm]))
+    order, blocks = _in_blocks(index // np.where(lattice, CUT, 1)[:, None], side)
+    lattice, index = lattice[order], index[order]
+    numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in _ENDS], 1)
+    nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)
+    places, sizes, present = (
+        np.empty((len(nodes), 2)),
+        np.empty((len(nodes), 2)),
+        np.empty((len(index), cells.sub_points)),
     )
-    nu, nv = len(across_u.places) - 1, len(across_v.places) - 1
-    present = chart.present(across_u.sub_points, across_v.sub_points)
-    looks = present.reshape(nu, cells.along_u, LOOKS, nv, cells.along_v, LOOKS)
-    shares = np.moveaxis(looks.mean(axis=(2, 5)), 1, 2).reshape(nu, nv, -1)
-    whole = np.pad((shares == 1.0).all(axis=-1), 1)
-    rim = ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
-    held = np.asarray(shares.any(axis=-1))
-    order, blocks = _in_blocks(held, _block(np.array([cells.u_mm, cells.v_mm])))
-    i, j = order.T
-    numbers = np.stack([(i + a) * (nv + 1) + j + b for a in (0, 1) for b in (0, 1)], 1)
-    used, corners = np.unique(numbers, return_inverse=True)
-    row, column = np.divmod(used, nv + 1)
-    surface = chart.surface(across_u.places[row], across_v.places[column])
-    sizes = np.stack([across_u.sizes[row], across_v.sizes[column]], 1)
+    for number, of in enumerate(lattices):
+        at, here = nodes[:, 0] == number, lattice == number
+        places[at], sizes[at] = of.places(nodes[at, 1:]), of.sizes(nodes[at, 1:])
+        present[here] = of.present[tuple(index[here].T)]
+    surface = chart.surface(*places.T)
     N = np.cross(surface.tangents[:, 1], surface.tangents[:, 0]) * sizes.prod(axis=1)[:, None]
     N *= np.sign(np.einsum("ij,ij->i", N, surface.n))[:, None]
     loads = np.concatenate([N, np.cross(surface.c, N), np.linalg.norm(N, axis=1, keepdims=True)], 1)
@@ -90,10 +95,51 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
         _single(loads),
         surface.known,
         corners.reshape(-1, 4),
-        shares[i, j],
-        rim[i, j],
+        present,
+        lattice == 1,
         blocks,
     )
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """Cells over a whole chart: lines across u (nu + 1) and v (nv + 1); present (nu, nv, sub-points): the share of the
+    surface at each sub-point."""
+
+    u: Lines
+    v: Lines
+    present: Array
+
+    @classmethod
+    def laid(cls, chart: Chart, cells: Cells, cut: int) -> _Lattice:
+        """Each of the cells cut into cut×cut."""
+        u, v = (
+            lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], LOOKS * parts, cut)
+            for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
+        )
+        nu, nv = len(u.places) - 1, len(v.places) - 1
+        looks = chart.present(u.sub_points, v.sub_points)
+        shares = looks.reshape(nu, cells.along_u, LOOKS, nv, cells.along_v, LOOKS).mean(axis=(2, 5))
+        return cls(u, v, np.moveaxis(shares, 1, 2).reshape(nu, nv, -1))
+
+    @property
+    def held(self) -> np.ndarray:
+        """Cells (nu, nv) that hold some surface."""
+        return np.asarray(self.present.any(axis=-1))
+
+    @property
+    def rim(self) -> np.ndarray:
+        """Cells (nu, nv) that the surface does not fill, and their neighbours."""
+        whole = np.pad((self.present == 1.0).all(axis=-1), 1)
+        return ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
+
+    def places(self, nodes: np.ndarray) -> Array:
+        """(u, v) of nodes (m, 2), by the numbers of their lines."""
+        return np.stack([self.u.places[nodes[:, 0]], self.v.places[nodes[:, 1]]], 1)
+
+    def sizes(self, nodes: np.ndarray) -> Array:
+        """Sizes of cells at nodes (m, 2) [mm]."""
+        return np.stack([self.u.sizes[nodes[:, 0]], self.v.sizes[nodes[:, 1]]], 1)
 
 
 def _single(x: Array) -> Array:
@@ -113,13 +159,10 @@ def _block(step: Array) -> tuple[int, int]:
     return min((side for side in sides if np.prod(side) == BOXES), key=lambda side: across[side])
 
 
-def _in_blocks(held: np.ndarray, side: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (k, 2) of the cells held, block by block of `side` cells, and the first cell of each block (b + 1,)."""
-    order, sizes = [], []
-    for i in range(0, held.shape[0], side[0]):
-        for j in range(0, held.shape[1], side[1]):
-            cells = np.argwhere(held[i : i + side[0], j : j + side[1]]) + np.array([i, j])
-            if len(cells):
-                order.append(cells)
-                sizes.append(len(cells))
-    return np.concatenate(order), np.concatenate([[0], np.cumsum(sizes)])
+def _in_blocks(homes: np.ndarray, side: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """The order (k,) of cells block by block of `side` uncut cells, homes (k, 2) being these, and the first cell of
+    each block (b + 1,)."""
+    block = homes // side
+    order = np.lexsort((homes[:, 1], homes[:, 0], block[:, 1], block[:, 0]))
+    firsts = np.flatnonzero(np.diff(block[order], axis=0).any(axis=1)) + 1
+    return order, np.concatenate([[0], firsts, [len(order)]])
