@@ -52,66 +52,82 @@ FUNCTION void leave_grid(const Lanes beyond[3], int order, Distance *out) {
   for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = pick(is_out, all(0.0), out->third[k]);
 }
 
-/* Rows of four coefficients along z, as many as fit into a vector, side by side along y */
-#define ROWS (BLOCK / 4)
-INLINE Lanes rows_at(const float *c) {
-#if ROWS == 2
-  return _mm512_cvtps_pd(_mm256_loadu2_m128(c + FIELD_Z, c));
+/* Four coefficients along z of a lane, and of the fourth after it where there are eight */
+INLINE Lanes rows_at(const float *first, const float *second) {
+#if BLOCK == 8
+  return _mm512_cvtps_pd(_mm256_loadu2_m128(second, first));
 #else
-  return four_singles_at(c);
+  (void)second;
+  return four_singles_at(first);
 #endif
 }
 
-/* What they are multiplied by: the weights of one lane */
-INLINE Lanes for_rows(const Lanes *weight, int lane) {
-#if ROWS == 2
-  return _mm512_mask_broadcastsd_pd(all(weight[0][lane]), 0xf0, _mm_set_sd(weight[1][lane]));
+/* What they are multiplied by */
+INLINE Lanes for_rows(Lanes weight, int lane) {
+#if BLOCK == 8
+  const Mask lanes = {lane, lane, lane, lane, lane + 4, lane + 4, lane + 4, lane + 4};
+  return _mm512_permutexvar_pd((__m512i)lanes, weight);
 #else
-  return all(weight[0][lane]);
+  return all(weight[lane]);
 #endif
 }
 
-/* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about a lane's point, along z */
-INLINE void sum_rows(const float *c, int lane, int order, const Lanes x[4][4], const Lanes y[4][4], Four sums[10][BLOCK]) {
-  Lanes sum[10];
-  for (int r = 0; r < 4; r += ROWS) {
-    Lanes along_x[4], along_y[4];
+/* By order along x and y, 00 10 01 20 11 02 30 21 12 03: sums of the 16 rows about the points of such lanes, along z */
+INLINE void sum_rows(const float *first, const float *second, int lane, int order, const Lanes x[4][4], const Lanes y[4][4],
+                     Lanes sums[10][4]) {
+  Lanes sum[10], of_x[4][4];
+  for (int m = 0; m <= order; m++) {
+    for (int p = 0; p < 4; p++) of_x[m][p] = for_rows(x[m][p], lane);
+  }
+  for (int r = 0; r < 4; r++) {
+    Lanes along_x[4], of_y[4];
     for (int p = 0; p < 4; p++) {
-      const Lanes rows = rows_at(c + (p * FIELD_Y + r) * FIELD_Z);
-      for (int m = 0; m <= order; m++) along_x[m] = p ? along_x[m] + x[m][p][lane] * rows : x[m][p][lane] * rows;
+      const int row = (p * FIELD_Y + r) * FIELD_Z;
+      const Lanes rows = rows_at(first + row, second + row);
+      for (int m = 0; m <= order; m++) along_x[m] = p ? along_x[m] + of_x[m][p] * rows : of_x[m][p] * rows;
     }
-    for (int m = 0; m <= order; m++) along_y[m] = for_rows(y[m] + r, lane);
+    for (int m = 0; m <= order; m++) of_y[m] = for_rows(y[m][r], lane);
     for (int n = 0, total = 0; total <= order; total++) {
       for (int m = 0; m <= total; m++, n++) {
-        const Lanes part = along_y[m] * along_x[total - m];
+        const Lanes part = of_y[m] * along_x[total - m];
         sum[n] = r ? sum[n] + part : part;
       }
     }
   }
-  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) {
-    sums[n][lane] = part_of(sum[n], 0);
-    for (int k = 1; k < ROWS; k++) sums[n][lane] += part_of(sum[n], k);
-  }
+  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) sums[n][lane] = sum[n];
 }
 
-INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
+/* Where BLOCK points lie on the grid: the first of the coefficients about each, shares of their cells, what lies beyond */
+typedef struct {
+  Lanes share[3], beyond[3];
+  Whole first;
+  int is_out; /* any of them */
+} Spot;
+
+INLINE void spot_of(const Lanes q[3], Spot *spot) {
+  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z};
+  Lanes node[3];
+  for (int i = 0; i < 3; i++) {
+    const Lanes along = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
+    node[i] = place_on(along, counts[i], spot->share + i, spot->beyond + i);
+  }
+  spot->first = whole_of((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2]);
+  spot->is_out = any((spot->beyond[0] != 0.0) | (spot->beyond[1] != 0.0) | (spot->beyond[2] != 0.0));
+}
+
+INLINE void field_at(const Spot *spot, int order, Distance *out) {
   /* Of g, its slopes, second and third derivatives: the sum of rows, and the order along z */
   static const int of[20] = {0, 1, 2, 0, 3, 4, 1, 5, 2, 0, 6, 7, 3, 8, 4, 1, 9, 5, 2, 0};
   static const int along_z[20] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
-  const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
+  const int wanted = order == 1 ? 4 : (order == 2 ? 10 : 20);
   const double s = 1.0 / FIELD_SPACING;
-  Lanes node[3], share[3], beyond[3], weights[3][4][4], columns[10][4], found[20];
-  Whole first;
-  Four sums[10][BLOCK];
-  for (int i = 0; i < 3; i++) {
-    node[i] = place_on((q[i] - field_origin[i]) * s, counts[i], share + i, beyond + i);
-    spline_weights(share[i], order, weights[i]);
+  Lanes weights[3][4][4], sums[10][4], columns[10][4], found[20];
+  for (int i = 0; i < 3; i++) spline_weights(spot->share[i], order, weights[i]);
+  KEEP_LOOP for (int l = 0; l < 4; l++) {
+    const float *first = FIELD_COEFFICIENTS + spot->first[l], *second = FIELD_COEFFICIENTS + spot->first[BLOCK - 4 + l];
+    sum_rows(first, second, l, order, weights[0], weights[1], sums);
   }
-  first = whole_of((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2]);
-  KEEP_LOOP for (int l = 0; l < BLOCK; l++) {
-    sum_rows(FIELD_COEFFICIENTS + first[l], l, order, weights[0], weights[1], sums);
-  }
-  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) to_columns(sums[n], columns[n]);
+  for (int n = 0; n < (order + 1) * (order + 2) / 2; n++) transpose(sums[n], columns[n]);
   for (int k = 0; k < wanted; k++) {
     const Lanes *column = columns[of[k]], *weight = weights[2][along_z[k]];
     found[k] = column[0] * weight[0] + column[1] * weight[1] + (column[2] * weight[2] + column[3] * weight[3]);
@@ -120,7 +136,13 @@ INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
   for (int i = 0; i < 3; i++) out->slope[i] = s * found[1 + i];
   for (int k = 0; k < 6 && order >= 2; k++) out->bend[k] = s * s * found[4 + k];
   for (int k = 0; k < 10 && order >= 3; k++) out->third[k] = s * s * s * found[10 + k];
-  if (any((beyond[0] != 0.0) | (beyond[1] != 0.0) | (beyond[2] != 0.0))) leave_grid(beyond, order, out);
+  if (spot->is_out) leave_grid(spot->beyond, order, out);
+}
+
+INLINE void fields_at(const Lanes q[3], int order, Distance *out) {
+  Spot spot;
+  spot_of(q, &spot);
+  field_at(&spot, order, out);
 }
 
 /* One function for each order, not inlined: compiling is quick. */
@@ -134,7 +156,15 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   if (order == 3) field_third(q, out);
 }
 
-#elif BODY_ROUND
+#else
+typedef struct {
+  Lanes q[3];
+} Spot;
+INLINE void spot_of(const Lanes q[3], Spot *spot) { memcpy(spot->q, q, sizeof spot->q); }
+INLINE void distance_at(const Lanes q[3], int order, Distance *out);
+INLINE void field_at(const Spot *spot, int order, Distance *out) { distance_at(spot->q, order, out); }
+
+#if BODY_ROUND
 /* A ball or a cylinder: g = |P (q - centre)| - radius */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   Lanes e[3], far = all(0.0), inverse;
@@ -164,4 +194,5 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   out->slope[1] = all(-1.0);
   (void)order;
 }
+#endif
 #endif

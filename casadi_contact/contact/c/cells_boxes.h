@@ -73,14 +73,13 @@ INLINE Place place_of(const double *pose, const Frame *frame) {
 INLINE Choice is_beyond(Eight square, Eight x) { return square > x * absolute(x); }
 INLINE Choice is_below(Eight square, Eight x) { return square < x * absolute(x); }
 
-/* One bit for each box that the body may come within TOUCH of: by value, slope and bow of the field at the node nearest
- * to its middle, or by what is clear around that (see contact/cells/tangents.py), without a look at the spline. */
-INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place) {
+/* The boxes' middles in axes of the body, from the origin of its grid, and from the nodes nearest to them: there, and
+ * where the grid is left, at its edge. Which nodes these are. */
+INLINE Choice nearest_nodes(const Boxes *boxes, const Place *place, Eight away[3], Eight away_within[3]) {
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, rows[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
   const float spacing = (float)FIELD_SPACING, stride = (float)TANGENT_SPACING, whole = 12582912.0f;
-  const Eight size = boxes->size, none = {0.0f};
-  Eight from[3], away[3], away_within[3], slope[3], row[8], tangent[8], least, square, node = none;
-  Choice nodes;
+  const Eight none = {0.0f};
+  Eight from[3], node = none;
   for (int i = 0; i < 3; i++) from[i] = boxes->middle[i] - place->from[i];
   for (int i = 0; i < 3; i++) {
     const Eight q = place->r[0][i] * from[0] + place->r[1][i] * from[1] + place->r[2][i] * from[2];
@@ -89,7 +88,23 @@ INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *f
     away[i] = q - nearest * stride, away_within[i] = within - nearest * stride;
     node = node * (float)rows[i] + nearest;
   }
-  nodes = __builtin_convertvector(node, Choice);
+  return __builtin_convertvector(node, Choice);
+}
+
+INLINE void find_tangents(const Boxes *boxes, const Place *place, int nodes[BOXES]) {
+  Eight away[3], away_within[3];
+  const Choice nearest = nearest_nodes(boxes, place, away, away_within);
+  memcpy(nodes, &nearest, sizeof nearest);
+}
+
+/* One bit for each box that the body may come within TOUCH of: by value, slope and bow of the field at the node nearest
+ * to its middle, or by what is clear around that (see contact/cells/tangents.py), without a look at the spline. nodes:
+ * what `find_tangents` found. */
+INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
+                          const int nodes[BOXES]) {
+  const Eight size = boxes->size;
+  Eight away[3], away_within[3], slope[3], row[8], tangent[8], least, square;
+  nearest_nodes(boxes, place, away, away_within);
   for (int l = 0; l < BOXES; l++) memcpy(row + l, FIELD_TANGENTS + FIELD_INDEX[nodes[l]], sizeof(Eight));
   turn_rows(row, tangent);
   square = sum3(away, away);
@@ -110,7 +125,10 @@ INLINE Place place_of(const double *pose, const Frame *frame) {
   return (Place){{{0.0f}}, {0.0f}};
 }
 
-INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place) {
+INLINE void find_tangents(const Boxes *boxes, const Place *place, int nodes[BOXES]) { (void)boxes, (void)place, (void)nodes; }
+
+INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
+                          const int nodes[BOXES]) {
   unsigned bits = 0;
   for (int first = 0; first < BOXES; first += BLOCK) {
     const Lanes size = singles_at((const float *)&boxes->size + first);
@@ -121,7 +139,7 @@ INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *f
     distance_at(q, 1, &found);
     bits |= bits_of((found.g - (BODY_FIELD ? STEEPEST : 1.0) * size <= TOUCH) & (size >= 0.0)) << first;
   }
-  (void)place;
+  (void)place, (void)nodes;
   return bits;
 }
 #endif

@@ -213,7 +213,7 @@ FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame 
     if (sum_of(weight[0] * weight[0] + weight[1] * weight[1] + weight[2] * weight[2]) == 0.0) continue;
     for (int l = 0; l < BLOCK; l++) slots[l] = first + l;
     overlap = node_overlaps(s, slots);
-    depth_at(p->nodes, s->ids + first, &overlap, pose, frame, 3, &at);
+    depth_at(p->nodes, s->ids + first, overlap, pose, frame, 3, &at);
     add_node_slopes(s, slots, &at);
     if (any(at.moves != 0.0)) distance_at(at.node_q, 2, &node);
     add_node_curvature(&at, node.bend, frame, weight, &sum);

@@ -40,12 +40,17 @@ INLINE void places_of(const Node *nodes, const int *ids, Lanes c[3]) {
   memcpy(c, column, sizeof(Lanes[3]));
 }
 
-INLINE void gather(const Node *nodes, const int *ids, size_t offset, Lanes w[3]) {
-  Four row[BLOCK];
-  Lanes column[4];
-  for (int l = 0; l < BLOCK; l++) row[l] = four_singles_at((const float *)((const char *)(nodes + ids[l]) + offset));
-  to_columns(row, column);
-  memcpy(w, column, sizeof(Lanes[3]));
+/* The fixed surface at BLOCK nodes: what is stored in single precision, one after the other */
+INLINE void surface_of(const Node *nodes, const int *ids, Depth *at) {
+  Lanes column[4][4];
+  for (int k = 0; k < 4; k++) {
+    const float *row[BLOCK];
+    for (int l = 0; l < BLOCK; l++) row[l] = (const float *)((const char *)(nodes + ids[l]) + offsetof(Node, n)) + 4 * k;
+    singles_to_columns(row, column[k]);
+  }
+  memcpy(at->n, column[0], sizeof at->n);
+  memcpy(at->along, column[0] + 3, sizeof at->along);
+  memcpy(at->bend, column[0] + 10, sizeof at->bend);
 }
 
 /* H w */
@@ -68,24 +73,9 @@ INLINE void begin_ray(Lanes overlap, Depth *at) {
   at->start = pick(under, at->start, -at->start), at->bends = pick(under, at->bends, -at->bends);
 }
 
-/* Everything at BLOCK nodes but `node_slope`, with derivatives of the distance up to an order (1: values alone).
- * overlap: -g found at the nodes themselves, 0 before that. */
-INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *overlap, const double *pose, const Frame *frame,
-                     int order, Depth *at) {
-  Lanes c[3], near, unused, inverse;
-  places_of(nodes, ids, c);
-  gather(nodes, ids, offsetof(Node, n), at->n);
-  for (int a = 0; a < 2; a++) {
-    gather(nodes, ids, offsetof(Node, along) + a * sizeof(float[3]), at->along[a]);
-    gather(nodes, ids, offsetof(Node, bend) + a * sizeof(float[3]), at->bend[a]);
-  }
-  at->start = at->moves = at->bends = all(0.0);
-  to_place(c, pose, frame, at->node_q);
-  if (overlap) begin_ray(*overlap, at);
-  for (int i = 0; i < 3 && overlap; i++) c[i] -= at->start * at->n[i];
-  if (overlap) to_place(c, pose, frame, at->q);
-  else memcpy(at->q, at->node_q, sizeof at->q);
-  distance_at(at->q, order, &at->at);
+/* What follows at BLOCK nodes from the surface, the start and the distance: all but `node_slope` */
+INLINE void finish_depth(const Frame *frame, Depth *at) {
+  Lanes near, unused, inverse;
   to_axes(frame, at->at.slope, at->slope);
   at->sigma = -dot_of(at->slope, at->n);
   at->m = FLATTEST + positive_ramp(at->sigma - FLATTEST, FLATTEST_WIDTH, &at->m_slope, &at->m_bend, &unused);
@@ -97,6 +87,21 @@ INLINE void depth_at(const Node *nodes, const int *ids, const Lanes *overlap, co
     at->value[1 + a] = at->near_slope * inverse *
                        (at->d * dot_of(at->slope, at->bend[a]) - dot_of(at->slope, at->along[a]));
   }
+}
+
+/* A second look at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). overlap: -g found at
+ * the nodes themselves. */
+INLINE void depth_at(const Node *nodes, const int *ids, Lanes overlap, const double *pose, const Frame *frame, int order,
+                     Depth *at) {
+  Lanes c[3];
+  places_of(nodes, ids, c);
+  surface_of(nodes, ids, at);
+  to_place(c, pose, frame, at->node_q);
+  begin_ray(overlap, at);
+  for (int i = 0; i < 3; i++) c[i] -= at->start * at->n[i];
+  to_place(c, pose, frame, at->q);
+  distance_at(at->q, order, &at->at);
+  finish_depth(frame, at);
 }
 
 INLINE void cross_of(const Lanes a[3], const Lanes b[3], Lanes c[3]) {

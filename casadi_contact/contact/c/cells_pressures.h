@@ -28,12 +28,12 @@ FUNCTION void fill_facing(const Patch *p, const double *pose, const Frame *frame
     Lanes share, slope, rate[6];
     Depth at;
     for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[slots[l]];
-    depth_at(p->nodes, ids, &overlap, pose, frame, 1, &at);
+    depth_at(p->nodes, ids, overlap, pose, frame, 1, &at);
     share = facing_share(at.sigma, &slope);
     for (int a = 0; a < 6; a++) rate[a] = all(0.0);
     if (any(slope != 0.0)) {
       DepthSlopes by;
-      depth_at(p->nodes, ids, &overlap, pose, frame, 2, &at);
+      depth_at(p->nodes, ids, overlap, pose, frame, 2, &at);
       add_node_slopes(s, slots, &at);
       slopes_of_depth(&at, frame, &by);
       for (int a = 0; a < 6; a++) rate[a] = slope * by.sigma[a];

@@ -1,4 +1,4 @@
-/* The cells of a patch that may touch in a pose, and what their corners are like. */
+/* The cells of a patch that may touch in a pose. */
 typedef struct {
   int corners[4], present, rim;
 } Cell;
@@ -34,16 +34,18 @@ typedef struct {
   int searched, filled;
   int nodes, ids[MOST_NODES + BLOCK]; /* looked at: a slot each in what follows */
   unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */
-  int groups[MOST_GROUPS];
+  int groups[MOST_GROUPS], nearest[MOST_GROUPS + MOST_BLOCKS][BOXES];
   unsigned touched[MOST_GROUPS + MOST_BLOCKS];
   int near, near_cells[MOST_CELLS + BLOCK]; /* cells that may touch, */
   int corners[MOST_CELLS + BLOCK][4];          /* the slots of their corners, */
   int cells, full, chosen[MOST_CELLS + BLOCK]; /* and which of these cells matter */
+  unsigned left[MOST_CELLS / BLOCK + 1], some[MOST_CELLS / BLOCK + 1]; /* of near cells, one bit each: see the loops */
   int agains, again[MOST_NODES + BLOCK]; /* slots that are worth a second look, */
   int is_again[MOST_NODES];              /* and of which order they had one */
   Sums sums;
   double value[MOST_NODES + BLOCK][4] __attribute__((aligned(64))); /* three, and -g at the node */
-  double node_slope[3][MOST_NODES + BLOCK] __attribute__((aligned(64))); /* gradient of g at the node */
+  double overlap[MOST_NODES + BLOCK], node_slope[3][MOST_NODES + BLOCK]; /* -g and the gradient of g at the node */
+  Spot spots[MOST_NODES / BLOCK + 1];
   double weight[MOST_NODES + BLOCK][4];
   double slopes[MOST_NODES + BLOCK][3][8], share[MOST_NODES + BLOCK][8];
 } Scratch;
@@ -87,192 +89,33 @@ INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
   return taken;
 }
 
+/* Which boxes may touch, of those chosen or of all. What each loop waits for is asked for by the one before: processors
+ * look ahead no farther than a few boxes. */
+FUNCTION void look_at_boxes(const Boxes *boxes, const int *chosen, int count, const double *pose, const Frame *frame,
+                            Scratch *s) {
+  const Place place = place_of(pose, frame);
+  KEEP_LOOP for (int k = 0; k < count; k++) find_tangents(boxes + (chosen ? chosen[k] : k), &place, s->nearest[k]);
+  KEEP_LOOP for (int k = 0; k < count; k++) {
+    s->touched[k] = may_touch(boxes + (chosen ? chosen[k] : k), pose, frame, &place, s->nearest[k]);
+  }
+}
+
 /* Fill `near_cells` with the cells that may touch, and `ids` and `corners` with their corners. */
 FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  const Place place = place_of(pose, frame);
   int groups = 0, near = 0, nodes = 0;
   begin_turn(s);
-  KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
-    s->touched[b / BOXES] = may_touch(p->block_boxes + b / BOXES, pose, frame, &place);
-  }
+  look_at_boxes(p->block_boxes, 0, (p->block_count + BOXES - 1) / BOXES, pose, frame, s);
   KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
     KEEP_LOOP for (unsigned left = s->touched[b / BOXES]; left; left &= left - 1) {
       const Block *block = p->blocks + b + first_bit(left);
       for (int k = block->first; k < block->last; k++) s->groups[groups++] = k;
     }
   }
+  look_at_boxes(p->cell_boxes, s->groups, groups, pose, frame, s);
   KEEP_LOOP for (int g = 0; g < groups; g++) {
-    s->touched[g] = may_touch(p->cell_boxes + s->groups[g], pose, frame, &place);
+    for (int l = 0; l < BOXES; l++) s->near_cells[near] = BOXES * s->groups[g] + l, near += s->touched[g] >> l & 1;
   }
-  KEEP_LOOP for (int g = 0; g < groups; g++) {
-    KEEP_LOOP for (unsigned left = s->touched[g]; left; left &= left - 1) {
-      const int cell = BOXES * s->groups[g] + first_bit(left);
-      nodes = take_slots(s, p->cells + cell, nodes, s->corners[near]);
-      s->near_cells[near++] = cell;
-    }
-  }
+  KEEP_LOOP for (int k = 0; k < near; k++) nodes = take_slots(s, p->cells + s->near_cells[k], nodes, s->corners[k]);
   s->near = near, s->nodes = nodes;
   fill_up(s->ids, nodes);
-}
-
-/* Of the points of BLOCK slots: -g and the gradient of g at their nodes, after a first look */
-INLINE Lanes node_overlaps(const Scratch *s, const int *slots) {
-  Lanes overlap;
-  for (int l = 0; l < BLOCK; l++) overlap[l] = s->value[slots[l]][3];
-  return overlap;
-}
-
-INLINE void add_node_slopes(const Scratch *s, const int *slots, Depth *at) {
-  for (int i = 0; i < 3; i++) {
-    for (int l = 0; l < BLOCK; l++) at->node_slope[i][l] = s->node_slope[i][slots[l]];
-  }
-}
-
-/* Values in BLOCK slots, with order 2 slopes by twist; overlap: -g at the nodes themselves, 0 at the first look, which
- * is at slots in turn and returns it. */
-INLINE Lanes fill_slots(const Patch *p, const int *slots, const Lanes *overlap, const double *pose, const Frame *frame,
-                        int order, Scratch *s) {
-  int ids[BLOCK];
-  Four row[BLOCK];
-  Lanes column[4], slopes[3][6];
-  Depth at;
-  for (int l = 0; l < BLOCK; l++) ids[l] = s->ids[slots[l]];
-  depth_at(p->nodes, ids, overlap, pose, frame, order, &at);
-  for (int i = 0; i < 3; i++) column[i] = at.value[i];
-  column[3] = overlap ? *overlap : -at.at.g;
-  for (int i = 0; i < 3 && !overlap; i++) memcpy(s->node_slope[i] + slots[0], at.at.slope + i, sizeof(Lanes));
-  to_rows(column, row);
-  for (int l = 0; l < BLOCK; l++) memcpy(s->value[slots[l]], row + l, sizeof(Four));
-  if (order < 2) return column[3];
-  add_node_slopes(s, slots, &at);
-  value_slopes(&at, frame, slopes);
-  for (int i = 0; i < 3; i++) {
-    const Lanes rest[4] = {slopes[i][4], slopes[i][5], all(0.0), all(0.0)};
-    Four others[BLOCK];
-    to_rows(slopes[i], row);
-    to_rows(rest, others);
-    for (int l = 0; l < BLOCK; l++) {
-      memcpy(s->slopes[slots[l]][i], row + l, sizeof(Four));
-      memcpy(s->slopes[slots[l]][i] + 4, others + l, sizeof(Four));
-    }
-  }
-  return column[3];
-}
-
-/* Of the corners of BLOCK near cells: v their values, and -g at the nodes */
-INLINE void corner_values(const Scratch *s, const int *chosen, Lanes v[12], Lanes overlaps[4]) {
-  for (int c = 0; c < 4; c++) {
-    Four row[BLOCK];
-    Lanes column[4];
-    for (int l = 0; l < BLOCK; l++) row[l] = four_at(s->value[s->corners[chosen[l]][c]]);
-    to_columns(row, column);
-    for (int i = 0; i < 3; i++) v[3 * c + i] = column[i];
-    overlaps[c] = column[3];
-  }
-}
-
-/* Bounds of the interpolated depth: a cubic lies within the hull of its Bezier points, the corners' values and a third
- * of their slopes further in. */
-INLINE void hull_of(const Lanes v[12], Lanes *lowest, Lanes *highest) {
-  for (int c = 0; c < 4; c++) {
-    const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
-    const Lanes along_v = (c % 2 ? -1.0 : 1.0) / 3.0 * v[3 * c + 2];
-    const Lanes high = v[3 * c] + larger_of(along_u, all(0.0)) + larger_of(along_v, all(0.0));
-    const Lanes low = v[3 * c] + smaller_of(along_u, all(0.0)) + smaller_of(along_v, all(0.0));
-    *highest = c ? larger_of(*highest, high) : high, *lowest = c ? smaller_of(*lowest, low) : low;
-  }
-}
-
-/* Keep those of the near cells whose interpolated depth, after one look, may exceed -WIDTH by a second. Of their
- * corners those that lie high above the body are worth one; deep ones are known already. */
-FUNCTION void keep_cells(Scratch *s) {
-  int kept = 0, agains = s->agains;
-  KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
-    const unsigned there = lowest_bits(s->near - k);
-    Lanes v[12], overlaps[4], lowest, highest, least;
-    int some[BLOCK];
-    unsigned left, high;
-    for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
-    corner_values(s, some, v, overlaps);
-    hull_of(v, &lowest, &highest);
-    least = smaller_of(smaller_of(overlaps[0], overlaps[1]), smaller_of(overlaps[2], overlaps[3]));
-    left = there & bits_of(highest > -WIDTH - SPARE);
-    high = left & bits_of(least < SMALL_DEPTH_WIDTH - SMALL_DEPTH);
-    KEEP_LOOP for (; high; high &= high - 1) {
-      const int *slots = s->corners[k + first_bit(high)];
-      for (int c = 0; c < 4; c++) {
-        const int slot = slots[c], wanted = s->value[slot][3] < SMALL_DEPTH_WIDTH - SMALL_DEPTH;
-        s->again[agains] = slot;
-        agains += wanted & (s->is_again[slot] != 1);
-        s->is_again[slot] = 1;
-      }
-    }
-    KEEP_LOOP for (; left; left &= left - 1, kept++) {
-      const int from = k + first_bit(left);
-      s->near_cells[kept] = s->near_cells[from];
-      memmove(s->corners[kept], s->corners[from], sizeof s->corners[0]);
-    }
-  }
-  s->near = kept, s->agains = agains;
-}
-
-/* Choose of the near cells those whose interpolated depth can exceed -WIDTH; those in which it exceeds WIDTH everywhere
- * come first, `full` of them. */
-FUNCTION void sort_cells(const Patch *p, Scratch *s) {
-  int cells = 0, full = 0;
-  KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
-    const unsigned there = lowest_bits(s->near - k);
-    Lanes v[12], overlaps[4], lowest, highest;
-    int some[BLOCK];
-    unsigned left, inside;
-    for (int l = 0; l < BLOCK; l++) some[l] = there >> l & 1 ? k + l : k;
-    corner_values(s, some, v, overlaps);
-    hull_of(v, &lowest, &highest);
-    inside = LOGARITHMIC ? 0 : bits_of(lowest > WIDTH);
-    left = there & bits_of(highest > -WIDTH);
-    KEEP_LOOP for (; left; left &= left - 1) {
-      const int l = first_bit(left), is_full = inside >> l & (p->cells[s->near_cells[k + l]].present == 0);
-      s->chosen[cells++] = s->chosen[full];
-      s->chosen[is_full ? full : cells - 1] = k + l;
-      full += is_full;
-    }
-  }
-  s->cells = cells, s->full = full;
-}
-
-/* Cells that may matter, after a look at all their corners */
-INLINE void search(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  int agains = 0;
-  find_cells(p, pose, frame, s);
-  memset(s->is_again, 0, s->nodes * sizeof s->is_again[0]);
-  for (int k = 0; k < s->nodes; k += BLOCK) {
-    const unsigned there = lowest_bits(s->nodes - k);
-    unsigned deep;
-    int slots[BLOCK];
-    for (int l = 0; l < BLOCK; l++) slots[l] = k + l;
-    deep = there & bits_of(fill_slots(p, slots, 0, pose, frame, 1, s) > SMALL_DEPTH - SMALL_DEPTH_WIDTH);
-    for (int l = 0; l < BLOCK; l++) s->again[agains] = k + l, agains += deep >> l & 1;
-  }
-  s->agains = agains;
-  keep_cells(s);
-}
-
-/* Another look at those corners of near cells that are worth it, or at all of them with their derivatives */
-INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
-  int agains = order < 2 ? s->agains : 0;
-  for (int k = 0; k < s->near && order >= 2; k++) {
-    for (int c = 0; c < 4; c++) {
-      const int slot = s->corners[k][c];
-      s->again[agains] = slot;
-      agains += s->is_again[slot] != order;
-      s->is_again[slot] = order;
-    }
-  }
-  s->agains = agains;
-  fill_up(s->again, s->agains);
-  for (int k = 0; k < s->agains; k += BLOCK) {
-    const Lanes overlap = node_overlaps(s, s->again + k);
-    fill_slots(p, s->again + k, &overlap, pose, frame, order, s);
-  }
-  sort_cells(p, s);
 }

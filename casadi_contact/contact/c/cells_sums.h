@@ -161,7 +161,6 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
   for (int k = 0; k < s->nodes; k++) {
     const float *of = p->nodes[s->ids[k]].loads;
     const double *share = s->share[k];
-    if (share[6] == 0.0) continue;
     for (int h = 0; h < PARTS; h++) {
       const Lanes part = lanes_at(share + h * BLOCK);
       loads[h] -= share[6] * singles_at(of + h * BLOCK);

@@ -12,11 +12,21 @@ typedef double Lanes __attribute__((vector_size(8 * BLOCK)));
 typedef long long Mask __attribute__((vector_size(8 * BLOCK)));
 typedef int Whole __attribute__((vector_size(4 * BLOCK)));
 typedef double Four __attribute__((vector_size(32)));
-typedef long long FourPlaces __attribute__((vector_size(32)));
 #if defined(__clang__)
-#define SHUFFLED(x, y, i, j, k, l) __builtin_shufflevector(x, y, i, j, k, l)
+#define SHUFFLED(x, y, ...) __builtin_shufflevector(x, y, __VA_ARGS__)
 #else
-#define SHUFFLED(x, y, i, j, k, l) __builtin_shuffle(x, y, (FourPlaces){i, j, k, l})
+#define SHUFFLED(x, y, ...) __builtin_shuffle(x, y, (Mask){__VA_ARGS__})
+#endif
+#if BLOCK == 8 /* in each half */
+#define EVENS 0, 8, 2, 10, 4, 12, 6, 14
+#define ODDS 1, 9, 3, 11, 5, 13, 7, 15
+#define FRONTS 0, 1, 8, 9, 4, 5, 12, 13
+#define BACKS 2, 3, 10, 11, 6, 7, 14, 15
+#else
+#define EVENS 0, 4, 2, 6
+#define ODDS 1, 5, 3, 7
+#define FRONTS 0, 1, 4, 5
+#define BACKS 2, 3, 6, 7
 #endif
 
 INLINE Lanes all(double x) { return x - (Lanes){0.0}; }
@@ -33,11 +43,13 @@ INLINE Lanes smaller_of(Lanes a, Lanes b) { return pick(a < b, a, b); }
 #endif
 INLINE Lanes size_of(Lanes x) { return larger_of(x, -x); }
 
-INLINE Lanes joined(const Four part[BLOCK / 4]) {
+/* Four numbers of a lane, and of the fourth after it where there are eight */
+INLINE Lanes joined(Four first, Four second) {
 #if BLOCK == 8
-  return _mm512_insertf64x4(_mm512_castpd256_pd512(part[0]), part[1], 1);
+  return _mm512_insertf64x4(_mm512_castpd256_pd512(first), second, 1);
 #else
-  return part[0];
+  (void)second;
+  return first;
 #endif
 }
 
@@ -59,31 +71,26 @@ INLINE double sum_of(Lanes x) {
   return (y[0] + y[1]) + (y[2] + y[3]);
 }
 
-INLINE void transpose(const Four row[4], Four column[4]) {
-  const Four a = SHUFFLED(row[0], row[1], 0, 4, 2, 6), b = SHUFFLED(row[0], row[1], 1, 5, 3, 7);
-  const Four c = SHUFFLED(row[2], row[3], 0, 4, 2, 6), d = SHUFFLED(row[2], row[3], 1, 5, 3, 7);
-  column[0] = SHUFFLED(a, c, 0, 1, 4, 5), column[1] = SHUFFLED(b, d, 0, 1, 4, 5);
-  column[2] = SHUFFLED(a, c, 2, 3, 6, 7), column[3] = SHUFFLED(b, d, 2, 3, 6, 7);
+/* Four rows, joined, become columns, and columns rows. */
+INLINE void transpose(const Lanes row[4], Lanes column[4]) {
+  const Lanes a = SHUFFLED(row[0], row[1], EVENS), b = SHUFFLED(row[0], row[1], ODDS);
+  const Lanes c = SHUFFLED(row[2], row[3], EVENS), d = SHUFFLED(row[2], row[3], ODDS);
+  column[0] = SHUFFLED(a, c, FRONTS), column[1] = SHUFFLED(b, d, FRONTS);
+  column[2] = SHUFFLED(a, c, BACKS), column[3] = SHUFFLED(b, d, BACKS);
 }
 
 /* BLOCK rows become four columns, */
 INLINE void to_columns(const Four row[BLOCK], Lanes column[4]) {
-  Four part[BLOCK / 4][4];
-  for (int k = 0; k < BLOCK / 4; k++) transpose(row + 4 * k, part[k]);
-  for (int i = 0; i < 4; i++) {
-    Four both[BLOCK / 4];
-    for (int k = 0; k < BLOCK / 4; k++) both[k] = part[k][i];
-    column[i] = joined(both);
-  }
+  Lanes rows[4];
+  for (int l = 0; l < 4; l++) rows[l] = joined(row[l], row[BLOCK - 4 + l]);
+  transpose(rows, column);
 }
 
 /* and columns rows. */
 INLINE void to_rows(const Lanes column[4], Four row[BLOCK]) {
-  for (int k = 0; k < BLOCK / 4; k++) {
-    Four part[4];
-    for (int i = 0; i < 4; i++) part[i] = part_of(column[i], k);
-    transpose(part, row + 4 * k);
-  }
+  Lanes rows[4];
+  transpose(column, rows);
+  for (int l = 0; l < BLOCK; l++) row[l] = part_of(rows[l % 4], l / 4);
 }
 
 INLINE Four four_at(const double *x) {
@@ -97,6 +104,22 @@ INLINE Four four_singles_at(const float *x) {
   return _mm256_cvtps_pd(_mm_loadu_ps(x));
 #else
   return (Four){x[0], x[1], x[2], x[3]};
+#endif
+}
+
+/* BLOCK rows in single precision become four columns: turned before they are widened, which takes longest. */
+INLINE void singles_to_columns(const float *const at[BLOCK], Lanes column[4]) {
+#if BLOCK == 8
+  __m256 row[4], a, b, c, d;
+  for (int l = 0; l < 4; l++) row[l] = _mm256_loadu2_m128(at[l + 4], at[l]);
+  a = _mm256_unpacklo_ps(row[0], row[1]), b = _mm256_unpacklo_ps(row[2], row[3]);
+  c = _mm256_unpackhi_ps(row[0], row[1]), d = _mm256_unpackhi_ps(row[2], row[3]);
+  column[0] = _mm512_cvtps_pd(_mm256_shuffle_ps(a, b, 0x44)), column[1] = _mm512_cvtps_pd(_mm256_shuffle_ps(a, b, 0xee));
+  column[2] = _mm512_cvtps_pd(_mm256_shuffle_ps(c, d, 0x44)), column[3] = _mm512_cvtps_pd(_mm256_shuffle_ps(c, d, 0xee));
+#else
+  Four row[BLOCK];
+  for (int l = 0; l < BLOCK; l++) row[l] = four_singles_at(at[l]);
+  to_columns(row, column);
 #endif
 }
 

@@ -116,7 +116,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
-        *(c_text(name, _C) for name in ("cells_body.h", "cells_boxes.h", "cells_nodes.h", "cells_search.h")),
+        *(c_text(f"cells_{name}.h", _C) for name in ("body", "boxes", "nodes", "search", "looks")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
         *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]
