@@ -125,15 +125,22 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
   for (int l = 0; l < count; l++) *cut |= p->cells[s->near_cells[chosen[l]]].rim && (full || deepest[l] > 0.0);
 }
 
-/* In slots: the weights of the nodes' loads, their derivatives by twist before them */
-INLINE void add_weights(Scratch *s, int chosen, int lane, int order, const Lanes weight[4],
-                        const Lanes rate[4][12]) {
-  int at[4];
-  for (int c = 0; c < 4; c++) at[c] = s->corners[chosen][c], s->share[at[c]][6] += weight[c][lane];
-  if (order < 2) return;
+/* The loads of one cell's corners by their weights, */
+INLINE void add_loads(const Patch *p, const int corners[4], int lane, const Lanes weight[4], Lanes loads[4][PARTS]) {
+  for (int c = 0; c < 4; c++) {
+    const float *of = p->nodes[corners[c]].loads;
+    for (int h = 0; h < PARTS; h++) loads[c][h] -= weight[c][lane] * singles_at(of + h * BLOCK);
+  }
+}
+
+/* and in slots the derivatives by twist of the weights, these behind them: in one store, as vectors are read again */
+INLINE void add_slopes(Scratch *s, const int at[4], int lane, const Lanes weight[4], const Lanes rate[4][12]) {
+  Lanes behind = {0.0};
+  behind[6 % BLOCK] = 1.0;
   for (int h = 0; h < PARTS; h++) {
     Lanes sum[4];
     for (int c = 0; c < 4; c++) sum[c] = lanes_at(s->share[at[c]] + h * BLOCK);
+    for (int c = 0; c < 4 && h == 6 / BLOCK; c++) sum[c] += weight[c][lane] * behind;
     for (int j = 0; j < 12; j++) {
       const Lanes slopes = lanes_at(s->slopes[at[j / 3]][j % 3] + h * BLOCK);
       for (int c = 0; c < 4; c++) sum[c] += rate[c][j][lane] * slopes;
@@ -143,10 +150,10 @@ INLINE void add_weights(Scratch *s, int chosen, int lane, int order, const Lanes
 }
 
 INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
-  Lanes loads[PARTS];
-  for (int h = 0; h < PARTS; h++) loads[h] = all(0.0);
+  Lanes loads[4][PARTS];
+  memset(loads, 0, sizeof loads);
   memset(sums, 0, sizeof *sums);
-  memset(s->share, 0, s->nodes * sizeof s->share[0]);
+  if (order >= 2) memset(s->share, 0, s->nodes * sizeof s->share[0]);
   for (int first = 0, end = s->full; first < s->cells; first = end < first + BLOCK ? end : first + BLOCK) {
     const int is_full = first < s->full, count = (is_full ? s->full : s->cells) - first;
     Lanes weight[4], rate[4][12];
@@ -155,17 +162,17 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
     cell_weights(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, order, weight, rate, &sums->cut);
     KEEP_LOOP for (int l = 0; l < (count < BLOCK ? count : BLOCK); l++) {
-      add_weights(s, chosen[l], l, order, weight, rate);
+      add_loads(p, p->cells[s->near_cells[chosen[l]]].corners, l, weight, loads);
+      if (order >= 2) add_slopes(s, s->corners[chosen[l]], l, weight, rate);
     }
   }
-  for (int k = 0; k < s->nodes; k++) {
+  for (int h = 0; h < PARTS; h++) loads[0][h] = (loads[0][h] + loads[1][h]) + (loads[2][h] + loads[3][h]);
+  memcpy(sums->loads, loads, sizeof sums->loads);
+  for (int k = 0; k < s->nodes && order >= 2; k++) {
     const float *of = p->nodes[s->ids[k]].loads;
-    const double *share = s->share[k];
     for (int h = 0; h < PARTS; h++) {
-      const Lanes part = lanes_at(share + h * BLOCK);
-      loads[h] -= share[6] * singles_at(of + h * BLOCK);
-      for (int i = 0; i < 7 && order >= 2; i++) sums->by_twist[i][h] -= of[i] * part;
+      const Lanes part = lanes_at(s->share[k] + h * BLOCK);
+      for (int i = 0; i < 7; i++) sums->by_twist[i][h] -= of[i] * part;
     }
   }
-  memcpy(sums->loads, loads, sizeof loads);
 }
