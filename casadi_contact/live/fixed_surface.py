@@ -8,8 +8,9 @@ from functools import singledispatch
 import numpy as np
 
 from casadi_contact.contact import CellFoundation, CupFoundation, PolarFoundation
+from casadi_contact.contact.cells import Cells
 from casadi_contact.contact.cells.basis import hermite_products
-from casadi_contact.contact.cells.quadrature import Quadrature
+from casadi_contact.contact.cells.patches import CellPatch, lay_cells, patch_charts
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.polar.ends import fixed_point
@@ -58,7 +59,8 @@ def _(model: CupFoundation) -> list[FixedSurface]:
 
 @fixed_surfaces.register
 def _(model: CellFoundation) -> list[FixedSurface]:
-    return [_cell_surface(quadrature) for quadrature in model.patches]
+    charts = patch_charts(model.scene)
+    return [_cell_surface(lay_cells(chart, model.cells, cut=1), model.cells) for chart in charts]
 
 
 def _chart_surface(patch: SmoothPatch) -> FixedSurface:
@@ -84,9 +86,8 @@ def _cup_surface(cup: Cup) -> FixedSurface:
     return FixedSurface.of_grid(cup.centre + cup.radius * e, -e, e)
 
 
-def _cell_surface(quadrature: Quadrature) -> FixedSurface:
+def _cell_surface(patch: CellPatch, cells: Cells) -> FixedSurface:
     """The cells that are whole at least by half, each cut into smaller ones; places are points with their normals."""
-    patch, cells = quadrature.patch, quadrature.cells
     corners = patch.corners[patch.present.mean(axis=1) > 0.5]
     cut = [max(1, round(size / _SIDE_MM)) for size in (cells.u_mm, cells.v_mm)]
     xi, eta = (np.linspace(0.0, 1.0, count + 1) for count in cut)

@@ -25,7 +25,7 @@ from tests.support.triangle_areas import point_areas_mm2
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 
-MOST_BYTES = 2_000_000
+MOST_BYTES = 2_500_000
 READY = "window.joint !== undefined && joint.later === null"
 POSES = {  # pressed on all patches, pressed otherwise, apart
     "knee": [[5.8, 27.94, 0.2, 0.01, -0.06, 0.05], [0.5, 27.4, 0.1, 0.03, 0.0, -0.3], [0.0, 29.5, 0.0, 0.0, 0.1, -1.0]],

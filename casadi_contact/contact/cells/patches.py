@@ -61,16 +61,15 @@ def patch_charts(scene: Scene) -> list[Chart]:
     )
 
 
-def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
-    """The chart's cells that hold some surface, those at its rim cut into `CUT`×`CUT`, block by block, and their
-    corners."""
-    lattices = [_Lattice.laid(chart, cells, cut) for cut in (1, CUT)]
+def lay_cells(chart: Chart, cells: Cells, cut: int = CUT) -> CellPatch:
+    """The chart's cells that hold some surface, those at its rim cut into cut×cut, block by block."""
+    lattices = [_Lattice.laid(chart, cells, parts) for parts in (1, cut)]
     rim = lattices[0].rim
-    chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((CUT, CUT), dtype=bool))]
+    chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((cut, cut), dtype=bool))]
     lattice = np.repeat([0, 1], [of.sum() for of in chosen])
     index = np.concatenate([np.argwhere(of) for of in chosen])
     side = _block(np.array([cells.u_mm, cells.v_mm]))
-    order, blocks = _in_blocks(index // np.where(lattice, CUT, 1)[:, None], side)
+    order, blocks = _in_blocks(index // np.where(lattice, cut, 1)[:, None], side)
     lattice, index = lattice[order], index[order]
     numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in _ENDS], 1)
     nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)
@@ -96,7 +95,7 @@ def lay_cells(chart: Chart, cells: Cells) -> CellPatch:
         surface.known,
         corners.reshape(-1, 4),
         present,
-        lattice == 1,
+        (lattice == 1) & lattices[1].rim[tuple((index * lattice[:, None]).T)],
         blocks,
     )
 
