@@ -19,6 +19,7 @@ from casadi_contact.bridges.torch_surfaces import FAMILIES, LAWS, Vector, signed
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.kernels import NEAREST_SURFACE, RAY_ITERATIONS, RAY_TOLERANCE_MM, STEEPEST_RAY_SLOPE
 from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, pose_or_poses, rotation
 from casadi_contact.geometry import MovingSurface
 from casadi_contact.sampling import SamplingSettings, elastic_foundations
@@ -91,11 +92,11 @@ class TorchFoundation(ElasticFoundation):
         wrenches = np.ascontiguousarray(found[..., :6])
         if not derivatives:
             return wrenches, np.empty(0)
-        return wrenches, self._by_pose(found[..., 6:].reshape(*found.shape[:2], 6, 6), poses)
+        return wrenches, by_pose(found[..., 6:].reshape(*found.shape[:2], 6, 6), poses)
 
     def _gaps(self, beds: Sequence[Any], poses: Array) -> tuple[Array, Array]:
         found = np.stack([self._in_chunks(self._on_device(bed).gaps, poses) for bed in beds], axis=1)
-        return found[..., 0].copy(), self._by_pose(found[:, :, None, 1:], poses)[:, :, 0, :]
+        return found[..., 0].copy(), by_pose(found[..., 1:], poses)
 
     def _on_device(self, bed: Any) -> _Bed:
         if id(bed) not in self._beds:

@@ -18,7 +18,8 @@ from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKer
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.contact.touch import touching_start
-from casadi_contact.conventions import Array, angular_velocity_map, load_selection, pose_or_poses, rotation
+from casadi_contact.contact.twist import by_pose
+from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
@@ -288,10 +289,3 @@ class CompiledFoundation(ContactFunctions, Exportable):
         gaps, slopes = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
         return gaps, slopes
-
-
-def by_pose(by_twist: Array, poses: Array) -> Array:
-    """Derivatives (n, ..., 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
-    slopes = by_twist.copy()
-    slopes[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
-    return slopes

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.contact.compiled import BOTH, CompiledFoundation, by_pose
+from casadi_contact.contact.compiled import BOTH, CompiledFoundation
 from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure_outputs import MOMENTS, PressureOutputs
+from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.kernel.arrays import call_in_shares

@@ -15,14 +15,8 @@ from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_of, pressures
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
-from casadi_contact.conventions import (
-    Array,
-    angular_velocity_map,
-    as_poses,
-    load_selection,
-    pose_or_poses,
-    rotation,
-)
+from casadi_contact.contact.twist import by_pose
+from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
@@ -196,19 +190,12 @@ class ElasticFoundation:
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
-        return wrenches, self._by_pose(np.stack([k for _, k in results], axis=1), poses)
+        return wrenches, by_pose(np.stack([k for _, k in results], axis=1), poses)
 
     def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         with threads_for(len(poses)):
             results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
-        slopes = self._by_pose(np.stack([g for _, g in results], axis=1)[:, :, None, :], poses)
-        return np.stack([g for g, _ in results], axis=1), slopes[:, :, 0, :]
-
-    @staticmethod
-    def _by_pose(by_twist: Array, poses: Array) -> Array:
-        """Derivatives (n, beds, rows, 6) by twist (t, ω) become derivatives by pose: ω = E·(ṙx, ṙy, ṙz)."""
-        by_twist = by_twist.copy()
-        by_twist[..., 3:] = np.einsum("nprw,nwj->nprj", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))
-        return by_twist
+        slopes = by_pose(np.stack([g for _, g in results], axis=1), poses)
+        return np.stack([g for g, _ in results], axis=1), slopes

@@ -12,8 +12,9 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.contact.callback import contact_callback
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.patches import Torus
-from casadi_contact.contact.polar.quadrature import patch_loads, twist
-from casadi_contact.conventions import Array, angular_velocity_map, load_selection, rotation
+from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.twist import by_pose, twist
+from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 
 RAYS = Rays(24, 3)
@@ -49,8 +50,6 @@ class DishContact:
         sagittal, frontal = map(float, radii_mm)
         torus = Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
         R, t, law = rotation(poses[:, 3:]), poses[:, :3], self._model.law
-        turn = np.zeros((len(poses), 6, 6))
-        turn[:, :3, :3], turn[:, 3:, 3:] = np.eye(3), angular_velocity_map(poses[:, 3:])
         L = len(self.load_names)
         values = np.zeros((len(poses), L + len(self.patch_names)))
         slopes = np.zeros((*values.shape, 8))
@@ -62,10 +61,10 @@ class DishContact:
             by_twist = -twist(there.ends.G, there.ends.x - t) / there.ends.slope[:, None]
             rows = self._selection[:, p]
             values[:, :L] += loads.wrench @ rows.T
-            slopes[:, :L, :6] += rows @ loads.stiffness @ turn
+            slopes[:, :L, :6] += rows @ by_pose(loads.stiffness, poses)
             slopes[:, :L, 6:] += rows @ by_radii
             values[:, L + p] = np.where(touching, there.depth, 0.0)
-            slopes[:, L + p, :6] = touching[:, None] * np.einsum("nk,nkj->nj", by_twist, turn)
+            slopes[:, L + p, :6] = touching[:, None] * by_pose(by_twist, poses)
             slopes[:, L + p, 6:] = deepest_by_radii
         return values, slopes
 

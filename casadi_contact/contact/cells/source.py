@@ -22,6 +22,7 @@ from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.culling import STEEPEST_FIELD
+from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.field_derivatives import round_body
@@ -29,7 +30,6 @@ from casadi_contact.geometry.moving_surface import HALF_SPACE, MESH_FIELD, Movin
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
 
-_C = "casadi_contact.contact.c"
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points
 _NODE = np.dtype(
@@ -116,9 +116,9 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
-        *(c_text(f"cells_{name}.h", _C) for name in ("body", "boxes", "nodes", "search", "looks")),
+        *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "looks")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
-        *(c_text(name, _C) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
+        *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]
     return "\n".join(text), tables.data
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.contact.c_text import braces
+from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
 from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED
 from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OFF_TOP
@@ -14,8 +15,6 @@ from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import Rays, ray_angles
 from casadi_contact.transcription.kernel.source import c_text
-
-_C = "casadi_contact.contact.c"
 
 
 def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
@@ -63,16 +62,16 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
             *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
-            c_text("chart_axes.h", _C),
-            c_text("polar_surfaces.h", _C),
+            c_text("chart_axes.h", C_FOLDER),
+            c_text("polar_surfaces.h", C_FOLDER),
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
-            c_text("polar_nearest.h", _C),
-            c_text("polar_middle.h", _C),
-            c_text("polar_lines.h", _C),
-            c_text("polar_rays.h", _C),
-            *([c_text("polar_caps.h", _C)] if has_caps else []),
-            c_text("polar.h", _C),
-            c_text("orders.h", _C),
+            c_text("polar_nearest.h", C_FOLDER),
+            c_text("polar_middle.h", C_FOLDER),
+            c_text("polar_lines.h", C_FOLDER),
+            c_text("polar_rays.h", C_FOLDER),
+            *([c_text("polar_caps.h", C_FOLDER)] if has_caps else []),
+            c_text("polar.h", C_FOLDER),
+            c_text("orders.h", C_FOLDER),
         ]
     )
 
