@@ -28,7 +28,8 @@ def tests_run(monkeypatch):
 
         return chosen
 
-    monkeypatch.setattr(choice, "_CHOICES", {shape: counted(choose) for shape, choose in choice._CHOICES.items()})
+    kinds = {shape: kind._replace(chosen=counted(kind.chosen)) for shape, kind in choice._KINDS.items()}
+    monkeypatch.setattr(choice, "_KINDS", kinds)
     return ran
 
 

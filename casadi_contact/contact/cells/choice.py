@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,16 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
         elements_unsure=truth.unsure,
     )
     return model
+
+
+def recorded_cells(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> CellFoundation:
+    """The foundation that a record of `cell_foundation` tells of."""
+    return CellFoundation(scene, Cells(*record["cells_mm"], *record["sub_points"]), compiled=compiled)
+
+
+def cell_ladder(scene: Scene) -> Iterator[CellFoundation]:
+    """Foundations from large cells to small ones, shown beside one another."""
+    return (CellFoundation(scene, square_cells(size_mm)) for size_mm in cell_sizes_mm(scene)[::2])
 
 
 def cell_sizes_mm(scene: Scene) -> tuple[float, ...]:

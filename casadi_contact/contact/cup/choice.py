@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import numpy as np
 
 from casadi_contact.contact.convergence import cheapest, forces_tried
@@ -30,6 +33,16 @@ def cup_foundation(scene: Scene, *, compiled: bool = True) -> CupFoundation:
     model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{CONVERGED} points")
     model.record["points"] = model.points
     return model
+
+
+def recorded_cup(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> CupFoundation:
+    """The foundation that a record of `cup_foundation` tells of."""
+    return CupFoundation(scene, record["points"], compiled=compiled)
+
+
+def cup_ladder(scene: Scene) -> Iterator[CupFoundation]:
+    """Foundations from few points to many, shown beside one another."""
+    return (CupFoundation(scene, points) for points in CANDIDATES[::2])
 
 
 def _pressed_poses(model: CupFoundation, range_n: tuple[float, float]) -> Array:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import numpy as np
 
 from casadi_contact.contact.convergence import cheapest, forces_tried
@@ -13,7 +16,7 @@ from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
-LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))  # from coarse to fine, shown beside one another
+_LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
 CONVERGED = Rays(96, 6)
 _POSES = 256
 
@@ -29,6 +32,16 @@ def polar_foundation(scene: Scene, *, compiled: bool = True) -> PolarFoundation:
     )
     model.record |= {"rays": model.rays.count, "points": model.rays.points}
     return model
+
+
+def recorded_rays(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> PolarFoundation:
+    """The foundation that a record of `polar_foundation` tells of."""
+    return PolarFoundation(scene, Rays(record["rays"], record["points"]), compiled=compiled)
+
+
+def polar_ladder(scene: Scene) -> Iterator[PolarFoundation]:
+    """Foundations from few rays to many, shown beside one another."""
+    return (PolarFoundation(scene, rays) for rays in _LADDER)
 
 
 Truth = list[tuple[Array, Array, Array]]
