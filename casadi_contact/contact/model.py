@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from casadi_contact.contact.own_function import asked
+from casadi_contact.contact.way_until import way_until
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
@@ -19,7 +21,6 @@ from casadi_contact.conventions import (
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
-_BISECTIONS = 12
 LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overlaps of 0.08 mm that its triangles see
 
 
@@ -169,40 +170,32 @@ class CallableModel:
                 )
             return gaps
         directions = np.stack(self._directions())
-
-        normals = self.scene.normal_loads
-        free = normal_forces(normals, self.wrenches(poses)) <= 0.0
+        free = normal_forces(self.scene.normal_loads, self.wrenches(poses)) <= 0.0
         rows, patches = np.nonzero(free)
-
-        def carries_load(which: np.ndarray, travel: Array) -> np.ndarray:
-            moved = poses[rows[which]]
-            moved[:, :3] += travel[:, None] * directions[patches[which]]
-            wrenches, at = self.wrenches(moved), (np.arange(len(which)), patches[which])
-            normal, size = normal_forces(normals, wrenches)[at], np.linalg.norm(wrenches[at][:, :3], axis=1)
-            pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
-            if pulls.any() and not (normal > 0.0).any():
-                row = int(pulls.argmax())
-                raise ValueError(
-                    f"the contact model's patch {self.patch_names[patches[which[row]]]} pulls with "
-                    f"{-normal[row]:.4g} N at {pose_text(moved[row], self.patch_names)}, on its way into contact, "
-                    "expected pressing: return -wrenches, the loads on the fixed body"
-                )
-            return np.asarray(normal > 0.0)
-
-        far = np.zeros(len(rows))
-        searching = np.arange(len(rows))
-        while len(searching):
-            far[searching] = np.minimum(far[searching] + self._approach_mm, self._reach_mm)
-            on = ~carries_load(searching, far[searching]) & (far[searching] < self._reach_mm)
-            searching = searching[on]
-        near, all_of_them = np.maximum(far - self._approach_mm, 0.0), np.arange(len(rows))
-        for _ in range(_BISECTIONS if len(rows) else 0):
-            middle = 0.5 * (near + far)
-            touching = carries_load(all_of_them, middle)
-            near, far = np.where(touching, near, middle), np.where(touching, middle, far)
+        pressed = partial(self._carries_load, poses[rows], patches, directions[patches])
         travel = np.zeros(free.shape)
-        travel[free] = far
+        travel[free] = way_until(pressed, len(rows), self._approach_mm, self._reach_mm)
         return travel
+
+    def _carries_load(
+        self, poses: Array, patches: np.ndarray, along: Array, which: np.ndarray, way: Array
+    ) -> np.ndarray:
+        """Whether each patch (n,) by number carries load once the body of its pose (n, 6) went a way (k,) [mm] along a
+        direction (n, 3): of those which (k,) are asked for."""
+        moved, patch = poses[which], patches[which]
+        moved[:, :3] += way[:, None] * along[which]
+        wrenches, at = self.wrenches(moved), (np.arange(len(which)), patch)
+        normal = normal_forces(self.scene.normal_loads, wrenches)[at]
+        size = np.linalg.norm(wrenches[at][:, :3], axis=1)
+        pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
+        if pulls.any() and not (normal > 0.0).any():
+            row = int(pulls.argmax())
+            raise ValueError(
+                f"the contact model's patch {self.patch_names[patch[row]]} pulls with {-normal[row]:.4g} N at "
+                f"{pose_text(moved[row], self.patch_names)}, on its way into contact, expected pressing: return "
+                "-wrenches, the loads on the fixed body"
+            )
+        return np.asarray(normal > 0.0)
 
     def _said(self, poses: Array, gaps: Array, row: int, patch: int) -> str:
         """A gap and where it is."""
