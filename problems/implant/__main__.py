@@ -9,7 +9,6 @@ into the same folder first (as ``casadi-contact build`` does; run again, it goes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -24,17 +23,14 @@ from casadi_contact.project.fitting import structures_for_scene
 from casadi_contact.project.presets import PRESETS
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel import warn_once
-from casadi_contact.verification import judge, own_model
+from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
-from problems.common.learned_range import reasons
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
-from problems.pose_estimation.completion import solve_and_complete
+from problems.pose_estimation.estimate import doubts, estimated
 from problems.pose_estimation.problem import Cycle, build, wanted_loads
 from problems.pose_estimation.report import report
-from problems.pose_estimation.sign_doubts import sign_doubts
-from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
-from problems.pose_estimation.unit_doubts import unit_doubts
+from problems.pose_estimation.starts import start_from_file
 
 NAME = "implant"
 app = new_app()
@@ -68,31 +64,27 @@ def run(
     if fixed is not None:
         out = RESULTS / NAME / name_of_mesh(fixed) if out is None else out
         scene = scene_of_meshes(scene, fixed, out)
-    found = load_scene(scene)
-    measured: Sequence[Cycle] = reference_motion_cycles(found, cycles)  # before minutes of training
+    joint = load_scene(scene)
+    measured: Sequence[Cycle] = reference_motion_cycles(joint, cycles)  # before minutes of training
     for cycle in measured:
-        wanted_loads(found, cycle)
+        wanted_loads(joint, cycle)
     poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
-    folder = RESULTS / NAME / file_stem(found.name) if out is None else out
+    folder = RESULTS / NAME / file_stem(joint.name) if out is None else out
     source = ContactSource(scene=str(scene))
     if surrogate:
-        build_surrogates(str(scene), preset=preset, cycles=list(cycles), model=_model_to_learn(found), out=folder)
-        project = Project(found, preset, folder)
+        build_surrogates(str(scene), preset=preset, cycles=list(cycles), model=_model_to_learn(joint), out=folder)
+        project = Project(joint, preset, folder)
         source = ContactSource(surrogate=str(project.surrogate_path(structures_for_scene(project)[0])))
     writable_folder(folder)
     model = source.load()
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for path, problem, first in zip(cycles, problems, poses, strict=True):
-        for doubt in (*unit_doubts(problem.wanted, elements), *sign_doubts(problem.wanted, problem.measured, elements)):
+        for doubt in doubts(problem, elements):
             typer.echo(f"{NAME}: {path}: {doubt}", err=True)
-        result = solve_and_complete(problem, first, elements)
-        loads = problem.wanted.load_names
-        verdict = judge(model, result.poses, result.converged, elements, loads, result.on_model)
-        tried = solve_from_random_starts(source, problem.cycle, result.poses, starts) if starts else None
-        result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
-        report(problem, result, verdict, folder / "poses" / path.stem, tried, source.kind)
-        codes.append(verdict.exit_code)
+        found = estimated(source, problem, first, elements, starts)
+        report(problem, found, folder / "poses" / path.stem, source.kind)
+        codes.append(found.verdict.exit_code)
     if any(codes):
         worst = "some frames have no pose" if 2 in codes else "the contact model differs in some frames"
         typer.echo(f"{NAME}: {worst}; see above", err=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,17 +10,14 @@ import typer
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.project import reference_motion_cycles, walks
-from casadi_contact.verification import judge, own_model
+from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
-from problems.common.learned_range import reasons
-from problems.pose_estimation.completion import solve_and_complete
+from problems.pose_estimation.estimate import doubts, estimated
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
-from problems.pose_estimation.sign_doubts import sign_doubts
 from problems.pose_estimation.solve import solve
-from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
-from problems.pose_estimation.unit_doubts import unit_doubts
+from problems.pose_estimation.starts import start_from_file
 
 NAME = "pose_estimation"
 app = new_app()
@@ -61,15 +57,11 @@ def run(
     if warm is not None:
         poses = solve(build(warm_model(warm, problem.model), measured)).poses
     model = own_model(problem.model.scene)
-    for doubt in (*unit_doubts(problem.wanted, model), *sign_doubts(problem.wanted, problem.measured, model)):
+    for doubt in doubts(problem, model):
         typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
-    result = solve_and_complete(problem, poses, model)
-    names = problem.wanted.load_names
-    verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
-    tried = solve_from_random_starts(source, measured, result.poses, starts) if starts else None
-    result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
-    report(problem, result, verdict, out, tried, source.kind)
-    end_with(verdict, NAME, out)
+    found = estimated(source, problem, poses, model, starts)
+    report(problem, found, out, source.kind)
+    end_with(found.verdict, NAME, out)
 
 
 def measured_cycle(source: ContactSource, path: Path | None) -> Cycle:

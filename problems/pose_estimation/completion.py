@@ -21,7 +21,6 @@ from casadi_contact.verification import judge
 from casadi_contact.verification.verdict import DIFFERS
 from casadi_contact.verification.verify import loads_on
 from problems.common.learned_range import beyond_learned
-from problems.pose_estimation.march import solve_alone
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.search import Found, search
@@ -149,11 +148,10 @@ def _again(problem: PoseEstimation, poses: Array, rows: np.ndarray) -> tuple[np.
     again, iterations = np.zeros(len(poses), dtype=bool), 0
     if not rows.any():
         return again, iterations
-    solver, wanted, columns, steps = frame_solver(problem), problem.parameters, problem.contact.columns, problem.steps
-    lower, upper = (bounds[: len(columns)] for bounds in (problem.contact.lower, problem.contact.upper))
-    tried = poses.copy()
+    frame, wanted, tried = frame_solver(problem), problem.parameters, poses.copy()
+    starts = problem.contact.variables(poses).reshape(len(poses), -1)
     for k in np.flatnonzero(rows):
-        answer, spent = solve_alone(solver, poses[k, columns] / steps, wanted[k], lower, upper)
+        answer, spent = frame.solve(starts[k], wanted[k])
         iterations += spent
         if answer is not None:
             tried[[k]], again[k] = problem.contact.moved(poses[[k]], answer), True

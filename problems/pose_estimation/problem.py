@@ -79,11 +79,6 @@ class PoseEstimation:
         return " in the learned range" if self.learned else ""
 
     @property
-    def steps(self) -> Array:
-        """What one unit of each variable of a frame is in its pose (f,) [mm, rad]."""
-        return pose_steps(self.model.scene.sensitive_pose)[self.contact.columns]
-
-    @property
     def parameters(self) -> Array:
         """What `one_frame` is told of each frame (n, wanted + locked)."""
         return np.column_stack([*self.wanted.values.values(), *self.measured.values()])

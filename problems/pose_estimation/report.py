@@ -29,9 +29,9 @@ from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
+from problems.pose_estimation.estimate import Estimate
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult
-from problems.pose_estimation.starts import RandomStarts
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
 CENTRE_ELSEWHERE_MM = 1.0
@@ -132,21 +132,14 @@ class Tracked:
         }
 
 
-def report(
-    problem: PoseEstimation,
-    result: PoseResult,
-    verdict: Verdict,
-    out: Path,
-    starts: RandomStarts | None = None,
-    kind: str = "surrogate",
-) -> None:
+def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "surrogate") -> None:
     """Print the table and write pose_estimation.csv, .png, summary.json, and poses.sto and pressures.sto (OpenSim) in
     the folder out; kind: what to call the model there. Without an EF at hand there are no pressures."""
     writable_folder(out)
-    cycle, scene = problem.cycle, problem.model.scene
+    cycle, scene, result, verdict = problem.cycle, problem.model.scene, estimate.result, estimate.verdict
     tracked = Tracked.of(problem, result)
     ef, errors = tracked.ef, tracked.errors()
-    _print(problem, result, verdict, errors, ef, starts, kind)
+    _print(problem, estimate, errors, ef, kind)
     for words in tracked.doubts(verdict):
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
@@ -172,24 +165,16 @@ def report(
     }
     if _learnable(problem, result):
         summary["refine"] = _REFINE
-    if starts is not None:
-        summary["random_starts"] = starts.record()
+    if estimate.starts is not None:
+        summary["random_starts"] = estimate.starts.record()
     write_summary(out / "summary.json", summary)
     draw(problem, result, verdict, tracked, kind, out / "pose_estimation.png")
     PlainConsole().print(f"results in {out}", highlight=False)
 
 
-def _print(
-    problem: PoseEstimation,
-    result: PoseResult,
-    verdict: Verdict,
-    errors: Errors,
-    ef: OnFoundation | None,
-    starts: RandomStarts | None,
-    kind: str,
-) -> None:
+def _print(problem: PoseEstimation, estimate: Estimate, errors: Errors, ef: OnFoundation | None, kind: str) -> None:
     console, frames = PlainConsole(), problem.frames
-    print_verdict(console, verdict)
+    print_verdict(console, estimate.verdict)
     table = Table(title=f"Pose estimation, {problem.cycle.name}: {frames} frames")
     table.add_column("RMS / max")
     compared = [] if ef is None else [f"EF {ef.grids[grid]} - {kind}" for grid in ("fine", "teacher")]
@@ -199,11 +184,11 @@ def _print(
         cells = [rms_and_largest_words(off) for off in errors[name].values()]
         table.add_row(f"{name} ({quantity(name).unit})", *cells)
     console.print(table)
-    print_outcome(console, result)
-    if learnable := _learnable(problem, result):
+    print_outcome(console, estimate.result)
+    if learnable := _learnable(problem, estimate.result):
         console.print(f"{learnable} frames on the contact model fit on the insert: {_REFINE}", highlight=False)
-    if starts is not None:
-        console.print(str(starts), highlight=False)
+    if estimate.starts is not None:
+        console.print(str(estimate.starts), highlight=False)
 
 
 def _learnable(problem: PoseEstimation, result: PoseResult) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default, touching
 from casadi_contact.statics import settle
-from problems.pose_estimation.march import march
+from problems.pose_estimation.march import FrameSolver, march
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import NO_LOAD, off_by
 
@@ -59,24 +59,23 @@ def solve(
     converge: each is reported with its errors and the reason. Frames without load stay where they begin, but for
     smoothness, which moves them between their neighbours.
     """
-    contact, steps, loaded = problem.contact, problem.steps, problem.wanted.loaded
+    contact, loaded = problem.contact, problem.wanted.loaded
     began = time.perf_counter()
     poses = settled(problem, start_or_default(start, problem.start_poses()))
     options = ipopt_options(max_iterations=max_iterations, print_level=print_level, **SCALING)
     solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
     begin = contact.variables(poses)
-    held = np.repeat(~loaded & (problem.smoothness == 0.0), len(steps))
+    held = np.repeat(~loaded & (problem.smoothness == 0.0), len(problem.free))
     answer = solver(x0=begin, lbx=np.where(held, begin, contact.lower), ubx=np.where(held, begin, contact.upper))
     outcome = IpoptOutcome.of(solver)
-    x = np.asarray(answer["x"]).reshape(-1, len(steps))
+    x = np.asarray(answer["x"]).reshape(problem.frames, -1)
     poses = contact.moved(poses, x)
     result = _result(problem, poses, outcome, outcome.iterations, time.perf_counter() - began)
     close = result.converged[loaded]
     if not alone or problem.smoothness > 0.0 or close.all() or not close.any():
         return result
-    one, bounds = frame_solver(problem, print_level), (part[: len(steps)] for part in (contact.lower, contact.upper))
     frames = x[loaded]
-    more = march(one, frames, problem.parameters[loaded], close, *bounds)
+    more = march(frame_solver(problem, print_level), frames, problem.parameters[loaded], close)
     x[loaded] = frames
     poses = contact.moved(poses, x)
     return _result(problem, poses, outcome, outcome.iterations + more, time.perf_counter() - began)
@@ -115,10 +114,12 @@ def settled(problem: PoseEstimation, poses: Array) -> Array:
     return poses
 
 
-def frame_solver(problem: PoseEstimation, print_level: int = 0) -> ca.Function:
-    """nlpsol of `PoseEstimation.one_frame`."""
+def frame_solver(problem: PoseEstimation, print_level: int = 0) -> FrameSolver:
+    """Of `PoseEstimation.one_frame`."""
     options = ipopt_options(max_iterations=_FRAME_ITERATIONS, print_level=print_level, **SCALING)
-    return ca.nlpsol("one_frame", "ipopt", problem.one_frame(), options)
+    solver = ca.nlpsol("one_frame", "ipopt", problem.one_frame(), options)
+    lower, upper = (bound[: len(problem.free)] for bound in (problem.contact.lower, problem.contact.upper))
+    return FrameSolver(solver, lower, upper)
 
 
 def _result(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import as_completed
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from problems.pose_estimation.problem import Cycle, PoseEstimation, build
 
 LIFTS_MM = (-1.0, 3.0)  # of each patch: too deep, and out of contact
 ASIDE_MM, ASIDE_RAD = 4.0, 0.1  # along and about whatever does not press
+_SEED = 1
 
 
 @dataclass(frozen=True)
@@ -107,25 +109,35 @@ def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Ar
     return start
 
 
-def one_start(source: ContactSource, cycle: Cycle, reference: Array, seed: tuple[int, int]) -> StartOutcome:
-    """Solve from one random start about the reference poses (n, 6) (`moved`), without any other contact model."""
-    problem = build(source.load(), cycle)
-    start = moved(problem, reference, np.random.default_rng(seed))
+def one_start(
+    source: ContactSource,
+    cycle: Cycle,
+    reference: Array,
+    smoothness: float,
+    compiled: bool | None,
+    number: int,
+) -> StartOutcome:
+    """Solve from one random start, by its number, about the reference poses (n, 6) (`moved`), without any other contact
+    model; smoothness, compiled: as of `build`."""
+    problem = build(source.load(), cycle, smoothness, compiled=compiled)
+    start = moved(problem, reference, np.random.default_rng([_SEED, number]))
     result = solve_and_complete(problem, start, "the model alone")
     return StartOutcome.of(result.converged, same_poses(result.poses, reference), result.iterations)
 
 
 def solve_from_random_starts(
-    source: ContactSource, cycle: Cycle, reference: Array, count: int = 200, seed: int = 1
+    source: ContactSource, problem: PoseEstimation, reference: Array, count: int
 ) -> RandomStarts:
-    """Solve a cycle from `count` random starts on all cores; reference: the solution's poses (n, 6).
+    """Solve a problem, on the model of a source, from `count` random starts on all cores; reference: the solution's
+    poses (n, 6).
 
     Starts are about the poses that the contact alone finds from there: frames of the solution may stand on another
     contact model.
     """
-    reference = solve_and_complete(build(source.load(), cycle), reference, "the model alone").poses
+    reference = solve_and_complete(problem, reference, "the model alone").poses
+    solve_one = partial(one_start, source, problem.cycle, reference, problem.smoothness, problem.compiled)
     with worker_pool() as pool:
-        jobs = [pool.submit(one_start, source, cycle, reference, (seed, k)) for k in range(count)]
+        jobs = [pool.submit(solve_one, number) for number in range(count)]
         for job in track(as_completed(jobs), "random starts", total=count):
             job.result()
     return RandomStarts(tuple(job.result() for job in jobs))

@@ -21,7 +21,13 @@ from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation import __main__
 from problems.pose_estimation.report import Tracked, draw
-from problems.pose_estimation.starts import RandomStarts, StartOutcome, one_start, start_from_file
+from problems.pose_estimation.starts import (
+    RandomStarts,
+    StartOutcome,
+    one_start,
+    solve_from_random_starts,
+    start_from_file,
+)
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 
@@ -97,8 +103,18 @@ def test_measured_cycles_converge_in_every_frame(knee, name):
 
 def test_random_starts_reach_the_same_solution(knee, solved):
     _, result = solved
-    outcomes = [one_start(ContactSource(surrogate="knee"), reference_cycle(), result.poses, (7, k)) for k in range(5)]
+    knee = ContactSource(surrogate="knee")
+    outcomes = [one_start(knee, reference_cycle(), result.poses, 0.0, None, number) for number in range(5)]
     assert RandomStarts(tuple(outcomes)).reached == 5
+
+
+def test_random_starts_solve_the_problem_that_was_solved_with_its_smoothness(knee):
+    """Smoothed poses carry the wanted loads in some frames only: in the same ones from any start."""
+    problem = pose_estimation.build(knee, reference_cycle(frames=21), smoothness=300.0)
+    smooth = pose_estimation.solve(problem)
+    assert 0.0 < smooth.converged.mean() < 1.0
+    tried = solve_from_random_starts(ContactSource(surrogate="knee"), problem, smooth.poses, 2)
+    assert [outcome.reached for outcome in tried.outcomes] == [smooth.converged.mean()] * 2
 
 
 def test_solved_by_another_solution_is_told_from_unsolved():

@@ -1,0 +1,47 @@
+"""A cycle's poses with all that a command says of them: doubts about the cycle, a verdict, random starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import Array
+from casadi_contact.verification import Verdict, judge
+from problems.common.contact import ContactSource
+from problems.common.learned_range import reasons
+from problems.pose_estimation.completion import solve_and_complete
+from problems.pose_estimation.problem import PoseEstimation
+from problems.pose_estimation.sign_doubts import sign_doubts
+from problems.pose_estimation.solve import PoseResult
+from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
+from problems.pose_estimation.unit_doubts import unit_doubts
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The solution with a reason for every frame that is not verified, what the contact model says of it, and what
+    became of random starts, None where none were asked for."""
+
+    result: PoseResult
+    verdict: Verdict
+    starts: RandomStarts | None
+
+
+def doubts(problem: PoseEstimation, model: ContactModel | str) -> list[str]:
+    """Lines that ask about a cycle's units and signs before it is solved; model: `own_model` of the scene."""
+    return [*unit_doubts(problem.wanted, model), *sign_doubts(problem.wanted, problem.measured, model)]
+
+
+def estimated(
+    source: ContactSource, problem: PoseEstimation, start: Array | None, model: ContactModel | str, starts: int
+) -> Estimate:
+    """A problem solved, completed and judged on the contact model, or the reason why there is none (`own_model`).
+
+    source: where the problem's own model is loaded from anew, by the workers that solve from as many random starts.
+    start: poses (n, 6), `PoseEstimation.start_poses` if None.
+    """
+    result = solve_and_complete(problem, start, model)
+    verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names, result.on_model)
+    tried = solve_from_random_starts(source, problem, result.poses, starts) if starts else None
+    result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
+    return Estimate(result, verdict, tried)
