@@ -44,7 +44,7 @@ class KneeSimulator:
     """Equations that can be looked at unsolved: dae for casadi.integrator, with the powers as quadratures by choice.
 
     rate: (state (10), t) -> d state/dt; powers: (state, t) -> `POWERS` [N·mm/s]; applied: t -> applied wrench about the
-    moving origin (6); contact: pose -> wrench on the insert (6), kept here because callbacks must live.
+    moving origin (6); contact: pose -> wrench on the insert (6).
     """
 
     model: ContactModel

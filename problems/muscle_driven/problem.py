@@ -67,8 +67,8 @@ class Leg:
 @dataclass(frozen=True)
 class MuscleDriven:
     """Equations that can be looked at unsolved. rate: (state (6), t) -> d state/dt, of (ty, rx, rz) and their rates;
-    powers: (state, t) -> `POWERS` [N·mm/s]; pose: (state, t) -> pose (6); contact: pose ->
-    wrench on the insert (6), kept because callbacks must live; flexion: t -> rz_ref, its speed and acceleration."""
+    powers: (state, t) -> `POWERS` [N·mm/s]; pose: (state, t) -> pose (6); contact: pose -> wrench on the insert (6);
+    flexion: t -> rz_ref, its speed and acceleration."""
 
     model: ContactModel
     inverse: MuscleContact

@@ -8,9 +8,10 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from problems.common.learned_range import beyond_learned
+from problems.static_equilibrium.on_model import on_model
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.pulls import pulls
-from problems.static_equilibrium.solve import EquilibriumResult, on_model
+from problems.static_equilibrium.solve import EquilibriumResult
 
 
 def diagnose(problem: StaticEquilibrium, result: EquilibriumResult, model: ContactModel | str) -> EquilibriumResult:

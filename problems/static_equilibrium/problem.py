@@ -72,6 +72,20 @@ class StaticEquilibrium:
         """Columns of the free parameters in a pose array."""
         return [pose_index(name) for name in self.free]
 
+    def variables(self, poses: Array) -> Array:
+        """Scaled free parameters (..., f) of poses (..., 6)."""
+        return np.asarray(poses[..., self.columns] / KNEE_STEPS[self.columns])
+
+    def moved(self, poses: Array, values: Array) -> Array:
+        """Poses (n, 6) with the free parameters of scaled ones (n, f), what is tied to them following."""
+        moved = poses.copy()
+        moved[:, self.columns] = values * KNEE_STEPS[self.columns]
+        return self.model.scene.pose_space.onto(moved)
+
+    def misfit_n(self, poses: Array) -> Array:
+        """r/L (n, f) [N] in poses (n, 6)."""
+        return np.asarray(self.residuals(self.variables(poses).T)).T
+
     @property
     def tolerance_n(self) -> Array:
         """How far off balance a row in equilibrium may be (n,) [N], torques over 25 mm."""

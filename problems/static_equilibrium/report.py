@@ -20,9 +20,10 @@ from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
+from problems.static_equilibrium.on_model import on_model
 from problems.static_equilibrium.problem import StaticEquilibrium
-from problems.static_equilibrium.solve import EquilibriumResult, on_model
-from problems.static_equilibrium.starts import LIFTS_MM, LiftedStarts
+from problems.static_equilibrium.solve import EquilibriumResult
+from problems.static_equilibrium.starts import LiftedStarts
 
 
 def report(
@@ -48,17 +49,7 @@ def report(
     ef_poses = {name: on_model(problem, result, foundation) for name, foundation in foundations.items()}
     console = PlainConsole()
     print_verdict(console, verdict)
-    table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
-    table.add_column("flexion [deg]", justify="right")
-    shown_names = [name for name in problem.free if name != "rz"]
-    for name in shown_names:
-        table.add_column(f"{name} [{'deg' if name.startswith('r') else 'mm'}]", justify="right")
-    table.add_column("misfit [N]", justify="right")
-    for pose, misfit in zip(result.poses, result.misfit_n, strict=True):
-        shown = np.concatenate([pose[:3], np.degrees(pose[3:])])
-        cells = [f"{shown[POSE_NAMES.index(name)]:.4f}" for name in shown_names]
-        table.add_row(f"{-shown[5]:.1f}", *cells, f"{np.abs(misfit).max():.1e}")
-    console.print(table)
+    console.print(_poses_table(problem, result))
     print_outcome(console, result, "in equilibrium", "row")
     solved = result.converged
     off = {name: np.abs(wrench - result.wrenches)[solved] for name, wrench in ef.items() if solved.any()}
@@ -93,15 +84,25 @@ def report(
         "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
     }
     if starts is not None:
-        summary["random_starts"] = {
-            "count": starts.count,
-            "lifts_mm": LIFTS_MM,
-            "shares": starts.shares.tolist(),
-            "median_iterations": starts.iterations.tolist(),
-        }
+        summary["random_starts"] = starts.record()
     write_summary(out / "static_equilibrium.json", summary)
     draw(result, ef_poses.get("fine"), ef.get("fine"), kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _poses_table(problem: StaticEquilibrium, result: EquilibriumResult) -> Table:
+    """A row for each pose, and how far its loads are off balance."""
+    table = Table(title=f"Settling under six loads about the {problem.about} origin, free: {' '.join(problem.free)}")
+    table.add_column("flexion [deg]", justify="right")
+    names = [name for name in problem.free if name != "rz"]
+    for name in names:
+        table.add_column(f"{name} [{'deg' if name.startswith('r') else 'mm'}]", justify="right")
+    table.add_column("misfit [N]", justify="right")
+    for pose, misfit in zip(result.poses, result.misfit_n, strict=True):
+        shown = np.concatenate([pose[:3], np.degrees(pose[3:])])
+        cells = [f"{shown[POSE_NAMES.index(name)]:.4f}" for name in names]
+        table.add_row(f"{-shown[5]:.1f}", *cells, f"{np.abs(misfit).max():.1e}")
+    return table
 
 
 def _about(problem: StaticEquilibrium, poses: Array, wrenches: Array) -> Array:

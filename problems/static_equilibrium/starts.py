@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.conventions import Array
 from problems.common.same_poses import same_poses
+from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium
-from problems.static_equilibrium.solve import EquilibriumResult, held_moves, solve
+from problems.static_equilibrium.solve import EquilibriumResult, solve
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # starts out of contact, and too deep
 
 
 @dataclass(frozen=True)
 class LiftedStarts:
-    """For each lift of `LIFTS_MM`: share of the rows in equilibrium (lifts,) that end at the same pose, and median
-    IPOPT iterations."""
+    """For each lift: share of the rows in equilibrium (lifts,) that end at the same pose, and median IPOPT iterations;
+    count: random starts of each."""
 
+    lifts_mm: tuple[float, ...]
     count: int
     shares: Array
     iterations: Array
 
+    def record(self) -> dict[str, Any]:
+        """Plain values for a summary."""
+        return {
+            "count": self.count,
+            "lifts_mm": list(self.lifts_mm),
+            "shares": self.shares.tolist(),
+            "median_iterations": self.iterations.tolist(),
+        }
+
     def __str__(self) -> str:
         parts = [
             f"{lift:+g} mm: {100 * share:.1f} % ({iterations:.0f} iterations)"
-            for lift, share, iterations in zip(LIFTS_MM, self.shares, self.iterations, strict=True)
+            for lift, share, iterations in zip(self.lifts_mm, self.shares, self.iterations, strict=True)
         ]
         return f"{self.count} random starts that end at the same poses, lifted by up to " + ", ".join(parts)
 
@@ -40,7 +52,7 @@ def solve_from_lifts(
     if not result.converged.any():
         raise ValueError("no row is in equilibrium, expected one at least, whose pose other starts may find again")
     problem, poses = problem.of_rows(result.converged), result.poses[result.converged]
-    rng = np.random.default_rng(7)
+    balance, rng = Balance.of(problem, problem.model), np.random.default_rng(7)
     shares, iterations = [], []
     for lift in lifts_mm:
         same, used = [], []
@@ -48,10 +60,9 @@ def solve_from_lifts(
             moves = rng.uniform(-1.0, 1.0, poses.shape) * [4.0, 0.0, 1.0, 0.05, 0.1, 0.0]
             moves[:, 1] = lift * rng.uniform(0.0, 1.0, len(moves))
             again = solve(problem, poses + moves)
-            held = poses + held_moves(problem, poses, again.poses - poses)
-            near = same_poses(held, poses)
+            near = same_poses(poses + balance.held_moves(poses, again.poses - poses), poses)
             same.append((near & again.converged).mean())
             used.append(again.iterations)
         shares.append(float(np.mean(same)))
         iterations.append(float(np.median(used)))
-    return LiftedStarts(count, np.array(shares), np.array(iterations))
+    return LiftedStarts(lifts_mm, count, np.array(shares), np.array(iterations))
