@@ -102,9 +102,9 @@ class _Jacobians(ca.Callback):
         return len(self._outputs)
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return (
-            ca.Sparsity(self._outputs[i - 1][1], 1) if i else ca.Sparsity.dense(self._size, 1)
-        )  # outputs are not needed
+        if i == 0:
+            return ca.Sparsity.dense(self._size, 1)
+        return ca.Sparsity(self._outputs[i - 1][1], 1)  # an output, which is not needed
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._outputs[i][1], self._size)

@@ -206,14 +206,14 @@ class CompiledFoundation(ContactFunctions, Exportable):
         source = kernel.source(loads=len(names), roots=patches)
         wrenches = replace(kernel, loads=wrench_names(self.patch_names))
         return ExportedModel(
-            "\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
-            names,
-            self.patch_names,
-            patches,
-            False,
-            "overlap of no more than the thickness of the layer, none from behind",
-            self.scene.reference_load,
-            f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
+            source="\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
+            load_names=names,
+            patch_names=self.patch_names,
+            kernel_roots=patches,
+            trusted=False,
+            made_for="overlap of no more than the thickness of the layer, none from behind",
+            reference_load=self.scene.reference_load,
+            description=f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
             data=self._patch_data(),
             wrench_source=wrenches.source(loads=6 * patches, roots=0),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -119,8 +118,3 @@ def _patches(pair: Pair, regions: Regions, joint: Joint, frame: Frame) -> dict[s
                 box[letter] = [round(end, 1) for end in ends]
         found[name] = {**box, "anchor": (anchors[number].round(1) + 0.0).tolist()}
     return found
-
-
-def relative(path: Path, folder: Path) -> str:
-    """The path as a scene file in the folder names it."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,6 @@ import tomli_w
 
 from casadi_contact.proposal.cuts import PatchCuts
 from casadi_contact.proposal.propose import Proposal
-from casadi_contact.proposal.tables import relative
 from casadi_contact.scenes import Scene
 
 _CUT = {"split_z": "cuts along z [mm] between parts, which networks learn apart"}
@@ -79,9 +79,14 @@ def _commented(head: Sequence[str], scene: Scene, folder: Path, comments: Mappin
     """The file of a mesh scene, its meshes named relative to a folder: remarks first, comments beside keys."""
     geometry = dict(scene.tables["geometry"])
     for body in ("moving", "fixed"):
-        geometry[body] = relative(Path(geometry[body]), folder)
+        geometry[body] = _relative(Path(geometry[body]), folder)
     tables = {**scene.tables, "geometry": geometry}
     return "\n".join([*(f"# {line}" for line in head), "", *_lines("", tables, comments)]) + "\n"
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """The path as a scene file in the folder names it."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def proposal_lines(proposal: Proposal) -> list[str]:

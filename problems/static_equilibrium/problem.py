@@ -130,13 +130,7 @@ def build(
     Raises ValueError for wrong shapes, unknown names, negative stiffness, six free parameters without a spring on rz,
     and for free names and rest poses that contradict what the scene locks or ties.
     """
-    wanted = np.atleast_2d(np.asarray(loads, dtype=float))
-    if wanted.ndim != 2 or wanted.shape[1] != 6:
-        raise ValueError(f"loads has shape {wanted.shape}, expected (n, 6): {' '.join(WRENCH_NAMES)}")
-    for row, column in np.argwhere(~np.isfinite(wanted)):
-        raise ValueError(
-            f"loads holds {wanted[row, column]} at row {row} ({WRENCH_NAMES[column]}), expected finite numbers"
-        )
+    wanted = _finite_loads(loads)
     if not free or len(set(free)) != len(free):
         raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
     columns, space = [pose_index(name) for name in free], model.scene.pose_space
@@ -169,3 +163,15 @@ def build(
         upper=high,
         residuals=ca.Function("all_residuals", [q], [residuals]),
     )
+
+
+def _finite_loads(loads: ArrayLike) -> Array:
+    """Loads (n, 6), from as many or (6,); ValueError for another shape and for what is not finite."""
+    wanted = np.atleast_2d(np.asarray(loads, dtype=float))
+    if wanted.ndim != 2 or wanted.shape[1] != 6:
+        raise ValueError(f"loads has shape {wanted.shape}, expected (n, 6): {' '.join(WRENCH_NAMES)}")
+    for row, column in np.argwhere(~np.isfinite(wanted)):
+        raise ValueError(
+            f"loads holds {wanted[row, column]} at row {row} ({WRENCH_NAMES[column]}), expected finite numbers"
+        )
+    return wanted

@@ -79,7 +79,7 @@ def tube_frame(x: Array, y: Array, z: Array, offset: Array | float) -> tuple[Arr
 
 
 def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
-    """The arc that a point of the moving frame, or (axes subtracted) a direction, belongs to."""
+    """Numbers (...) of the arcs in whose sectors points (qx, qy) (...) of the moving frame lie."""
     arc = np.full(qx.shape, len(patch.arcs) - 1)
     for k in range(len(patch.arcs) - 2, -1, -1):
         x, y, _, tx, ty = patch.arcs[k]

@@ -19,9 +19,7 @@ from casadi_contact.conventions import Array
 SEARCH_STEPS = 40  # at most: the usual search ends after one to three
 SWEEPS = 3  # over the coordinates of a step
 LAST_STEP = 1e-6  # part of the patch: a step so short is the last one
-SINGLE = (
-    0.05  # curvature relative to the fixed surface, as a part of the body's own, below which there may be minima more
-)
+SINGLE = 0.05  # curvature relative to the fixed surface over the body's own, below which there may be more minima
 ACROSS = np.linspace(0.0, 1.0, 4)  # starts, as parts of the rim's box in w and v, on the rim too
 
 
