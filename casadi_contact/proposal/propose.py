@@ -53,6 +53,20 @@ class Proposal:
     untold: list[str]
 
 
+@dataclass(frozen=True, eq=False)
+class _Draft:
+    """How the bodies were seen, along which direction (3,) they press, the meshes as in their files and the thickness
+    of each; and what grows as the scene is tried: its tables, what the meshes told, and what they did not."""
+
+    sight: Sight
+    direction: list[float]
+    meshes: dict[str, TriangleMesh]
+    shells_mm: dict[str, float]
+    tables: dict[str, Any]
+    told: list[str]
+    untold: list[str]
+
+
 def propose(
     moving: Path,
     fixed: Path,
@@ -75,11 +89,46 @@ def propose(
     def begin(step: str) -> None:
         progress("proposing a scene", _STEPS.index(step), len(_STEPS) - 1, step)
 
-    files = {"moving": Path(moving), "fixed": Path(fixed)}
     begin("surfaces")
+    files = {"moving": Path(moving), "fixed": Path(fixed)}
+    draft = _drafted(files, name, side=side, kind=kind, axes=axes, material=material, units=units)
+    tables, told, untold = draft.tables, draft.told, draft.untold
+    begin("pose at rest")
+    model, pose = _put_to_rest(draft)
+    begin("two cycles")
+    poses, report = _reference(tables, cycles=_TEST_CYCLES)
+    tables["tolerances"] = _tolerances(model, poses)
+    begin("element grids")
+    convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
+    tables["grids"] = convergence.grids
+    (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
+    begin("reference motion")
+    if report.converged.mean() > _MOSTLY:
+        poses, report = _reference(tables)
+    final = ElasticFoundation(Scene.from_tables(tables))
+    tables["sampling"] |= _lost_at_edges(final, poses)
+    untold += [*unsettled(final.scene, report), *beyond_elements(final, poses)]
+    untold += shells_passed(final, poses, draft.shells_mm)
+    begin("done")
+    return Proposal(Scene.from_tables(tables), draft.sight.joint, pose, poses, report.converged.size, told, untold)
+
+
+def _drafted(
+    files: Mapping[str, Path],
+    name: str,
+    *,
+    side: str | None,
+    kind: str | None,
+    axes: Sequence[str] | None,
+    material: str | None,
+    units: str | None,
+) -> _Draft:
+    """What the surfaces alone tell."""
     unit, meshes = _meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
-        raise ValueError(f"{moving} and {fixed} hold the same body, expected the two that touch each other")
+        raise ValueError(
+            f"{files['moving']} and {files['fixed']} hold the same body, expected the two that touch each other"
+        )
     sight = sight_of(meshes, kind, upright=axes is None)
     pair, meeting = sight.pair, sight.meeting
     frame = frame_of(sight, side, axes)
@@ -106,36 +155,28 @@ def propose(
         )
     if shells["moving"] < THIN_MM:
         tables["geometry"]["shell"] = _shell(sight)
+    return _Draft(sight, direction_of(joint, frame, meeting), meshes, shells, tables, told, untold)
+
+
+def _put_to_rest(draft: _Draft) -> tuple[ElasticFoundation, Array]:
+    """The draft's model and its pose at rest (6,), or at the start where none is found; both go into its tables, with
+    how stiff contact is there and what to begin with for samples and motion."""
+    tables, joint, direction = draft.tables, draft.sight.joint, draft.direction
     one_sided = tables["geometry"].get("shell") == "outer"  # which is no thin shell
-    thickness = {"moving": np.inf if one_sided else shells["moving"], "fixed": shells["fixed"]}
-    begin("pose at rest")
-    direction = direction_of(joint, frame, meeting)
-    resting = at_rest(tables, meshes, thickness, lambda model: rest_pose(model, joint, direction))
+    thickness = {"moving": np.inf if one_sided else draft.shells_mm["moving"], "fixed": draft.shells_mm["fixed"]}
+    resting = at_rest(tables, draft.meshes, thickness, lambda model: rest_pose(model, joint, direction))
     model, pose, scene = resting.model, resting.pose, resting.model.scene
     if resting.remark:
         tables["geometry"]["spacing"] = scene.geometry["spacing"]
-        (told if resting.enough else untold).append(resting.remark)
+        (draft.told if resting.enough else draft.untold).append(resting.remark)
     if resting.reason:
-        untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {resting.reason}")
+        draft.untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {resting.reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
-    tables |= {"sampling": _sampling(joint, pair.scale)} | motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
-    begin("two cycles")
-    poses, report = _reference(tables, cycles=_TEST_CYCLES)
-    tables["tolerances"] = _tolerances(model, poses)
-    begin("element grids")
-    convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
-    tables["grids"] = convergence.grids
-    (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
-    begin("reference motion")
-    if report.converged.mean() > _MOSTLY:
-        poses, report = _reference(tables)
-    final = ElasticFoundation(Scene.from_tables(tables))
-    tables["sampling"] |= _lost_at_edges(final, poses)
-    untold += [*unsettled(final.scene, report), *beyond_elements(final, poses), *shells_passed(final, poses, shells)]
-    begin("done")
-    return Proposal(Scene.from_tables(tables), joint, pose, poses, report.converged.size, told, untold)
+    tables["sampling"] = _sampling(joint, draft.sight.pair.scale)
+    tables |= motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
+    return model, pose
 
 
 def _shell(sight: Sight) -> str:
