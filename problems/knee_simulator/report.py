@@ -168,5 +168,6 @@ def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance:
     axis.set_ylabel("energy since the start [N·mm]")
     axis.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "time [s]")
-    page.suptitle("Load-driven knee simulator, one cycle")
+    cycles = motion.settings["cycles"]
+    page.suptitle(f"Load-driven knee simulator, {'one cycle' if cycles == 1.0 else f'{cycles:g} cycles'}")
     save_page(page, path, dots_per_inch=76)

@@ -35,19 +35,19 @@ class Simulation:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-def start_state(simulator: KneeSimulator, time_s: float = 0.0) -> Array:
-    """State (10,) at rest in static equilibrium with the loads at a time; needs a simulator on a surrogate or
-    foundation.
+def start_state(simulator: KneeSimulator) -> Array:
+    """State (10,) at rest in static equilibrium with the loads that a cycle begins with.
 
-    Raises ValueError where no pose that it knows carries the loads.
+    Raises ValueError for a simulator on another model than a surrogate or foundation, and where no pose that it knows
+    carries the loads.
     """
     model, rig = simulator.model, simulator.rig
     if not isinstance(model, SymbolicContact):
         raise ValueError(
             "a start is sought on a surrogate or foundation; pass that state to solve for any other contact model"
         )
-    rest = np.array([*rig.rest_mm_rad, float(simulator.flexion_rz(time_s))])
-    loads = np.asarray(simulator.applied(time_s)).T
+    rest = np.array([*rig.rest_mm_rad, float(simulator.flexion_rz(0.0))])
+    loads = np.asarray(simulator.applied(0.0)).T
     stiffness = np.append(rig.stiffness, 0.0)
     held = static_equilibrium.build(
         model, loads, free=static_equilibrium.FREE, rest=rest, stiffness=stiffness, about="moving"
@@ -55,7 +55,7 @@ def start_state(simulator: KneeSimulator, time_s: float = 0.0) -> Array:
     result = static_equilibrium.solve(held)
     if not result.converged.all():
         raise ValueError(
-            f"no equilibrium to start from at {time_s:g} s: {result.reason[0]}; expected a joint that carries "
+            f"no equilibrium to start from: {result.reason[0]}; expected a joint that carries "
             f"{-loads[0, 1]:.3g} N, {rig.axial_offset_mm:g} mm medially of the moving origin: take a scene with two "
             "sides like a knee's, smaller loads, a Rig with axial_offset_mm=0, or a start of your own"
         )

@@ -16,10 +16,10 @@ ROUNDING = (1e-10, 1e-9, 1e-8)  # of values, first and second derivatives, relat
 CANCELLED = {"patch": 1.0, "trunk": 1.0, "two_stage": 100.0}
 
 
-def usual_size(values, least=0.0):
-    """Largest magnitude (m,) of each output of values (n, m, ...) over poses and derivatives, or `least`."""
+def usual_size(values):
+    """Largest magnitude (m,) of each output of values (n, m, ...) over poses and derivatives."""
     values = np.abs(np.asarray(values, dtype=float))
-    return np.maximum(values.reshape(*values.shape[:2], -1).max(axis=(0, 2)), least)
+    return values.reshape(*values.shape[:2], -1).max(axis=(0, 2))
 
 
 def agree(got, want, order=0, size=None, amplified=1.0):

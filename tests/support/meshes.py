@@ -185,10 +185,10 @@ def wheel_mesh(radius, half_width, edge):
     return points, outward(points, faces, lambda middle: middle)
 
 
-def post_mesh(height=16.0):
-    """A closed L, 40 mm wide: a floor at y = 0 for x > 0 that ends at a wall across x = 0, as of a knee's post. Faces
-    of two triangles, as from CAD."""
-    outline = np.array([(0.0, height), (0.0, 0.0), (30.0, 0.0), (30.0, -8.0), (-10.0, -8.0), (-10.0, height)])
+def post_mesh():
+    """A closed L, 40 mm wide: a floor at y = 0 for x > 0 that ends at a wall of 16 mm across x = 0, as of a knee's
+    post. Faces of two triangles, as from CAD."""
+    outline = np.array([(0.0, 16.0), (0.0, 0.0), (30.0, 0.0), (30.0, -8.0), (-10.0, -8.0), (-10.0, 16.0)])
     n = len(outline)
     points = np.array([[x, y, z] for z in (-20.0, 20.0) for x, y in outline])
     front = np.array([[0, 1, 5], [1, 4, 5], [1, 2, 4], [2, 3, 4]])

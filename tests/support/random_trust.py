@@ -18,10 +18,9 @@ def random_trust(
     confirmation: bool = False,
     older: bool = False,
     root_size: float = 1.0,
-    seed: int = 0,
 ) -> Trust:
     """older: as in files without states; root_size: of usual root loads."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
 
     def positive(*shape: int) -> np.ndarray:
         return rng.uniform(0.2, 1.0, shape)
@@ -30,7 +29,7 @@ def random_trust(
     sizes = np.r_[np.ones(3), np.full(patches, root_size)]
     confirming = root_size * positive(2, patches)
     terms = cubic_terms(np.zeros((1, count))).shape[1]
-    others = np.random.default_rng([seed, 1])
+    others = np.random.default_rng([0, 1])
     near = POSE_CENTRE[[0, 2, 4]] / POSE_SPREAD[[0, 2, 4]]
     states = States(
         columns,

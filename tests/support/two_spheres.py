@@ -90,10 +90,10 @@ class Cycle:
         return self.loads
 
 
-def cycles(model, count=3, frames=21):
-    """Cycles made from known poses (count, frames, 6): loads are the model's own at those poses."""
-    t = np.linspace(0.0, 1.0, frames)
-    made, poses = [], np.zeros((count, frames, 6))
+def cycles(model, count=3):
+    """Cycles made from known poses (count, 21, 6): loads are the model's own at those poses."""
+    t = np.linspace(0.0, 1.0, 21)
+    made, poses = [], np.zeros((count, len(t), 6))
     for k in range(count):
         p = poses[k]
         p[:, 0] = 2.0 * np.sin(2 * np.pi * t + 0.3 * k) + 0.2 * k
