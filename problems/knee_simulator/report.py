@@ -32,7 +32,7 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     writable_folder(out)
     console = PlainConsole()
     print_verdict(console, verdict)
-    console.print(_race_table(runs, motion.settings["integrator"]))
+    console.print(_race_table(runs, motion.integrator))
     balance = EnergyBalance.of(simulator, motion)
     left = {foundation.label: unbalanced(motion, foundation) for foundation in foundations(simulator.model.scene)}
     console.print(_balance_table(balance, left, runs[0].model))
@@ -40,8 +40,8 @@ def report(simulator: KneeSimulator, runs: list[Run], motion: Simulation, verdic
     print_reasons(console, reason)
     summary = {
         "verdict": str(verdict),
-        "integrator": motion.settings["integrator"],
-        "cycles": motion.settings["cycles"],
+        "integrator": motion.integrator,
+        "cycles": motion.cycles,
         "runs": [_run_record(run, runs) for run in runs],
         "energy_nmm": {
             "largest_turnover": float(np.abs(balance.applied + balance.drive).max()),
@@ -168,6 +168,6 @@ def draw(simulator: KneeSimulator, motion: Simulation, runs: list[Run], balance:
     axis.set_ylabel("energy since the start [N·mm]")
     axis.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "time [s]")
-    cycles = motion.settings["cycles"]
-    page.suptitle(f"Load-driven knee simulator, {'one cycle' if cycles == 1.0 else f'{cycles:g} cycles'}")
+    length = "one cycle" if motion.cycles == 1.0 else f"{motion.cycles:g} cycles"
+    page.suptitle(f"Load-driven knee simulator, {length}")
     save_page(page, path, dots_per_inch=76)

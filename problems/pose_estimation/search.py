@@ -37,22 +37,22 @@ def search(
     problem: PoseEstimation,
     poses: Array,
     solved: np.ndarray,
-    wanted: np.ndarray,
+    asked: np.ndarray,
     middle: Array | None,
     *,
     roughly: bool = False,
 ) -> Found:
-    """Find poses of the wanted frames (n,) of a problem's cycle, beginning at poses (n, 6).
+    """Find poses of the frames asked for (n,) of a problem's cycle, beginning at poses (n, 6).
 
     Frames not found are followed from each neighbour that is solved (n,) or found, outwards; then they begin at middle
     poses (n, 6), pressed together first, if there are any, and outwards again. Frames stay as they are where centres of
     pressure are wanted without the forces that they belong to. roughly: to `ROUGHLY_N` under any load.
     """
     settled_n = np.full(len(poses), ROUGHLY_N) if roughly else problem.wanted.settled_n
-    attempts = _Attempts(model, problem, poses, solved, wanted, settled_n)
-    attempts.settle(np.flatnonzero(wanted), poses)
+    attempts = _Attempts(model, problem, poses, solved, asked, settled_n)
+    attempts.settle(np.flatnonzero(asked), poses)
     attempts.outwards()
-    left = np.flatnonzero(wanted & ~attempts.found)
+    left = np.flatnonzero(asked & ~attempts.found)
     if middle is not None and len(left):
         forces = {name: curve[left] for name, curve in problem.wanted.pressing.items()}
         begin, sensitive = middle.copy(), problem.model.scene.sensitive_pose
@@ -72,21 +72,21 @@ class _Attempts:
         problem: PoseEstimation,
         poses: Array,
         solved: np.ndarray,
-        wanted: np.ndarray,
+        asked: np.ndarray,
         settled_n: Array,
     ) -> None:
         self.poses, self.found = poses.copy(), solved.copy()
         self.starts = np.zeros(len(poses), dtype=int)
         self.reason = np.full(len(poses), "", dtype=object)
         self._model, self._free, self._targets = model, problem.free, problem.wanted.targets()
-        self._wanted = wanted if self._targets else np.zeros(len(poses), dtype=bool)
+        self._asked = asked if self._targets else np.zeros(len(poses), dtype=bool)
         self._settled_n = settled_n
         self._measured = {pose_index(name): curve for name, curve in problem.measured.items()}
         self._tried: set[tuple[int, int]] = set()
 
     def settle(self, rows: np.ndarray, begin: Array) -> None:
         """Settle frames from their rows of begin (n, 6)."""
-        rows = rows[self._wanted[rows]]
+        rows = rows[self._asked[rows]]
         for settled_n in np.unique(self._settled_n[rows]):
             self._settle(rows[self._settled_n[rows] == settled_n], begin, settled_n)
 
@@ -111,7 +111,7 @@ class _Attempts:
 
     def _pairs(self) -> list[tuple[int, int]]:
         """Frames not found, each with a neighbour to be followed from."""
-        missing = np.flatnonzero(self._wanted & ~self.found).tolist()
+        missing = np.flatnonzero(self._asked & ~self.found).tolist()
         pairs = {(k, j) for k in missing for j in (k - 1, k + 1) if 0 <= j < len(self.found) and self.found[j]}
         return sorted(pairs - self._tried)
 

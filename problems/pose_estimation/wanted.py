@@ -15,7 +15,7 @@ from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1
 ROUGHLY_N = 0.01  # how closely the search settles loads, torques over 25 mm; closer where they are light
-_NO_LOAD = 1e-6  # of a scene's boundary load: less is zero, rounded
+_ROUNDED_ZERO = 1e-6  # of a scene's boundary load: less is zero, rounded
 NO_LOAD = "no load: any pose out of contact carries it"  # why a frame is not `WantedLoads.loaded`
 TOLERANCES = {FORCE: FORCE_TOLERANCE_N, TORQUE: FORCE_TOLERANCE_N * LEVER_MM, LENGTH: COP_TOLERANCE_MM}
 
@@ -70,7 +70,7 @@ class WantedLoads:
         all_known = all(set(normal.loads) <= set(self.values) for normal in self.scene.normal_loads)
         if not forces or (self.centres and not all_known):
             return np.ones(len(next(iter(self.values.values()))), dtype=bool)
-        return np.any(np.abs(forces) > _NO_LOAD * self.scene.boundary_load, axis=0)
+        return np.any(np.abs(forces) > _ROUNDED_ZERO * self.scene.boundary_load, axis=0)
 
     @property
     def pressing(self) -> dict[str, Array]:
@@ -106,7 +106,7 @@ class WantedLoads:
         pressure end well within their tolerance, at most `ROUGHLY_N`."""
         forces = [np.abs(self._force(centre)) for centre in self.centres.values()]
         least = np.min(forces, axis=0) if forces else np.full(len(self.loaded), np.inf)
-        least = np.maximum(least, _NO_LOAD * self.scene.boundary_load)
+        least = np.maximum(least, _ROUNDED_ZERO * self.scene.boundary_load)
         closely = np.minimum(least * COP_TOLERANCE_MM / LEVER_MM, ROUGHLY_N)
         return np.asarray(10.0 ** np.floor(np.log10(closely)))
 
