@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from casadi_contact.bridges.model import DifferentiableModel, all_hessians, check_last_axis
+from casadi_contact.bridges.model import DifferentiableModel, all_hessians, check_gives, check_last_axis
 from casadi_contact.conventions import Array
 
 
@@ -18,8 +18,9 @@ def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array
 
     Compiled programs call the model back on the CPU, in double precision: poses in single precision raise ValueError.
     A pose that is not finite has loads and derivatives NaN, as JAX's own functions do. A third derivative raises JAX's
-    error for callbacks.
+    error for callbacks. A model without Jacobian raises ValueError, one without Hessian at a second derivative.
     """
+    check_gives(model, "__call__", "jacobian")
     count = len(model.load_names)
 
     def called_back(evaluate: Callable[[Array], Array], *shape: int) -> Callable[[jax.Array], jax.Array]:
@@ -50,6 +51,7 @@ def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array
 
     @jacobians.defjvp
     def _(primals: Any, tangents: Any) -> Any:
+        check_gives(model, "hessian")
         (poses,), (moved,) = primals, tangents
         return jacobians(poses), jnp.einsum("...ljk,...k->...lj", hessians(poses), moved)
 

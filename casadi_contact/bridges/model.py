@@ -27,6 +27,16 @@ class DifferentiableModel(Protocol):
         """Second derivatives (n, 6, 6) of Σ weights·loads for weights (n, L)."""
 
 
+def check_gives(model: object, *methods: str) -> None:
+    """Raise ValueError for a model without one of these methods, before a library's own call-back meets it."""
+    lacking = [name for name in methods if not callable(getattr(model, name, None))]
+    if lacking:
+        raise ValueError(
+            f"{type(model).__name__} gives no {' and no '.join(lacking)}, "
+            "expected a surrogate or the contact model of cc.foundation"
+        )
+
+
 def check_last_axis(shape: Sequence[int]) -> None:
     """Raise ValueError for poses of another shape than (..., 6)."""
     if not shape or shape[-1] != len(POSE_NAMES):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from casadi_contact.bridges.model import DifferentiableModel, check_last_axis
+from casadi_contact.bridges.model import DifferentiableModel, check_gives, check_last_axis
 from casadi_contact.conventions import Array
 
 
@@ -16,8 +16,9 @@ def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm] of tensors, twice differentiable.
 
     The model computes on the CPU in double precision: other poses raise ValueError. A third derivative raises
-    RuntimeError.
+    RuntimeError. A model without Jacobian raises ValueError, one without Hessian at a second derivative.
     """
+    check_gives(model, "__call__", "jacobian")
 
     def loads(poses: torch.Tensor) -> torch.Tensor:
         check_last_axis(poses.shape)
@@ -68,6 +69,7 @@ class _Second(torch.autograd.Function):
     def forward(
         ctx: Any, poses: torch.Tensor, weights: torch.Tensor, seeds: torch.Tensor, model: DifferentiableModel
     ) -> tuple[torch.Tensor, torch.Tensor]:
+        check_gives(model, "hessian")
         x, w, v = map(_array, (poses, weights, seeds))
         by_pose = np.einsum("nij,nj->ni", model.hessian(x, w), v)
         return torch.from_numpy(by_pose), torch.from_numpy(np.einsum("nlj,nj->nl", model.jacobian(x)[1], v))

@@ -3,10 +3,17 @@
 import casadi as ca
 import numpy as np
 
+import casadi_contact as cc
 from tests.support.random_surrogates import random_poses, random_surrogate, scene_called
 
 SURROGATE = random_surrogate(scene_called("knee"), "patch", seed=4)
 POSES = random_poses(12, seed=9)
+ON_PLANE = np.array([0.1, 29.9, 0.0, 0.0, 0.0, 0.1])  # a sphere of 30 mm
+
+
+def sphere_elements():
+    """A contact model that has slopes and no second derivatives."""
+    return cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), grid=(40, 40))
 
 
 def graph_derivatives(model, poses):

@@ -4,8 +4,9 @@ import pytest
 
 jax = pytest.importorskip("jax", reason="the bridge needs casadi_contact[jax]")
 
+import casadi_contact as cc  # noqa: E402
 from casadi_contact.bridges.jax import contact_loads  # noqa: E402
-from tests.bridges.oracle import POSES, SURROGATE, graph_derivatives  # noqa: E402
+from tests.bridges.oracle import ON_PLANE, POSES, SURROGATE, graph_derivatives, sphere_elements  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
 
 
@@ -56,3 +57,17 @@ def test_a_third_derivative_is_refused():
     loads = contact_loads(SURROGATE)
     with pytest.raises(ValueError, match="callback"):
         jax.jacfwd(jax.hessian(loads))(POSES[0])
+
+
+def test_elements_give_a_slope_and_refuse_a_second_derivative_in_one_line():
+    elements = sphere_elements()
+    loads = contact_loads(elements)
+    close(jax.jit(jax.jacfwd(loads))(ON_PLANE), elements.jacobian(ON_PLANE)[1], 12)
+    with pytest.raises(ValueError, match="ElasticFoundation gives no hessian, expected a surrogate or") as refused:
+        jax.jit(jax.hessian(lambda pose: loads(pose)[1]))(ON_PLANE)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_gives_no_loads_of_poses_is_refused_before_a_compiled_program_calls_it():
+    with pytest.raises(ValueError, match="Assembly gives no __call__ and no jacobian, expected a surrogate or"):
+        contact_loads(cc.load_assembly("knee_with_patella"))

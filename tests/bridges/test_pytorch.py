@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch", reason="the bridge needs casadi_contact[tor
 
 import casadi_contact as cc  # noqa: E402
 from casadi_contact.bridges.pytorch import contact_loads  # noqa: E402
-from tests.bridges.oracle import POSES, SURROGATE, graph_derivatives  # noqa: E402
+from tests.bridges.oracle import ON_PLANE, POSES, SURROGATE, graph_derivatives, sphere_elements  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
 
 
@@ -60,3 +60,17 @@ def test_no_poses_have_no_loads_and_no_gradient():
     assert loads.shape == (0, len(SURROGATE.load_names))
     loads.sum().backward()
     assert poses.grad.shape == (0, 6)
+
+
+def test_elements_give_a_slope_and_refuse_a_second_derivative():
+    elements = sphere_elements()
+    pose = torch.tensor(ON_PLANE, requires_grad=True)
+    (slope,) = torch.autograd.grad(contact_loads(elements)(pose)[1], pose, create_graph=True)
+    close(slope.detach(), elements.jacobian(ON_PLANE)[1][1], 12)
+    with pytest.raises(ValueError, match="ElasticFoundation gives no hessian, expected a surrogate or"):
+        slope[1].backward()
+
+
+def test_what_gives_no_loads_of_poses_is_refused():
+    with pytest.raises(ValueError, match="Assembly gives no __call__ and no jacobian, expected a surrogate or"):
+        contact_loads(cc.load_assembly("knee_with_patella"))
