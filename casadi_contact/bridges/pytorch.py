@@ -15,8 +15,9 @@ from casadi_contact.conventions import Array
 def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.Tensor]:
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm] of tensors, twice differentiable.
 
-    The model computes on the CPU in double precision: other poses raise ValueError. A third derivative raises
-    RuntimeError. A model without Jacobian raises ValueError, one without Hessian at a second derivative.
+    The model computes on the CPU in double precision: other poses, and those that are not finite, raise ValueError. A
+    third derivative raises RuntimeError. A model without Jacobian raises ValueError, one without Hessian at a second
+    derivative.
     """
     check_gives(model, "__call__", "jacobian")
 
