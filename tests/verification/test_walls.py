@@ -10,7 +10,7 @@ from casadi_contact.verification import share_on_walls, words_on_walls
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
-from tests.support.meshes import mesh_scene_text
+from tests.support.meshes import mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +37,30 @@ def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_tw
     np.testing.assert_allclose(model.wrenches(wall), 0.0, atol=1e-9)  # and so nothing else tells it
     assert not model.at_edge(wall).any()
     assert "in 2 of 3 frames up to 100%" in words_on_walls(share)
+
+
+def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_path):
+    """A roller pressed sideways into a half-pipe: N = (K/h) L R ∫ (e cos φ - c) cos φ dφ for a clearance c, a way e."""
+    radius, clearance, way, width = 20.0, 0.4, 0.45, 10.0
+    points, faces = sheet_mesh(2.0, 0.02)
+    angle = 1.9 * points[:, 0]
+    pipe = np.stack([radius * np.sin(angle), -radius * np.cos(angle), 8.0 * points[:, 2]], axis=1)
+    write_obj(tmp_path / "pipe.obj", pipe, faces)
+    write_obj(tmp_path / "roller.obj", *wheel_mesh(radius - clearance, 0.5 * width, 0.6))
+    pose = np.array([way * np.sin(1.2), -way * np.cos(1.2), 0.0, 0.0, 0.0, 0.0])
+    reach = np.arccos(clearance / way)
+    integral = way * (reach + 0.5 * np.sin(2.0 * reach)) - 2.0 * clearance * np.sin(reach)
+    found = {}
+    for key in ("", "cup_centre = [0.0, 0.0, 0.0]"):
+        (tmp_path / "notch.toml").write_text(mesh_scene_text("roller.obj", "pipe.obj", extra=key))
+        model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (200, 80))
+        force = float(np.linalg.norm(model.wrenches(pose)[0, :3]))
+        found[key] = force / (267.5728 * width * radius * integral), words_on_walls(share_on_walls(model, [pose]))
+    (lost, told), (whole, nothing) = found.values()
+    assert lost < 0.8
+    assert "geometry.cup_centre" in told
+    assert whole == pytest.approx(1.0, abs=0.04)
+    assert nothing is None
 
 
 def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
