@@ -156,7 +156,8 @@ def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tupl
     Files whose origin lies far from the bodies: to what the moving body turns about, the middle of its curvature where
     it touches, of a ball in a cup to the cup's centre; the same for both bodies where the files place them together. A
     ball in a cup: its origin to its own centre in any case, or turning it would move it by more than the tenths of a
-    millimetre that a cup leaves, and of a pose's translation nothing could be told. A knee of one scan: the fixed
+    millimetre that a cup leaves, and of a pose's translation nothing could be told; not a spool's in its notch, which
+    turns about an axis. A knee of one scan: the fixed
     origin, which centres of pressure refer to, in x to the middle of contact and in z to between the patches, as a
     tray's.
     """
@@ -176,7 +177,7 @@ def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tupl
         if meeting.together:
             origins = dict.fromkeys(origins, centre)
     lever_mm = float(np.linalg.norm(regions.anchors_mm[0]))
-    if not joint.pressing and not origins["moving"].any() and lever_mm > pair.scale * _LEVER_MM:
+    if not joint.pressing and regions.centred and not origins["moving"].any() and lever_mm > pair.scale * _LEVER_MM:
         origins["moving"] = regions.anchors_mm[0]
         told.append(
             f"the moving body's origin lies {lever_mm:.3g} mm from what it turns about in its cup: moved there, see "

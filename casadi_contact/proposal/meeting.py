@@ -12,6 +12,8 @@ from casadi_contact.proposal.pair import Pair
 REACH_MM = 2.0
 _DEEPEST_MM = 4.0  # bodies scanned together overlap less
 _LEAST_SHARE = 0.03  # of the fixed surface that is near, for the files to share a frame
+_PARALLEL, _MOST = 0.998, 0.8  # cos of an angle to the mean normal, and of which share of the area: edges are rounded
+_PLANES_COUNT = 0.2  # of their area
 _INSIDE_OUT = 2.0  # times the area, over which an open moving surface meets the fixed one turned round
 
 
@@ -80,7 +82,8 @@ def _near_as_placed(pair: Pair, *, backs: bool = False) -> np.ndarray | None:
 
 
 def _dropped(pair: Pair) -> Meeting | None:
-    """How they meet along the axis along which most of the fixed surface comes near."""
+    """How they meet along the axis along which most of the fixed surface comes near. Planes that meet, such as the
+    backs of two parts, count less: all of a plane comes near at once, and of a ball in its trough little does."""
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     ends = pair.moving.vertices_mm
     centred = middle - 0.5 * (ends.min(axis=0) + ends.max(axis=0))
@@ -92,9 +95,24 @@ def _dropped(pair: Pair) -> Meeting | None:
                 continue
             near = pair.near(np.eye(3), touched, pair.scale * REACH_MM) & (pair.normals @ direction < 0.0)
             size = float(pair.areas_mm2[near].sum())
+            if _planes(pair, near, touched):
+                size *= _PLANES_COUNT
             if size > 1.2 * best:  # an earlier one, along y and as in the files, unless another is clearly better
                 best, found = size, Meeting(False, direction, touched, _pressing(pair, near)[1])
     return found
+
+
+def _planes(pair: Pair, near: np.ndarray, translation_mm: Array) -> bool:
+    """Whether both bodies are plane where they meet: most normals of each are parallel."""
+    slopes = pair.distances(np.eye(3), translation_mm)[1][near]
+    area = pair.areas_mm2[near]
+    if not area.sum():
+        return False
+    for normals in (pair.normals[near], slopes / np.linalg.norm(slopes, axis=1, keepdims=True)):
+        mean = area @ normals / np.linalg.norm(area @ normals)
+        if area @ (normals @ mean > _PARALLEL) < _MOST * area.sum():
+            return False
+    return True
 
 
 def _area_mm2(pair: Pair, meeting: Meeting) -> float:

@@ -30,7 +30,8 @@ class Regions:
     the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
     rising. centre_mm (3,): of the fixed body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
     patch, on the moving body's file. round: whether the moving body bulges all over where it touches, away from its
-    anchors. hollow: whether the fixed body is a cup about the centre."""
+    anchors. hollow: whether the fixed body is a cup about the centre. centred: whether most of the moving normals there
+    run through the anchors, as all of a ball's do and few of a spool's, which turns about an axis."""
 
     weight: Array
     axis: int | None
@@ -39,6 +40,7 @@ class Regions:
     anchors_mm: Array
     round: bool
     hollow: bool
+    centred: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -70,7 +72,7 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     facing = np.einsum("nk,nk->n", _unit(centre - pair.points_mm), pair.normals)
     seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
     hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
-    found = Regions(weight, best[1], best[2], centre, np.zeros((0, 3)), round=True, hollow=hollow)
+    found = Regions(weight, best[1], best[2], centre, np.zeros((0, 3)), round=True, hollow=hollow, centred=True)
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
     anchors = [
@@ -79,8 +81,14 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     ]
     away = on_moving - np.array(anchors)[patches[rows]]
     areas = pair.areas_mm2[rows]
-    bulging = float(areas @ (np.einsum("nk,nk->n", away, slopes) > 0.0)) / float(areas.sum())
-    return replace(found, anchors_mm=np.array(anchors), round=bulging > _ROUND)
+    outwards = np.einsum("nk,nk->n", _unit(away), _unit(slopes))
+    bulging, straight = (float(areas @ seen) for seen in (outwards > 0.0, np.abs(outwards) > _STRAIGHT))
+    return replace(
+        found,
+        anchors_mm=np.array(anchors),
+        round=bulging > _ROUND * float(areas.sum()),
+        centred=straight > 0.5 * float(areas.sum()),
+    )
 
 
 def _centre_and_pivot(pair: Pair, meeting: Meeting) -> tuple[Array, Array]:

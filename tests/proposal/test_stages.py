@@ -267,6 +267,40 @@ def test_a_spool_that_bears_on_both_sides_of_its_notch_has_one_patch():
     assert sight.joint.sensitive_pose == ["tx", "ty", "tz"]
 
 
+def test_a_spool_turns_about_the_axis_of_its_file():
+    """Its normals meet in no point: about the one nearest to all of them flexion would move it across its notch."""
+    spool, faces = revolved(lambda z: 9.0 + 0.466 * np.sqrt(z**2 + 2.0), 2.6, 9.0)
+    notch = checked_mesh("notch", *revolved(lambda z: 9.3 + 0.45 * np.sqrt(z**2 + 2.0), 1.5, 8.0))
+    _, _, joint, frame = seen(checked_mesh("spool", spool, faces[:, ::-1]), notch)
+    assert not joint.pressing
+    assert frame.offsets_mm["moving"] == (0.0, 0.0, 0.0)
+
+
+def flat_backed(side_mm, back_mm, height):
+    """A closed body whose top is y = height(x, z) over a square, and whose back is a plane."""
+    points, faces = slab_mesh(*sheet_mesh(side_mm, 1.0, height), 1.0)
+    points[len(points) // 2 :, 1] = back_mm
+    return points, faces
+
+
+def test_parts_with_flat_backs_meet_with_the_sides_that_bear():
+    """As of a disc prosthesis: a dome in a trough, each in its own frame. Their backs would meet over a larger area."""
+    dome, faces = flat_backed(20.0, 5.0, lambda x, z: np.sqrt(16.0**2 - x**2 - z**2))
+    moving = checked_mesh("dome", dome * [1.0, -1.0, 1.0] + np.array([0.0, 60.0, 0.0]), faces[:, ::-1])
+    fixed = checked_mesh("trough", *flat_backed(24.0, -4.0, lambda x, z: 16.3 - np.sqrt(16.3**2 - z**2) + 0.0 * x))
+    meeting = meeting_of(Pair.of(moving, fixed))
+    np.testing.assert_array_equal(meeting.pressing, DOWN)
+    assert not meeting.together
+
+
+def test_plates_meet_with_their_planes():
+    """No curved side is there to meet: edges do not count for one."""
+    plate, faces = slab_mesh(*sheet_mesh(16.0, 1.0), 3.0)
+    moving = checked_mesh("moving", plate + np.array([0.0, 40.0, 0.0]), faces)
+    meeting = meeting_of(Pair.of(moving, checked_mesh("fixed", plate, faces)))
+    np.testing.assert_array_equal(np.abs(meeting.pressing), [0.0, 1.0, 0.0])
+
+
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
     """As at the base of a thumb: it is hollow one way only, though all of it is seen from one point."""
     fixed, (points, faces) = (sheet_mesh(side, 1.0, lambda x, z: x**2 / 18.0 - z**2 / 22.0) for side in (12.0, 11.0))
