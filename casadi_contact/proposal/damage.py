@@ -1,4 +1,4 @@
-"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, and spikes of single vertices."""
+"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, spikes of single vertices, and holes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, 
 
 _SPECK = 0.01  # of the area of the largest piece, at most
 _ALL_SPECKS = 0.05  # of the whole area: more is a body of many pieces
+_HOLE = 0.2  # of the mesh across, at most: a wider opening is where a part ends
 _SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
 
 
@@ -63,4 +64,29 @@ def spikes(mesh: TriangleMesh) -> list[str]:
         f"whether {mesh.name} is so where {int(tips.sum())} of its vertices stand out like a needle, the first by "
         f"{height[first]:.2g} mm at {point_words(mesh.vertices_mm[first])} mm: smooth it there if that is a slip of "
         "segmentation"
+    ]
+
+
+def holes(mesh: TriangleMesh) -> list[str]:
+    """The doubt about open edges that lie close together all round, as a scan leaves where it saw nothing."""
+    from scipy import sparse  # here: as where triangles are joined
+    from scipy.sparse.csgraph import connected_components
+
+    rims = mesh.boundary_edges
+    if not len(rims):
+        return []
+    used, ends = np.unique(rims, return_inverse=True)
+    first, second = ends.reshape(-1, 2).T
+    links = sparse.coo_matrix((np.ones(len(rims)), (first, second)), shape=(len(used),) * 2)
+    count, rim = connected_components(links, directed=False)
+    points = mesh.vertices_mm[used]
+    across = np.array([np.linalg.norm(np.ptp(points[rim == k], axis=0)) for k in range(count)])
+    small = np.flatnonzero(across < _HOLE * np.linalg.norm(np.ptp(mesh.vertices_mm, axis=0)))
+    if not len(small):
+        return []
+    widest = int(small[across[small].argmax()])
+    place = point_words(points[rim == widest].mean(axis=0).round(1) + 0.0)
+    return [
+        f"whether {mesh.name} is open where it has holes ({len(small)}, the widest {across[widest]:.2g} mm across at "
+        f"{place} mm): contact there counts as contact at an edge and bears less; close them if they are a scan's slips"
     ]

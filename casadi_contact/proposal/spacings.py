@@ -20,6 +20,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.scenes import Scene
 
 _SHARES = (0.25, 0.15, 0.1)  # of the thickness
+_FINER = 0.8  # times the one before, at most: fields that hardly differ tell nothing of each other
 _ENOUGH = 0.01  # of the forces at rest
 _ORDER = 4  # of the error in the spacing
 _NEEDED = "a distance field of {}, as thin bodies need"
@@ -55,7 +56,7 @@ def at_rest(
     tried = []
     for share in _SHARES:
         each = {body: min(usual, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
-        if each not in tried:
+        if not tried or any(spacing < _FINER * tried[-1][body] for body, spacing in each.items()):
             tried.append(each)
     model = _model(tables, tried[0])
     found = Resting(model, *rest(model))

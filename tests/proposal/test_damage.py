@@ -1,11 +1,11 @@
-"""Slips of segmentation: loose specks and spikes are told, and sound bodies have none."""
+"""Slips of segmentation: loose specks, spikes and holes are told, and sound bodies have none."""
 
 import numpy as np
 import pytest
 import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.proposal.damage import specks, spikes, without_specks
+from casadi_contact.proposal.damage import holes, specks, spikes, without_specks
 from casadi_contact.proposal.sight import sight_of
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, torus_mesh
 
@@ -59,3 +59,15 @@ def test_a_single_vertex_that_stands_5_mm_out_of_a_ball_is_told(out_mm):
 )
 def test_rims_and_corners_of_sound_bodies_are_no_spikes(sound):
     assert not spikes(checked_mesh("sound", *sound))
+
+
+@pytest.mark.parametrize("body", [ball_mesh(20.0, 1.5), sheet_mesh(40.0, 1.0)])
+def test_a_hole_is_told_and_where_the_rim_of_an_open_surface_is_none(body):
+    points, faces = body
+    assert not holes(checked_mesh("sound", points, faces))
+    place = points[np.linalg.norm(points - [0.0, 20.0, 0.0], axis=1).argmin()]
+    away = np.linalg.norm(points[faces].mean(axis=1) - place, axis=1) > 2.0
+    (said,) = holes(checked_mesh("holed", points, faces[away]))
+    assert "has holes (1, " in said
+    assert 2.0 < float(said.split("the widest ")[1].split(" mm")[0]) < 8.0
+    assert f"({place[0].round(1) + 0.0:.4g}, " in said

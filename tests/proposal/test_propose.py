@@ -140,6 +140,10 @@ def test_names_and_units_that_cannot_be_are_refused_before_any_work(folder):
     files = (folder / "ball.obj", folder / "cup.obj", "--out", folder / "other.toml")
     assert "--units is 'foot', expected m or mm or cm or inch" in refused(*files, "--units", "foot")
     assert "mm across" in refused(*files, "--units", "m")
+    for name, size in (("ball", 14.0), ("cup", 16.0)):
+        write_obj(folder / f"{name}_inch.obj", *cap_mesh(size / 25.4, 0.05, 1.3))
+    said = refused(folder / "ball_inch.obj", folder / "cup_inch.obj", "--out", folder / "other.toml")
+    assert said.endswith("is the file in cm or inch? Say so with --units")
 
 
 def test_files_of_a_hip_in_centimetres_are_asked_about_and_no_small_joint_is_made_of_them(folder):

@@ -60,3 +60,8 @@ def test_without_forces_at_rest_nothing_tells_that_a_field_is_fine_enough(tmp_pa
     assert not resting.enough
     assert "no forces at rest" in resting.remark
     assert "%" not in resting.remark
+
+
+def test_fields_that_hardly_differ_tell_nothing_of_each_other(tmp_path):
+    """A tenth of the thickness is all but the usual spacing."""
+    assert found(tmp_path, 7.45).remark == ""
