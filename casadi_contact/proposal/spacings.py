@@ -53,7 +53,7 @@ def at_rest(
     thickness_mm: of both bodies, infinite for open surfaces. rest: gives the pose at rest and why there is none.
     """
     usual = tables["geometry"].get("spacing", SPACING_MM)
-    tried = []
+    tried: list[dict[str, float]] = []
     for share in _SHARES:
         each = {body: min(usual, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
         if not tried or any(spacing < _FINER * tried[-1][body] for body, spacing in each.items()):
