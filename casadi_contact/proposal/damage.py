@@ -1,4 +1,5 @@
-"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, spikes of single vertices, and holes."""
+"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, spikes of single vertices, holes, and
+noise that is steep between short edges."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, 
 _SPECK = 0.01  # of the area of the largest piece, at most
 _ALL_SPECKS = 0.05  # of the whole area: more is a body of many pieces
 _HOLE = 0.2  # of the mesh across, at most: a wider opening is where a part ends
+_ROUGH_DEG = 15.0  # between neighbouring triangles, the median: of curved surfaces that are meshed well some degrees
 _SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
 
 
@@ -89,4 +91,21 @@ def holes(mesh: TriangleMesh) -> list[str]:
     return [
         f"whether {mesh.name} is open where it has holes ({len(small)}, the widest {across[widest]:.2g} mm across at "
         f"{place} mm): contact there counts as contact at an edge and bears less; close them if they are a scan's slips"
+    ]
+
+
+def rough(mesh: TriangleMesh) -> list[str]:
+    """The doubt about noise between so short edges that neighbouring triangles stand steeply against each other: such a
+    surface bears too much."""
+    sides = mesh.joined_sides
+    if not len(sides[0]):
+        return []
+    first, second = (mesh.normals[side % len(mesh.faces)] for side in sides)
+    cos = np.clip(np.einsum("nk,nk->n", first, second), -1.0, 1.0)
+    between_deg = float(np.degrees(np.median(np.arccos(cos))))
+    if between_deg < _ROUGH_DEG:
+        return []
+    return [
+        f"how deep {mesh.name} is pressed: its triangles stand at {between_deg:.0f} degrees to their neighbours "
+        "(median), and so rough a surface bears too much; smooth it, or mesh it anew with longer edges"
     ]

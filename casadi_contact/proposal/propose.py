@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import Update, reference_motion_cycles
-from casadi_contact.proposal.damage import holes, specks, spikes
+from casadi_contact.proposal.damage import holes, rough, specks, spikes
 from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
@@ -139,7 +139,8 @@ def _drafted(
     tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]
-    untold += [doubt for mesh in meshes.values() for doubt in (*specks(mesh), *spikes(mesh), *holes(mesh))]
+    damages = (specks, spikes, holes, rough)
+    untold += [doubt for mesh in meshes.values() for damage in damages for doubt in damage(mesh)]
     why = " (--material)" if material else _guess(meeting.together)
     untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")
     if units is None and pair.scale < 1.0:
