@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, read_sample_table
+from casadi_contact.project.project import Project
+from casadi_contact.project.samples import take_table
 from tests.support.own_contact import SCENE
 from tests.test_own_contact import table_rows, write_csv, write_hdf5
 
@@ -39,10 +42,12 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
     scene, columns = cc.load_scene("patellofemoral"), table_rows(20)
     columns = {name: columns[name] for name in ("tx", "ty", "tz", "rx", "ry", "rz")}
     columns |= {
-        f"{k}_{p}": np.full(20, 1.0 + i) for i, k in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty")) for p in ("med", "lat")
+        f"{k}_{p}": np.full(20, -100.0 - i)
+        for i, k in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty"))
+        for p in ("med", "lat")
     }
     samples = read_sample_table(write_csv(tmp_path / "t.csv", columns), scene)
-    np.testing.assert_array_equal(samples.loads(["Fx_med", "Fz"])[0], [1.0, 6.0])
+    np.testing.assert_array_equal(samples.loads(["Fx_med", "Fz"])[0], [-100.0, -204.0])
     assert np.isnan(samples.gaps).all()
 
 
@@ -57,6 +62,8 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
         (lambda c: c.update(domain=np.full(20, 9.0)), "domain holds numbers outside"),
         (lambda c: c.update(gap=-c["gap"]), r"row \d+: contact carries no load and has the gap -0\.0"),
         (lambda c: c.update(rz=np.degrees(c["rz"])), "rz reaches .*, expected radians: is it in degrees"),
+        (lambda c: c.update({k: c[k] / 1000 for k in ("tx", "ty", "tz")}), "vary by 0.0.*: turn m into mm"),
+        (lambda c: c.update({k: c[k] / 1000 for k in ("Fx", "Fy", "Fz")}), "1000 N: turn kN into N"),
         (lambda c: c.update(role=np.zeros(20)), r"no row has role 1 \(validation\), 2 \(test\), expected some of each"),
         (lambda c: c.update({k: v[:5] for k, v in c.items()}), "5 rows, expected at least 10"),
     ],
@@ -87,3 +94,18 @@ def test_a_gap_may_change_its_sign_a_little_before_the_load_but_not_far(tmp_path
     columns["gap"][free[2]] = -0.3
     with pytest.raises(ValueError, match=rf"row {free[2] + 1}: contact carries no load and has the gap -0\.3 mm"):
         read_sample_table(write_csv(tmp_path / "t.csv", columns), SCENE)
+
+
+def test_a_table_of_loads_on_the_moving_body_is_refused_before_it_is_learned(tmp_path):
+    columns = table_rows(40)
+    scene_file = tmp_path / "pressed.toml"
+    scene_file.write_text(SCENE.to_toml().replace('"F"', '"+Fy"').replace('"tx", "ty", "tz"', '"ty"'))
+    project = Project.open(scene_file, "quick", tmp_path / "out")
+    assert len(take_table(project, write_csv(tmp_path / "t.csv", columns))) == 40
+    turned = write_csv(tmp_path / "t.csv", columns | {name: -columns[name] for name in WRENCH_NAMES})
+    row = 1 + int(columns["Fy"].argmax())
+    with pytest.raises(ValueError, match=rf"t.csv, row {row}: contact pulls .*expected Fy >= 0 .*turn the signs"):
+        take_table(project, turned)
+    columns["Fy"][row - 1] *= -1.0
+    with pytest.raises(ValueError, match=rf"row {row}: contact pulls .*\(1 such rows\): set loads out"):
+        take_table(project, write_csv(tmp_path / "t.csv", columns))

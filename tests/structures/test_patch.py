@@ -189,7 +189,7 @@ def test_samples_that_cannot_be_fitted_are_refused():
 
     with pytest.raises(ValueError, match="NaN or infinity in wrenches at row 7"):
         PatchSurrogate.regressions(changed(wrenches=((7, 1, 2), np.nan)))
-    with pytest.raises(ValueError, match=r"'med' pulls with 3 N at row 4"):
+    with pytest.raises(ValueError, match=r"row 5: med pulls with 3 N, expected Fy <= 0 \(1 such rows\)"):
         PatchSurrogate.regressions(changed(wrenches=((4, 0, 1), 3.0), role=(4, TRAIN)))
     with pytest.raises(ValueError, match="no row for training"):
         PatchSurrogate.regressions(changed(role=(slice(None), TEST)))
