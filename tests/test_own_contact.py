@@ -133,6 +133,19 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name
         pipeline.take_table(project, write(table, table_rows(50)))
 
 
+def test_a_wrong_row_of_a_table_is_named_in_the_surrogate_and_its_report(scene_file, tmp_path, caplog):
+    columns = table_rows(400)
+    slip = int(columns["Fy"].argmax())
+    for name in WRENCH_NAMES:
+        columns[name][slip] *= 10.0
+    table = write_csv(tmp_path / "t.csv", columns)
+    surrogate = cc.build(scene_file, "small", table=table, folder=tmp_path / "out")["patch"]
+    named = f"mend or remove them if they are wrong: {slip + 1} (normal load "
+    assert named in caplog.text
+    assert named in str(surrogate.info())
+    assert named in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
 def test_a_table_that_was_mended_replaces_one_that_nothing_was_learned_from(scene_file, tmp_path):
     columns, table = table_rows(60), tmp_path / "t.csv"
     gaps = columns.pop("gap")

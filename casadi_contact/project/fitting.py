@@ -272,8 +272,10 @@ def _record(
     project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str, device: str
 ) -> dict[str, Any]:
     """What the surrogate's file says of how it was made (see `surrogate.info`)."""
+    odd = samples.provenance.get("odd_rows")
     return {
         **samples_record(samples),
+        **({} if odd is None else {"odd_rows": odd}),
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "test_errors": domain_errors(surrogate, samples),
         "command": command,

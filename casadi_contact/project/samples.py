@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling
+from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
 from casadi_contact.project.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
@@ -30,6 +32,8 @@ from casadi_contact.sampling.folder import begun
 from casadi_contact.sampling.motion_file import kept_motion, motion_origin, write_motion
 from casadi_contact.scenes import Scene
 from casadi_contact.training.arrays import arrays_for
+
+_log = logging.getLogger(__name__)
 
 
 class DrawnModel(ContactModel, WrenchModel, Protocol):
@@ -145,7 +149,7 @@ def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
     Raises ValueError for a table that cannot serve the preset's structures, and for a folder in which other samples are
-    drawn or learned already.
+    drawn or learned already. A logged warning, and the samples' provenance, name rows that contradict the others.
     """
     samples = read_sample_table(table, project.scene)
     if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
@@ -157,6 +161,9 @@ def take_table(project: Project, table: Path) -> Samples:
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
+    if odd := odd_rows_text(odd_rows(samples)):
+        _log.warning("%s: %s", table, odd)
+        samples = replace(samples, provenance={**samples.provenance, "odd_rows": odd})
     project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
     write_samples(project.samples_path, samples)
     return samples

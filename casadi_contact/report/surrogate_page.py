@@ -83,6 +83,7 @@ def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
         *_reach(surrogate),
         heading(f"{name}: errors by domain"),
         _errors(info.test_errors, loads, surrogate.scene.tolerances),
+        *([paragraph(f"Of the table: {odd}.")] if (odd := surrogate.record.get("odd_rows")) else []),
         heading(f"{name}: coverage"),
         _coverage(info.coverage, loads),
         heading(f"{name}: training"),

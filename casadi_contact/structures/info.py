@@ -13,6 +13,7 @@ all others are kept and printed as they are:
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
                                                                     validity above 0.9, and of errors below the
                                                                     expected error (see `coverage`)
+    odd_rows         "rows unlike ...: 7 (Fy 5.31e+03 N, ...)"      of the table it learned (see `dataset.odd_rows`)
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
     active           [33000, 34000]                                 samples that each active round added (see `active`)

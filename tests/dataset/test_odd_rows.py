@@ -1,0 +1,58 @@
+"""Rows that contradict all others of a table are named; noise, and loads that grow steeply, are not."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from casadi_contact.dataset import Samples
+from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
+from casadi_contact.scenes import Scene
+from tests.support.own_contact import CLEARANCE_MM, SCENE, gaps, wrenches
+
+PRESSED = Scene.from_toml(SCENE.to_toml().replace('"F"', '"+Fy"').replace('"tx", "ty", "tz"', '"ty"'))
+
+
+def noisy_samples(scene, noise=0.005):
+    """600 samples of a ball pressed into its socket, over a cone of directions."""
+    rng = np.random.default_rng(1)
+    directions = np.array([0.1, 0.9, 0.2]) + rng.uniform(-0.2, 0.2, (600, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    size = CLEARANCE_MM + rng.uniform(-0.02, 0.08, (600, 1))
+    poses = np.hstack([[5.0, -3.0, 2.0] + size * directions, rng.uniform(-0.3, 0.3, (600, 3))])
+    loads = wrenches(poses) * (1.0 + noise * rng.standard_normal((600, 1, 6)))
+    return Samples(scene, poses, loads, gaps(poses), np.ones(600, np.uint8), np.zeros(600, np.uint8))
+
+
+def changed(samples, rows, times, columns=slice(None)):
+    loads = samples.wrenches.copy()
+    loads[rows, 0, columns] *= times
+    return replace(samples, wrenches=loads)
+
+
+def test_neither_noise_nor_exact_loads_have_odd_rows():
+    for scene in (SCENE, PRESSED):
+        for noise in (0.0, 0.005, 0.05):
+            assert odd_rows(noisy_samples(scene, noise)) == []
+    assert odd_rows_text([]) == ""
+
+
+def test_decimal_slips_are_named_with_what_the_other_rows_say():
+    for scene in (SCENE, PRESSED):
+        samples = noisy_samples(scene)
+        slips = np.argsort(-samples.wrenches[:, 0, 1])[[0, 50, 100, 150, 200, 250, 300]]
+        rows = odd_rows(changed(samples, slips, 10.0))
+        assert {row.row for row in rows} == set(slips + 1)
+        assert {row.load for row in rows} == {"normal load"}
+        np.testing.assert_allclose([row.expected for row in rows], [row.value / 10.0 for row in rows], rtol=0.1)
+        assert odd_rows_text(rows).endswith(" and 2 more")
+
+
+def test_one_load_of_a_row_with_the_wrong_sign_is_named():
+    samples = noisy_samples(PRESSED)
+    row = int(samples.wrenches[:, 0, 1].argmax())
+    (odd,) = odd_rows(changed(samples, row, -1.0, columns=5))
+    assert (odd.row, odd.load, odd.unit) == (row + 1, "Tz", "N·mm")
+
+
+def test_of_too_few_rows_none_is_called_odd():
+    assert odd_rows(changed(noisy_samples(SCENE), 0, 10.0).rows(np.arange(20))) == []
