@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact
 from casadi_contact.conventions import Array, as_poses, load_unit
+from casadi_contact.quantities import beside
 from casadi_contact.scenes import Scene
+from casadi_contact.structures import Surrogate
 from casadi_contact.verification.verify import loads_on
 
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
@@ -25,7 +27,8 @@ class Verdict:
     solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
     model gave no number, NaN where there was no model to ask; allowed (L,): the largest error of a verified frame;
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
-    error.
+    error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
+    model to ask, None where it says nothing.
     """
 
     load_names: tuple[str, ...]
@@ -34,6 +37,7 @@ class Verdict:
     allowed: Array
     model: str
     on_model: np.ndarray
+    expected: Array | None = None
 
     @property
     def checked(self) -> bool:
@@ -65,7 +69,7 @@ class Verdict:
     def __str__(self) -> str:
         count, solved = len(self.solved), int(self.solved.sum())
         if not self.checked:
-            return f"{solved} of {count} solved, not checked: {self.model}"
+            return f"{solved} of {count} solved, not checked: {self.model}{self._own_words}"
         verified = int(self.verified.sum())
         alone = int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
@@ -76,6 +80,17 @@ class Verdict:
         if count > solved:
             parts.append(f"{count - solved} not solved")
         return "; ".join(parts)
+
+    @property
+    def _own_words(self) -> str:
+        """The largest of a surrogate's own expected errors in solved frames, against what is allowed."""
+        if self.expected is None or not self.solved.any():
+            return ""
+        largest = self.expected[self.solved].max(axis=0)
+        load = int((largest / self.allowed).argmax())
+        name = self.load_names[load]
+        off, unit = beside(largest[load], self.allowed[load]), load_unit(name)
+        return f"; the surrogate itself expects errors up to {off} {unit} ({name}, {self.allowed[load]:g} allowed)"
 
     @property
     def _excess(self) -> Array:
@@ -99,6 +114,8 @@ class Verdict:
 
 def own_model(scene: Scene) -> ContactModel | str:
     """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand."""
+    if scene.layer is None:
+        return f"the scene {scene.name} has no contact model at hand (ask yours in Python: cc.verify)"
     try:
         return ElasticFoundation(scene, scene.grids.get("teacher"))
     except (ValueError, OSError, ImportError) as error:
@@ -122,8 +139,11 @@ def judge(
     another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
+    expected = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
+        if isinstance(tried, Surrogate) and tried.trust is not None:
+            expected = tried.expected_error(poses)[:, [tried.load_names.index(load) for load in names]]
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)
         errors[np.isnan(errors)] = np.inf
@@ -131,7 +151,7 @@ def judge(
     ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     errors[alone] = 0.0
     allowed = ALLOWED * np.array([tried.scene.tolerances[load] for load in names])
-    return Verdict(names, ended, errors, allowed, name, alone)
+    return Verdict(names, ended, errors, allowed, name, alone, expected)
 
 
 def _of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:

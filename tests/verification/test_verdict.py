@@ -118,3 +118,21 @@ def test_a_scene_without_a_model_of_its_own_says_so(knee):
     assert verdict.words == ["solved, not checked"]
     assert str(verdict).startswith("1 of 1 solved, not checked: the scene knee has no contact model at hand")
     assert verdict.exit_code == 0
+
+
+def test_without_a_model_to_ask_the_surrogate_says_what_it_expects_of_itself(knee):
+    far = POSE.copy()
+    far[5] -= 2.0
+    poses = np.array([POSE, far])
+    inside, outside = knee.expected_error(poses) / (3.0 * np.array([knee.scene.tolerances[n] for n in knee.load_names]))
+    assert outside.max() > 1.0 > inside.max()
+    for solved, shares, pose in ((True, outside, far), ([True, False], inside, POSE)):
+        load = int(shares.argmax())
+        said = str(judge(knee, poses, solved, "no model")).partition("; the surrogate itself expects errors up to ")[2]
+        value, _, rest = said.partition(" ")
+        np.testing.assert_allclose(float(value), knee.expected_error(pose[None])[0, load], rtol=0.01)
+        assert f"({knee.load_names[load]}, {3.0 * knee.scene.tolerances[knee.load_names[load]]:g} allowed)" in rest
+    assert "expects" not in str(judge(knee, poses, [False, False], "no model"))
+    assert "expects" not in str(judge(knee, poses[:1], True, knee))
+    untrusted = type(knee)(knee.scene, knee.networks, knee.record)
+    assert str(judge(untrusted, poses, True, "no model")) == "2 of 2 solved, not checked: no model"
