@@ -10,6 +10,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
+from casadi_contact.benchmark import choose, speed
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
@@ -112,6 +113,13 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name
     samples = project.samples()
     assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
     check_surrogate(project)
+    assert speed(project).is_file()  # on poses of the table
+    with pytest.raises(ValueError, match="compares with elastic foundations, and scene socket has no geometry for one"):
+        pipeline.chart(project)
+    with pytest.raises(ValueError, match=r"compares with elastic foundations.*casadi-contact info"):
+        choose(scene_file, force_tolerance_n=2.0, preset="small", folder=project.folder)
+    with pytest.raises(ValueError, match="made from a table, which has no motion"):
+        pipeline.read_motion(project)
     assert pipeline.take_table(project, table).provenance["table"] == str(table)
     command = cc.load_surrogate(project.surrogate_path("patch")).record["command"]
     assert command == shlex.join(

@@ -27,6 +27,16 @@ _GLOBAL_PEERS = ("polynomial", "Kriging", "radial basis")
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 
+def refuse_without_elements(project: Project) -> None:
+    """ValueError where there is no elastic foundation to compare with: a user's own model, or a table of samples."""
+    if project.scene.layer is None:
+        raise ValueError(
+            f"a chart compares with elastic foundations, and scene {project.scene.name} has no geometry for one (shape "
+            f"{project.scene.shape}): casadi-contact info tells the errors of a surrogate, "
+            f"{project.command('speed')} its times"
+        )
+
+
 def untrained_candidates(
     scene: Scene, loads: Sequence[str] | None = None, names: Collection[str] | None = None
 ) -> Iterator[Candidate]:

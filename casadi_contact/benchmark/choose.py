@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from casadi_contact.benchmark.at_hand import make_surrogate, python_line, times_for_loads
+from casadi_contact.benchmark.candidates import refuse_without_elements
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.project import Project, Update
@@ -80,10 +81,12 @@ def choose(
     the scene's if None; a surrogate's time is then that of the networks they need. A chosen size that is not on disk
     is trained, with these networks only; update is called as in `project.fitting.train`.
 
-    Raises FileNotFoundError where nothing has been measured; ValueError for a tolerance that is missing or not above
-    0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming the nearest).
+    Raises FileNotFoundError where nothing has been measured; ValueError for a scene without elements, a tolerance that
+    is missing or not above 0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming
+    the nearest).
     """
     project = Project.open(scene, preset, folder)
+    refuse_without_elements(project)
     path, front = _front(project)
     names, tolerance = _asked(front, loads, force_tolerance_n, torque_tolerance_nmm)
     offers = meeting(front, tolerance, names)

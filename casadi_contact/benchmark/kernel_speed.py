@@ -63,7 +63,7 @@ def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> Kerne
     """Time value, Jacobian and Lagrangian Hessian of all loads as graph and as kernel, a batch, EF grids, the limit.
 
     Single calls go through CasADi's buffer and include the copy of each pose; EF grids are timed as one batch of poses,
-    their cheapest form. Raises CompilerError without a compiler.
+    their cheapest form; a scene without geometry has none. Raises CompilerError without a compiler.
     """
     measurements: dict[str, Callable[[], float]] = {}
     for name, compiled in (("graph", False), ("kernel", True)):
@@ -76,7 +76,7 @@ def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> Kerne
     measurements[f"value, kernel, batch of {BATCH}"] = partial(
         time_mapped, surrogate.function(compiled=True, batch=BATCH), many
     )
-    for grid in GRIDS:
+    for grid in () if surrogate.scene.layer is None else GRIDS:
         measurements[f"EF {grid_text(grid)}"] = partial(time_batch, ElasticFoundation(surrogate.scene, grid), poses)
     with one_thread():
         return KernelSpeed(compare(measurements, repeats), _limit(surrogate.networks.values(), repeats))

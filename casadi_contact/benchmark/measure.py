@@ -14,6 +14,7 @@ from casadi_contact.benchmark.candidates import (
     charted_surrogates,
     own_name,
     peer_candidates,
+    refuse_without_elements,
     surrogate_candidates,
     untrained_candidates,
 )
@@ -52,10 +53,13 @@ def measure_project(
     """Train what is missing of the chart's sizes, measure everything, write ``speed_accuracy.csv``; return its path.
 
     peers: fit and measure the peers too (extra packages). tell: called with what is measured next. Raises
-    FileNotFoundError without samples or without the preset's own surrogates.
+    FileNotFoundError without samples or without the preset's own surrogates, ValueError for a scene without elements or
+    samples of a table.
     """
-    samples = project.samples()
-    own = project_surrogates(project)  # before an hour of training, not after it: raises if there is none
+    # Before an hour of training, not after it:
+    refuse_without_elements(project)
+    samples, motion = project.samples(), read_motion(project)[0]
+    own = project_surrogates(project)
     train_sizes(project, update=update, executor=executor)
     sweeps: dict[str, str] = {}
     candidates = list(untrained_candidates(project.scene))
@@ -66,7 +70,7 @@ def measure_project(
             sweeps[candidate.name] = sweep
     if peers:
         candidates += peer_candidates(project)
-    walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), read_motion(project)[0])
+    walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
     front = measure(candidates, project.scene, walking, samples, sweeps, tell)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))

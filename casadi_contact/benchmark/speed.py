@@ -9,21 +9,21 @@ from pathlib import Path
 from casadi_contact.benchmark.kernel_speed import kernel_speed
 from casadi_contact.files import replacing
 from casadi_contact.machine import machine_record
-from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
+from casadi_contact.project import Project, poses_at_hand, surrogates_at_hand
 
 SPEED_FILE = "kernel_speed.json"
 _POSES = 505
 
 
 def speed(project: Project) -> Path:
-    """Time the kernels of the project's surrogates on poses of its reference cycles; write ``kernel_speed.json``.
+    """Time the kernels of the project's surrogates on poses of its cycles or table; write ``kernel_speed.json``.
 
     Where nothing has been built: of the scene's shipped surrogates, on poses of the built-in cycles.
 
     Raises FileNotFoundError without a trained surrogate, CompilerError without a compiler.
     """
     surrogates = surrogates_at_hand(project)
-    poses = motion_at_hand(project).poses.reshape(-1, 6)[:_POSES]
+    poses = poses_at_hand(project)[:_POSES]
     measured = {structure: kernel_speed(surrogate, poses) for structure, surrogate in surrogates.items()}
     content = {
         "format": "casadi_contact kernel speed",

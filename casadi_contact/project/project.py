@@ -12,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Progress
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
@@ -171,8 +171,10 @@ def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
     """The reference motion that the samples were drawn around, and the names of its cycles.
 
-    Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file.
+    Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file and samples of a table.
     """
+    if project.samples_path.is_file() and not has_motion(project):
+        raise ValueError(f"{project.samples_path} was made from a table, which has no motion: sample in another --out")
     try:
         content = read_npz(project.motion_path)
         motion = motion_in(content, project.scene.pose_space)
@@ -230,6 +232,13 @@ def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
     """
     shipped = () if project.begun else shipped_surrogates(project.scene).values()
     return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
+
+
+def poses_at_hand(project: Project) -> Array:
+    """Poses (n, 6) of the motion at hand (`motion_at_hand`), one cycle after the other; of a table its own."""
+    if project.begun and not has_motion(project):
+        return project.samples().poses
+    return motion_at_hand(project).poses.reshape(-1, 6)
 
 
 def motion_at_hand(project: Project) -> ReferenceMotion:
