@@ -43,9 +43,15 @@ def _cure(reason: str, scene: Scene) -> str:
         )
     if "finite" in reason:
         return "Mend the contact model where its loads are not finite, or draw where they are."
+    shown = "" if scene.layer is None else " with casadi-contact show"  # which needs surfaces
     if "settle" in reason:
         return (
-            "Few of the wanted loads have an equilibrium: check the directions of the loads and of loads.sensitive "
-            "with casadi-contact show, or draw closer to the reference motion (smaller d3_fraction or d2_offset)."
+            "Few of the wanted loads have an equilibrium: check the directions of the loads and of loads.sensitive"
+            f"{shown}, or draw closer to the reference motion (smaller d3_fraction or d2_offset)."
         )
-    return "Check the scene's surfaces and patches with casadi-contact show."
+    if "touches" in reason:
+        return (
+            "A step of lifting is shorter than the overlap at the boundary load: lift farther (larger liftoff_mm in "
+            f"the scene's [sampling]), lower loads.boundary_load, or check the scene's patches{shown}."
+        )
+    return f"Check the scene's surfaces and patches{shown}."

@@ -9,6 +9,7 @@ from casadi_contact.dataset import Dropped, Samples
 from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.drops import dropped_shares, refuse_many_dropped
 from casadi_contact.scenes import load_scene
+from tests.support import own_contact
 
 SPHERE = load_scene("sphere_on_plane")
 
@@ -33,7 +34,12 @@ def test_the_share_is_of_the_plan_of_its_domain():
 
 
 @pytest.mark.parametrize(
-    ("reason", "cure"), [("contact reaches the edge of the elements", "enlarge"), ("not settled: x", "equilibrium")]
+    ("reason", "cure"),
+    [
+        ("contact reaches the edge of the elements", "enlarge"),
+        ("not settled: x", "equilibrium"),
+        ("touches though lifted off", "larger liftoff_mm"),
+    ],
 )
 def test_more_than_the_stated_share_is_refused_with_reason_and_cure(reason, cure):
     refuse_many_dropped(samples(75, 25, reason))
@@ -42,6 +48,14 @@ def test_more_than_the_stated_share_is_refused_with_reason_and_cure(reason, cure
     ):
         refuse_many_dropped(samples(60, 40, reason))
     refuse_many_dropped(samples(60, 40, reason), most=0.5)
+
+
+@pytest.mark.parametrize("reason", ["not settled: x", "touches though lifted off", "pulls"])
+def test_a_scene_without_surfaces_is_not_sent_to_a_picture_of_them(reason):
+    for scene, named in ((SPHERE, True), (own_contact.SCENE, False)):
+        with pytest.raises(ValueError, match="were dropped") as error:
+            refuse_many_dropped(samples(60, 40, reason, scene))
+        assert ("casadi-contact show" in str(error.value)) is named
 
 
 def test_where_a_mesh_was_taken_for_cut_open_the_cure_names_the_key_that_says_otherwise():
