@@ -12,7 +12,7 @@ from typing import Protocol
 from casadi_contact.contact import ContactModel
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
-from casadi_contact.dataset.loads import refuse_pulling
+from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
 from casadi_contact.project.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
@@ -154,6 +154,7 @@ def take_table(project: Project, table: Path) -> Samples:
     samples = read_sample_table(table, project.scene)
     if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
         refuse_pulling(samples, str(table))
+        refuse_reversed(samples, str(table))
         refuse_missing_gaps(samples, str(table))
     if project.samples_path.is_file():
         there = project.samples().provenance

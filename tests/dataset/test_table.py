@@ -109,3 +109,16 @@ def test_a_table_of_loads_on_the_moving_body_is_refused_before_it_is_learned(tmp
     columns["Fy"][row - 1] *= -1.0
     with pytest.raises(ValueError, match=rf"row {row}: contact pulls .*\(1 such rows\): set loads out"):
         take_table(project, write_csv(tmp_path / "t.csv", columns))
+
+
+def test_a_hip_like_table_of_loads_on_the_moving_body_is_refused(tmp_path):
+    """Of a ball pressed in any direction no row pulls; its force falls where it should grow."""
+    scene_file = tmp_path / "socket.toml"
+    scene_file.write_text(SCENE.to_toml())
+    project = Project.open(scene_file, "quick", tmp_path / "out")
+    for count in (60, 400):
+        columns = table_rows(count)
+        take_table(project, write_csv(tmp_path / "t.csv", columns))
+        turned = columns | {name: -columns[name] for name in WRENCH_NAMES}
+        with pytest.raises(ValueError, match=r"t\.csv: the force of contact falls .*on the fixed body: turn the signs"):
+            take_table(project, write_csv(tmp_path / "t.csv", turned))
