@@ -10,6 +10,7 @@ all others are kept and printed as they are:
     valid_share      0.98                                           share of held-back samples with validity above 0.9
     training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
     test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
+    test_samples     {"D1": 900, ...}                               how many those held-back samples are
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
                                                                     validity above 0.9, and of errors below the
                                                                     expected error (see `coverage`)
@@ -44,6 +45,7 @@ _TABLES = (
     "valid_share",
     "training_errors",
     "test_errors",
+    "test_samples",
     "coverage",
     "convergence",
 )
@@ -98,6 +100,11 @@ class SurrogateInfo:
     def test_errors(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
         """Per domain and load: ``rms`` and ``max`` on held-back samples, N or N·mm."""
         return self.record.get("test_errors", {})
+
+    @property
+    def test_samples(self) -> Mapping[str, int]:
+        """Held-back samples of `test_errors`, per domain; empty for files that do not record them."""
+        return self.record.get("test_samples", {})
 
     @property
     def coverage(self) -> Mapping[str, Mapping[str, float]]:
@@ -184,11 +191,13 @@ def budget_line(record: Mapping[str, Any]) -> str:
 
 
 def samples_record(samples: Samples) -> dict[str, Any]:
-    """The record's ``samples``, ``dropped`` and ranges of a surrogate trained on the samples that are not held back."""
+    """The record's ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the samples that are
+    not held back."""
     used = samples.select(role=(TRAIN, VALIDATION))
     names = samples.scene.load_names
     return {
         "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
         "dropped": dropped_shares(samples),
         "pose_range": _ranges(POSE_NAMES, used.poses),
         "load_range": _ranges(names, used.loads(names)),

@@ -95,6 +95,18 @@ def test_the_verdict_names_what_is_within_and_what_is_off():
     assert str(lost).endswith("in D1, D2; dropped and not judged: of D2 93 %, of D3 100 %")
 
 
+def test_fit_domains_whose_error_few_held_back_samples_tell_are_named(surrogate):
+    counts = SAMPLES.counts()
+    assert samples_record(SAMPLES)["test_samples"] == {d: c["test"] for d, c in counts.items() if c["test"]}
+    few = PatchSurrogate(SPHERE, surrogate.networks, {**surrogate.record, **samples_record(SAMPLES)}, surrogate.trust)
+    generous = replace(fitness(few), tolerances=dict.fromkeys(few.load_names, 1e9))
+    assert f"{counts['D1']['test']} of D1" in str(generous).partition("; judged by few samples: ")[2]
+    within, tolerances = {"Fy": 0.5}, {"Fy": 1.0}
+    said = str(Fitness({"D1": within, "D2": within, "D3": {"Fy": 2.0}}, tolerances, {}, {"D1": 300, "D2": 9, "D3": 9}))
+    assert said.endswith("; judged by few samples: 9 of D2")
+    assert "few" not in str(Fitness({"D1": within}, tolerances))
+
+
 def test_a_surrogate_says_how_much_of_its_plan_it_does_not_know(surrogate):
     """Errors on held-back samples tell nothing of the poses that became none."""
     of_d2 = int((SAMPLES.domain == 2).sum())
