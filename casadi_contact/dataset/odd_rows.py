@@ -17,6 +17,7 @@ from casadi_contact.quantities import quantity
 _SHARE = 0.95  # of the residuals, which odd rows exceed
 _TIMES = 8.0  # so many times: the largest residual of even noise is 2 to 4 times that share's
 _LEAST = 0.02  # of a load, RMS: rows need not be more alike
+_WRONG = 0.2  # of itself or of what is expected, by which an odd load differs at least: a cubic may miss a deep contact
 _DEGREE = 3
 _ROWS_PER_TERM = 4
 _ROUNDS = 20
@@ -39,7 +40,7 @@ class OddRow:
 
 def odd_rows(samples: Samples) -> list[OddRow]:
     """Rows in contact with a load that is more than eight times as far as 95 % of the others from what a polynomial of
-    the pose says, the oddest first, each with its oddest load.
+    the pose says, and by more than a fifth of itself, the oddest first, each with its oddest load.
 
     Of each part the root √N of the normal load and the other components W over N, which are smooth in the pose, are
     fitted by least absolute deviations, min Σ w·|y - A·c| with w = 1 for √N and w = N for W/N: a few wrong rows do not
@@ -64,7 +65,8 @@ def odd_rows(samples: Samples) -> list[OddRow]:
                 expected = normal * _least_deviations(terms, load / normal, normal)
                 found.append((name + suffix, quantity(name).unit, load, expected, _times_usual(load, expected)))
         for load_name, unit, values, expected, times in found:
-            for j in np.flatnonzero(times > _TIMES):
+            wrong = np.abs(values - expected) > _WRONG * np.maximum(np.abs(values), np.abs(expected))
+            for j in np.flatnonzero(wrong & (times > _TIMES)):
                 odd = OddRow(int(rows[j]) + 1, load_name, unit, float(values[j]), float(expected[j]))
                 if odd.row not in oddest or oddest[odd.row][0] < times[j]:
                     oddest[odd.row] = (float(times[j]), odd)

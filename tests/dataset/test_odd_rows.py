@@ -54,5 +54,12 @@ def test_one_load_of_a_row_with_the_wrong_sign_is_named():
     assert (odd.row, odd.load, odd.unit) == (row + 1, "Tz", "N·mm")
 
 
+def test_rows_that_differ_from_the_fit_by_less_than_a_fifth_of_themselves_are_not_odd():
+    samples = noisy_samples(PRESSED, noise=0.0)
+    row = int(samples.wrenches[:, 0, 1].argmax())
+    assert odd_rows(changed(samples, row, 1.15, columns=5)) == []
+    assert [odd.row for odd in odd_rows(changed(samples, row, 1.6, columns=5))] == [row + 1]
+
+
 def test_of_too_few_rows_none_is_called_odd():
     assert odd_rows(changed(noisy_samples(SCENE), 0, 10.0).rows(np.arange(20))) == []
