@@ -115,7 +115,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
         return KernelSpeed({"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0))
 
     monkeypatch.setattr(speed_room, "kernel_speed", kernel_speed)
-    monkeypatch.setattr(speed_room, "motion_at_hand", lambda project: motion)
+    monkeypatch.setattr(speed_room, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
     content = read_kernel_speed(speed_room.speed(project))
     assert timed == dict.fromkeys(("patch", "trunk", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)

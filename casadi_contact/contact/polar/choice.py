@@ -16,7 +16,7 @@ from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
-_LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
+LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
 CONVERGED = Rays(96, 6)
 _POSES = 256
 
@@ -41,7 +41,7 @@ def recorded_rays(scene: Scene, record: Mapping[str, Any], *, compiled: bool = T
 
 def polar_ladder(scene: Scene) -> Iterator[PolarFoundation]:
     """Foundations from few rays to many, shown beside one another."""
-    return (PolarFoundation(scene, rays) for rays in _LADDER)
+    return (PolarFoundation(scene, rays) for rays in LADDER)
 
 
 Truth = list[tuple[Array, Array, Array]]
