@@ -3,8 +3,8 @@
 python -m tests.benchmarks.bench_cells
 python -m tests.benchmarks.bench_cells --samples samples.h5
 
-The second takes errors alone, over samples of the domains D1, D3 and D4 (``casadi-contact sample``). Needs the meshes
-that `problems/implant/tka_mesh.toml` names.
+The second takes errors over samples of the domains D1, D3 and D4 (``casadi-contact sample``), and times in D1. Needs
+the meshes that `problems/implant/tka_mesh.toml` names.
 """
 
 from __future__ import annotations
@@ -49,7 +49,9 @@ def settled_poses(scene: cc.Scene, *, wide: bool, count: int = 200) -> np.ndarra
     return np.asarray(poses[report.converged])
 
 
-def main(samples: Annotated[Path | None, typer.Option(help="errors over these samples alone")] = None) -> None:
+def main(
+    samples: Annotated[Path | None, typer.Option(help="errors and times on these alone")] = None,
+) -> None:
     """Print all of it."""
     scene = cc.load_scene(SCENE)
     reference = cc.ElasticFoundation(scene, REFERENCE)
@@ -64,6 +66,8 @@ def main(samples: Annotated[Path | None, typer.Option(help="errors over these sa
             poses = read_samples(samples).select(domain=domain).poses
             poses = poses[np.linspace(0, len(poses) - 1, min(len(poses), OF_DOMAIN)).astype(int)]
             errors(models, reference, poses, domain)
+            if domain == "D1":
+                times(models, poses)
         return
     for wide in (False, True):
         poses = settled_poses(scene, wide=wide)

@@ -68,16 +68,13 @@ def lay_cells(chart: Chart, cells: Cells, cut: int = CUT) -> CellPatch:
     chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((cut, cut), dtype=bool))]
     lattice = np.repeat([0, 1], [of.sum() for of in chosen])
     index = np.concatenate([np.argwhere(of) for of in chosen])
-    side = _block(np.array([cells.u_mm, cells.v_mm]))
-    order, blocks = _in_blocks(index // np.where(lattice, cut, 1)[:, None], side)
+    block = np.column_stack([lattice, index // _block(np.array([cells.u_mm, cells.v_mm]))])
+    order, blocks = _in_blocks(block)
     lattice, index = lattice[order], index[order]
     numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in _ENDS], 1)
     nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)
-    places, sizes, present = (
-        np.empty((len(nodes), 2)),
-        np.empty((len(nodes), 2)),
-        np.empty((len(index), cells.sub_points)),
-    )
+    places, sizes = np.empty((2, len(nodes), 2))
+    present = np.empty((len(index), cells.sub_points))
     for number, of in enumerate(lattices):
         at, here = nodes[:, 0] == number, lattice == number
         places[at], sizes[at] = of.places(nodes[at, 1:]), of.sizes(nodes[at, 1:])
@@ -158,10 +155,8 @@ def _block(step: Array) -> tuple[int, int]:
     return min((side for side in sides if np.prod(side) == BOXES), key=lambda side: across[side])
 
 
-def _in_blocks(homes: np.ndarray, side: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """The order (k,) of cells block by block of `side` uncut cells, homes (k, 2) being these, and the first cell of
-    each block (b + 1,)."""
-    block = homes // side
-    order = np.lexsort((homes[:, 1], homes[:, 0], block[:, 1], block[:, 0]))
+def _in_blocks(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The order (k,) of cells block by block, block (k, 3) being that of each, and the first cell of each (b + 1,)."""
+    order = np.lexsort(block.T[::-1])
     firsts = np.flatnonzero(np.diff(block[order], axis=0).any(axis=1)) + 1
     return order, np.concatenate([[0], firsts, [len(order)]])
