@@ -25,7 +25,7 @@ from casadi_contact.scenes import Scene
 _RASTER_MM, _FEWEST_PARTS, _MOST_PARTS = 0.15, 64, 400  # of each side: where the mesh is looked for
 _RIDGE_SHARE = 97  # percentile of the curvatures along a line: a ridge may be as short
 _STEPS = 6  # of Newton's method along the rays
-_SHARPEST = 1.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell
+_SHARPEST = 2.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell of the rim
 _AROUND_MM = 2.5  # reach of the quadric that continues a surface
 _FEWEST = 12  # points that it goes through
 
