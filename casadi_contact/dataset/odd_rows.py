@@ -54,16 +54,16 @@ def odd_rows(samples: Samples) -> list[OddRow]:
         terms = _polynomial(samples.poses[rows][:, list(scene.pose_space.free)])
         if terms is None:
             continue
-        normal, suffix = part.normal.of(wrench[rows]), "" if len(scene.parts) == 1 else f"_{part.name}"
+        normal, alone = part.normal.of(wrench[rows]), len(scene.parts) == 1
         root = _least_deviations(terms, np.sqrt(normal), np.ones(len(rows)))
-        found = [
-            ("normal load" + suffix.replace("_", " of "), "N", normal, root**2, _times_usual(np.sqrt(normal), root))
-        ]
+        pressing = "normal load" if alone else f"normal load of {part.name}"
+        found = [(pressing, "N", normal, root**2, _times_usual(np.sqrt(normal), root))]
         for k, name in enumerate(WRENCH_NAMES):
             if name != part.normal.component:
                 load = wrench[rows, k]
                 expected = normal * _least_deviations(terms, load / normal, normal)
-                found.append((name + suffix, quantity(name).unit, load, expected, _times_usual(load, expected)))
+                column = name if alone else f"{name}_{part.name}"
+                found.append((column, quantity(name).unit, load, expected, _times_usual(load, expected)))
         for load_name, unit, values, expected, times in found:
             wrong = np.abs(values - expected) > _WRONG * np.maximum(np.abs(values), np.abs(expected))
             for j in np.flatnonzero(wrong & (times > _TIMES)):
