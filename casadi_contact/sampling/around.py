@@ -40,8 +40,11 @@ def samples_around(
     return samples_at(model, samples.scene, poses, progress)
 
 
-def samples_at(model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None) -> Samples:
-    """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`."""
+def samples_at(
+    model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None, *, rim: bool = False
+) -> Samples:
+    """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`. rim: those whose
+    contact runs off the elements belong to the samples as well."""
     count, width = len(poses), len(scene.parts)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)
@@ -51,6 +54,6 @@ def samples_at(model: WrenchModel, scene: Scene, poses: Array, progress: Progres
         if progress is not None:
             progress(min(first + _AT_ONCE, count), count)
     wrenches, gaps, edge = (np.concatenate(column) for column in zip(*parts, strict=True))
-    kept = ~edge & np.isfinite(wrenches).all(axis=(1, 2))
+    kept = (~edge | rim) & np.isfinite(wrenches).all(axis=(1, 2))
     lost = Dropped(poses[~kept], domain[~kept])
     return Samples(scene, poses[kept], wrenches[kept], gaps[kept], domain[kept], role[kept], dropped=lost)

@@ -14,9 +14,13 @@ import numpy as np
 
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.sampling import model_name_of
+from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
+from casadi_contact.sampling.led_to import LED_COUNTS, poses_led_to
 from casadi_contact.scenes.normal_load import normal_forces
+from casadi_contact.structures.astray import with_doubt
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
@@ -50,8 +54,9 @@ def with_trust(
 
     around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so
     that the expected error holds off equilibrium too. model: that contact model; it is asked at poses over the whole
-    sampled range (`sampling.in_range`), so that the expected error holds wherever validity is high. progress: called as
-    (done, all) meanwhile.
+    sampled range (`sampling.in_range`), so that the expected error holds wherever validity is high, and at those to
+    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it leads astray. progress:
+    called as (done, all) meanwhile.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate
     without root loads.
@@ -68,16 +73,21 @@ def with_trust(
     known = samples.select(role=(TRAIN, VALIDATION))
     tube = _tube(surrogate, training, held_out)
     trust = _distrusting(tube, surrogate, known, moved)
-    in_range = None
+    in_range = led = None
     if model is not None:
         first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
         in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=progress)
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
+        most = LED_COUNTS[model_name_of(samples) is None]
+        poses = poses_led_to(surrogate, samples, count=min(len(samples), most), progress=progress)
+        led = samples_at(model, surrogate.scene, poses, progress, rim=True)
+        moved.append(led)
+        trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in moved])
     trust = with_error_bounds(trust, surrogate, training, [held_out, *(p.select(role=VALIDATION) for p in moved)])
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     test = samples.select(role=TEST)
-    unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range))
+    unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range, led))
     record = {**surrogate.record, "coverage": trust_coverage(trusted, test, *unseen)}
     if len(test):
         record["valid_share"] = float(np.mean(trusted.validity(test.poses) > 0.9))

@@ -9,15 +9,20 @@ from casadi_contact.structures.base import Surrogate
 
 
 def trust_coverage(
-    surrogate: Surrogate, samples: Samples, around: Samples | None = None, in_range: Samples | None = None
+    surrogate: Surrogate,
+    samples: Samples,
+    around: Samples | None = None,
+    in_range: Samples | None = None,
+    led: Samples | None = None,
 ) -> dict[str, dict[str, float]]:
     """By domain: share of poses with validity above 0.9 ("valid") and, by load, share of errors below those
     expected, over the poses that carry the load. Of the poses around: "around" those with validity above 0.5, "edge"
-    those of all with validity between 0.1 and 0.9, "outside" those below 0.1. Of the poses in range: "range"
-    those with validity above 0.5."""
+    those of all with validity between 0.1 and 0.9, "outside" those below 0.1. Of the poses in range "range", of
+    those to which the surrogate leads "led": those with validity above 0.5."""
     groups = {domain: samples.select(domain) for domain in DOMAINS}
-    if in_range is not None:
-        groups["range"] = in_range.rows(surrogate.validity(in_range.poses) > 0.5)
+    for name, part in (("range", in_range), ("led", led)):
+        if part is not None:
+            groups[name] = part.rows(surrogate.validity(part.poses) > 0.5)
     result = {domain: _coverage(surrogate, part) for domain, part in groups.items() if len(part)}
     if around is None or not len(around):
         return result

@@ -27,11 +27,12 @@ from casadi_contact.files import existing_file, new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.doubt import Doubt
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 4  # 1 has no trust, 2 none of the trust's later fields, up to 3 networks have one output
+FORMAT = 5  # 1 has no trust, 2 none of the trust's later fields, up to 3 networks have one output, up to 4 no doubt
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def _read_network(group: h5py.Group) -> Network:
     )
 
 
-_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States}
+_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States, "doubt": Doubt}
 
 
 def _read_trust(group: h5py.Group) -> Trust:

@@ -1,4 +1,4 @@
-/* Validity and expected error of a pose: the formulas of structures/trust.py, distrust.py and states.py. */
+/* Validity and expected error of a pose: the formulas of structures/trust.py, distrust.py, doubt.py and states.py. */
 #define PADDED(count) (((count) + WIDTH - 1) / WIDTH * WIDTH)
 #define FAR 1e8 /* scaled pose parameters are cut off here, so that the square of any finite pose is finite */
 
@@ -66,7 +66,7 @@ INLINE double cubic(int n, const double *weights, const double *x) {
 
 /* log of the sum of exp(u_i) over the causes of distrust */
 INLINE double excess_of(const double *pose, const double *roots, const double *claims, double tube) {
-  double causes[1 + 2 * PATCHES + 2 * BOX + 2 + PATCHES], largest, sum = 0.0;
+  double causes[1 + 2 * PATCHES + 2 * BOX + 3 + PATCHES], largest, sum = 0.0;
   int n = 0;
   causes[n++] = tube;
   for (int p = 0; p < PATCHES; p++) {
@@ -99,6 +99,15 @@ INLINE double excess_of(const double *pose, const double *roots, const double *c
       x[i] = (raw - border_centre[i]) / border_scale[i];
     }
     causes[n++] = -cubic(BORDER, border_coefficients, x);
+  }
+#endif
+#if DOUBT
+  {
+    double x[DOUBT], answer;
+    for (int i = 0; i < DOUBT - PATCHES; i++) x[i] = cut_off(pose[doubt_columns[i]]);
+    for (int p = 0; p < PATCHES; p++) x[DOUBT - PATCHES + p] = cut_off(roots[p]);
+    doubt_value(x, &answer);
+    causes[n++] = DOUBT_STEEPNESS * (answer - DOUBT_HALF);
   }
 #endif
 #if CONFIRMATION

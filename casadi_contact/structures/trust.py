@@ -7,6 +7,7 @@ Every cause of distrust is an excess u_i, below zero inside what was sampled and
     those of `distrust`                                          insensitive pose parameter beyond the sampled range,
                                                                  beside the pose space, dropped samples, contact that is
                                                                  not confirmed
+    that of `doubt`                                              where the surrogate was found wrong
 
 with z the pose over its scales and c_j centres spread over the sampled poses. A scale belongs to a parameter's whole
 sampled range: too coarse to tell depth, which the root loads tell, but no pose far away counts as known because a
@@ -40,6 +41,7 @@ from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
 from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
+from casadi_contact.structures.doubt import Doubt
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 from casadi_contact.structures.states import States
 
@@ -47,7 +49,7 @@ SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at 0.9
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
 _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),
-    *("states/scale", "states/root_scale", "states/bandwidth"),
+    *("states/scale", "states/root_scale", "states/bandwidth", "doubt/scale"),
 )
 _NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
 
@@ -59,9 +61,9 @@ class Trust:
     scales (6,) [mm, rad]; centres (K, 6) and bandwidth, sharpness, edge of the tube; root_low, root_high and their
     margins (P,); levels [N, N·mm], a row for each centre of states (without: of the tube); dense_centres (M, 6),
     dense_bandwidth and dense_start D0; boundary_root s_b; shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows
-    is None in files of before: states; box, border and confirmation (only for a structure whose loads do not come from
-    its root loads); growth (L,) and growth_start u_0. off_space follows from the scene: a surrogate puts it in, and no
-    file holds it.
+    is None in files of before: states; doubt (also where none is needed); box, border and confirmation (only for a
+    structure whose loads do not come from its root loads); growth (L,) and growth_start u_0. off_space follows from the
+    scene: a surrogate puts it in, and no file holds it.
     """
 
     scales: Array
@@ -86,6 +88,7 @@ class Trust:
     growth: Array | None = None
     growth_start: float | None = None
     states: States | None = None
+    doubt: Doubt | None = None
     off_space: OffSpace | None = None
 
     def __post_init__(self) -> None:
@@ -130,6 +133,8 @@ class Trust:
             causes.append(self.off_space.excess(poses))
         if self.border is not None:
             causes.append(self.border.excess(poses, roots))
+        if self.doubt is not None:
+            causes.append(self.doubt.excess(poses, roots))
         if self.confirmation is not None and claims is not None:
             causes.append(self.confirmation.excess(roots, claims))
         return np.asarray(logsumexp(np.column_stack(causes), axis=1))
@@ -182,6 +187,8 @@ class Trust:
             causes.append(self.off_space.expression(pose))
         if self.border is not None:
             causes.append(self.border.expression(pose, roots))
+        if self.doubt is not None:
+            causes.append(self.doubt.expression(pose, roots))
         if self.confirmation is not None and claims is not None:
             causes.append(self.confirmation.expression(roots, claims))
         excess = ca.logsumexp(ca.vertcat(*causes))

@@ -10,6 +10,8 @@ from casadi_contact.conventions import Array
 from casadi_contact.scenes.pose_space import OFF_SPACE
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import STEEPNESS
+from casadi_contact.structures.doubt import LAYERS
+from casadi_contact.structures.doubt import STEEPNESS as DOUBT_STEEPNESS
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import filled_up
 from casadi_contact.transcription.kernel.source import c_text
@@ -38,12 +40,14 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         return np.stack([np.broadcast_to(np.nan, rows.shape[1:]) if k is None else rows[k] for k in known])
 
     box, border, confirmation, states = trust.box, trust.border, trust.confirmation, trust.states
+    doubt = trust.doubt
     counts = {
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
         "BOUND": 0 if trust.off_space is None else len(trust.off_space.columns),
         "BORDER": 0 if border is None else len(border.scale),
+        "DOUBT": 0 if doubt is None else len(doubt.shift),
         "CONFIRMATION": int(confirmation is not None),
         "STATES": 0 if states is None else len(states.centres),
         "STATE_SIZE": 0 if states is None else states.centres.shape[1],
@@ -80,6 +84,9 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
             "states_root_scale": states.root_scale,
             "states_centres": _by_coordinate(states.centres),
         }
+    if doubt is not None:
+        numbers |= {"DOUBT_STEEPNESS": DOUBT_STEEPNESS, "DOUBT_HALF": doubt.half}
+        tables["doubt_columns"] = np.asarray(doubt.columns, int)
     return "\n".join(
         [
             *(f"#define {name} ({value!r})" for name, value in counts.items()),
@@ -96,6 +103,9 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
     border = 0 if trust.border is None else np.size(trust.border.columns)
     states = 0 if trust.states is None else np.size(trust.states.columns)
     levels = centres if trust.states is None else len(trust.states.centres)
+    answering = 0 if trust.doubt is None else np.size(trust.doubt.shift)
+    layers = [] if trust.doubt is None else [np.size(getattr(trust.doubt, f"biases_{k}")) for k in range(LAYERS)]
+    widths = [answering, *layers][: len(layers)]
     terms = 0 if trust.border is None else cubic_terms(np.zeros((1, border + patches))).shape[1]
     expected: dict[str, tuple[int, ...]] = {
         "scales": (6,),
@@ -111,6 +121,10 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
         **dict.fromkeys(("border/centre", "border/scale"), (border + patches,)),
         **dict.fromkeys(("states/columns", "states/scale"), (states,)),
         **{"states/root_scale": (patches,), "states/centres": (levels, states + patches)},
+        "doubt/columns": (answering - patches,),
+        **dict.fromkeys(("doubt/shift", "doubt/scale"), (answering,)),
+        **{f"doubt/biases_{layer}": (count,) for layer, count in enumerate(layers)},
+        **{f"doubt/weights_{k}": pair for k, pair in enumerate(zip(layers, widths, strict=True))},
         **dict.fromkeys(("confirmation/tolerance", "confirmation/root", "confirmation/width"), (patches,)),
     }
     for name, numbers in trust.numbers().items():

@@ -6,6 +6,7 @@ import numpy as np
 
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import Border, Box, Confirmation
+from casadi_contact.structures.doubt import Doubt
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD
@@ -19,7 +20,7 @@ def random_trust(
     older: bool = False,
     root_size: float = 1.0,
 ) -> Trust:
-    """older: as in files without states; root_size: of usual root loads."""
+    """older: as in files without states and doubt; root_size: of usual root loads."""
     rng = np.random.default_rng(0)
 
     def positive(*shape: int) -> np.ndarray:
@@ -37,6 +38,17 @@ def random_trust(
         root_size * others.uniform(0.2, 1.0, patches),
         np.r_[near, np.full(patches, 2.0)] + others.uniform(-1.0, 1.0, (37, count)),
         0.4,
+    )
+    doubt = Doubt(
+        columns,
+        np.r_[POSE_CENTRE[[0, 2, 4]], np.zeros(patches)],
+        np.r_[POSE_SPREAD[[0, 2, 4]], np.full(patches, root_size)],
+        *(
+            array
+            for size in ((7, count), (5, 7), (1, 5))
+            for array in (0.3 * others.normal(size=size), np.zeros(size[0]))
+        ),
+        0.3,
     )
     return Trust(
         scales=POSE_SPREAD / np.sqrt(3.0),
@@ -66,4 +78,5 @@ def random_trust(
         growth=positive(loads),
         growth_start=-1.3,
         states=None if older else states,
+        doubt=None if older else doubt,
     )

@@ -1,0 +1,115 @@
+"""Where a surrogate leads astray: poses between samples, at which it carries loads and its contact model has none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.sampling.around import samples_at
+from casadi_contact.sampling.led_to import poses_led_to
+from casadi_contact.scenes import load_scene
+from casadi_contact.statics import first_touch
+from casadi_contact.structures import load_surrogate, with_trust
+from casadi_contact.structures.astray import with_doubt
+from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
+
+SCENE = load_scene("sphere_on_plane")
+
+
+class Rimmed:
+    """A contact model that says what the surrogate says, and nothing beyond a curved rim in tx and tz."""
+
+    def __init__(self, surrogate):
+        self.surrogate = surrogate
+
+    def on_the_plane(self, poses):
+        unit = (poses - POSE_CENTRE) / POSE_SPREAD
+        return unit[:, 2] < 0.5 - 0.5 * unit[:, 0] ** 2
+
+    def wrenches(self, poses):
+        return self.surrogate.wrenches(poses) * self.on_the_plane(poses)[:, None, None]
+
+    def at_edge(self, poses):
+        return ~self.on_the_plane(poses)[:, None]
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    return random_surrogate(SCENE, "patch", seed=3)
+
+
+@pytest.fixture(scope="module")
+def model(surrogate):
+    return Rimmed(surrogate)
+
+
+@pytest.fixture(scope="module")
+def samples(surrogate, model):
+    """Of poses on the plane alone: a contact that reaches the rim is dropped from a plan."""
+    rng = np.random.default_rng(0)
+    poses = POSE_CENTRE + POSE_SPREAD * rng.uniform(-1.0, 1.0, (6000, 6))
+    poses = poses[model.on_the_plane(poses)]
+    role = rng.choice([TRAIN, VALIDATION, TEST], len(poses), p=[0.6, 0.2, 0.2]).astype(np.uint8)
+    nothing, domain = np.full((len(poses), 1), np.nan), np.ones(len(poses), dtype=np.uint8)
+    return Samples(SCENE, poses, model.wrenches(poses), nothing, domain, role)
+
+
+def other_poses(surrogate, seed, count=4000):
+    """Poses over the whole range at which the surrogate presses."""
+    poses = POSE_CENTRE + POSE_SPREAD * np.random.default_rng(seed).uniform(-1.0, 1.0, (2 * count, 6))
+    return poses[surrogate.trust_roots(poses)[:, 0] > 0.3][:count]
+
+
+@pytest.fixture(scope="module")
+def doubting(surrogate, model, samples):
+    trusted = with_trust(surrogate, samples)
+    shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
+    trust = with_doubt(trusted.trust, surrogate, samples, [shown])
+    return type(surrogate)(SCENE, surrogate.networks, trusted.record, trust)
+
+
+def test_poses_are_not_valid_where_the_surrogate_leads_astray(surrogate, model, samples, doubting):
+    poses = other_poses(surrogate, 2)
+    right = model.on_the_plane(poses)
+    before, after = (made.validity(poses) > 0.5 for made in (with_trust(surrogate, samples), doubting))
+    assert before[~right].mean() > 0.3, "distance from the samples does not tell these poses"
+    assert after[~right].mean() < 0.03
+    assert (after & right).sum() > 0.9 * (before & right).sum()
+    assert np.mean(doubting.validity(samples.poses) > 0.9) > 0.95
+
+
+def test_the_file_keeps_the_doubt_and_casadi_says_the_same(surrogate, doubting, tmp_path):
+    doubting.save(tmp_path / "it.h5")
+    poses = other_poses(surrogate, 3, count=40)
+    again = load_surrogate(tmp_path / "it.h5")
+    np.testing.assert_array_equal(again.validity(poses), doubting.validity(poses))
+    validity = doubting.validity_function()
+    np.testing.assert_allclose([float(validity(pose)) for pose in poses], doubting.validity(poses), atol=1e-12)
+
+
+def test_a_surrogate_that_is_right_everywhere_has_no_doubt(surrogate, samples):
+    right = replace(samples, wrenches=surrogate.wrenches(samples.poses))
+    trust = with_trust(surrogate, right).trust
+    poses = other_poses(surrogate, 1)
+    assert with_doubt(trust, surrogate, right, [samples_at(surrogate, SCENE, poses)]).doubt is None
+
+
+def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
+    """On a foundation, which leads where it stands itself: each side carries some sample's load."""
+    model = cc.foundation(cc.load_scene("knee"))
+    rng = np.random.default_rng(0)
+    drawn = first_touch(model, rng.uniform(-1.0, 1.0, (400, 6)) * [2.0, 0.0, 1.0, 0.003, 0.03, 0.3], {})
+    drawn[:, 1] -= rng.uniform(0.1, 0.3, 400)
+    drawn = drawn[(model(drawn, ["Fy_med", "Fy_lat"]) < 0.0).all(axis=1)]
+    role, domain = np.full(len(drawn), TRAIN, dtype=np.uint8), np.ones(len(drawn), dtype=np.uint8)
+    known = samples_at(model, model.scene, drawn, rim=True)
+    known = replace(known, role=role, domain=domain)
+    found = poses_led_to(model, known, count=300)
+    assert len(found) > 200
+    for name in ("Fy_med", "Fy_lat"):
+        carried, sampled = model(found, [name])[:, 0], known.loads([name])[:, 0]
+        assert np.abs(carried[:, None] - sampled).min(axis=1).max() < 0.02
+    for column in (0, 2, 4, 5):
+        assert np.ptp(found[:, column]) > 0.9 * np.ptp(drawn[:, column])
