@@ -96,7 +96,7 @@ def of_kind(names: Sequence[str], kind: Kind) -> list[str]:
 
 def beside(value: float, limit: float) -> str:
     """A number in three digits, or in as many as tell one above a limit from the limit, which `:g` prints."""
-    texts = [f"{value:.{digits}g}" for digits in range(3, 18)]
+    texts = [three_digits(value), *(f"{value:.{digits}g}" for digits in range(4, 18))]
     told = (text for text in texts if not value > limit or (float(text) > limit and text != f"{limit:g}"))
     return next(told, texts[-1])
 
@@ -104,6 +104,11 @@ def beside(value: float, limit: float) -> str:
 def two_digits(value: float) -> str:
     """A number in two digits, without an exponent from 1e-4 up to a million: 0.94, 27, 180."""
     return f"{float(f'{value:.2g}'):g}"
+
+
+def three_digits(value: float) -> str:
+    """A number in three digits, without an exponent from 1e-4 up to a million: 0.943, 27.1, 1820."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def newton_scales(names: Sequence[str], lever_mm: float) -> NDArray[np.float64]:

@@ -21,6 +21,7 @@ from casadi_contact.quantities import (
     newton_scales,
     of_kind,
     quantity,
+    three_digits,
     two_digits,
 )
 from casadi_contact.report.tables import evaluation_tables
@@ -131,17 +132,17 @@ def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
 
 @pytest.mark.parametrize(("value", "limit", "text"), [
     (2.0, 1.5, "2"), (1.50342, 1.5, "1.503"), (1.5000001, 1.5, "1.5000001"), (1234.6, 1234.5, "1235"),
-    (1.50342, 2.0, "1.5"), (1.5, 1.5, "1.5"), (math.inf, 1.5, "inf"), (math.nan, 1.5, "nan"),
+    (1.50342, 2.0, "1.5"), (1.5, 1.5, "1.5"), (1823.4, 200.0, "1820"), (math.inf, 1.5, "inf"), (math.nan, 1.5, "nan"),
 ])  # fmt: skip
 def test_a_number_above_a_limit_is_told_from_it(value, limit, text):
     assert beside(value, limit) == text
 
 
 @pytest.mark.parametrize("value", [1.234e-4, 0.0567, 0.94, 9.96, 27.4, 99.6, 101.0, 184.0, 1260.0, -56789.0, 9.4e5])
-def test_two_digits_of_what_people_measure_have_no_exponent(value):
-    text = two_digits(value)
-    assert set(text) <= set("-.0123456789")
-    assert abs(float(text) - value) <= 0.05 * 10.0 ** math.floor(math.log10(abs(value)))
+def test_two_and_three_digits_of_what_people_measure_have_no_exponent(value):
+    for text, share in ((two_digits(value), 0.05), (three_digits(value), 0.005)):
+        assert set(text) <= set("-.0123456789")
+        assert abs(float(text) - value) <= share * 10.0 ** math.floor(math.log10(abs(value)))
 
 
 def test_two_digits_of_what_is_hardly_anything_have_one():

@@ -14,7 +14,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.dataset import Samples, read_samples
 from casadi_contact.files import one_line, write_text
 from casadi_contact.page import save_page
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import quantity, three_digits
 from casadi_contact.report.convergence import draw_convergence
 from casadi_contact.report.html import heading, page, paragraph, picture, table
 from casadi_contact.report.reach import draw_reach
@@ -23,6 +23,7 @@ from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import Scene
 from casadi_contact.show import contact_pose, draw_contact
 from casadi_contact.structures import Surrogate
+from casadi_contact.structures.info import other_rows
 from casadi_contact.verification.fitness import fitness
 
 
@@ -103,10 +104,11 @@ def _reach(surrogate: Surrogate) -> list[str]:
 def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping[str, float]) -> str:
     if not errors:
         return paragraph("The file records no errors on held-back samples.")
-    rows = [
-        [domain, *(f"{row[load]['rms']:.3g} ({row[load]['max']:.3g})" if load in row else "-" for load in loads)]
-        for domain, row in errors.items()
-    ]
+
+    def cell(error: Mapping[str, float]) -> str:
+        return f"{three_digits(error['rms'])} ({three_digits(error['max'])})"
+
+    rows = [[domain, *(cell(row[load]) if load in row else "-" for load in loads)] for domain, row in errors.items()]
     of_domains = list(errors.values())
 
     def too_large(i: int, j: int) -> bool:
@@ -122,8 +124,9 @@ def _coverage(coverage: Mapping[str, Any], loads: Sequence[str]) -> str:
         return paragraph("This surrogate has neither validity nor expected error: it was never calibrated.")
     columns = ("valid", *loads)
     rows = [[d, *(f"{100.0 * row[c]:.0f}" if c in row else "-" for c in columns)] for d, row in coverage.items()]
-    said = paragraph("Share [%] of held-back poses with validity above 0.9, and of errors below the expected error:")
-    return said + table(["", *columns], rows)
+    said = "Share [%] of held-back poses with validity above 0.9, and of errors below the expected error."
+    others = "; ".join(other_rows(coverage))
+    return paragraph(said + (f" Rows that are no domains: {others}." if others else "")) + table(["", *columns], rows)
 
 
 def _training(surrogate: Surrogate) -> str:
@@ -134,7 +137,7 @@ def _training(surrogate: Surrogate) -> str:
         fit = info.training_errors.get(name)
         ended = record.get("stop_reasons", {}).get(name, "-")
         hidden = "-".join(map(str, network.hidden))
-        rows.append([name, hidden, "-" if fit is None else f"{fit:.3g}", str(ended)])
+        rows.append([name, hidden, "-" if fit is None else three_digits(fit), str(ended)])
     made = record.get("command", "not recorded")
     said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene_digest[:12]}.")
     courses = record.get("convergence", {})

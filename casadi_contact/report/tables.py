@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import quantity, three_digits
 from casadi_contact.report.result_file import read_result
 
 
@@ -33,7 +33,7 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
             table.add_column(f"{load} ({quantity(load).unit})", justify="right")
         for model, domains in content["domain_errors"].items():
             for domain, errors in domains.items():
-                cells = [f"{errors[load][key]:.3g}" if load in errors else "-" for load in loads]
+                cells = [three_digits(errors[load][key]) if load in errors else "-" for load in loads]
                 table.add_row(model, domain, str(content["test_samples"][domain]), *cells)
             table.add_section()
         tables.append(table)

@@ -226,7 +226,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     @pose_or_poses
     def expected_error(self, poses: Array) -> Array:
-        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-out errors lie below it; see `trust`."""
+        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-back errors lie below it; see `trust`."""
         trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.expected_error(poses)

@@ -30,7 +30,7 @@ from casadi_contact.structures.gaussian_kernels import soft_distance, spread_cen
 from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import SURE, Trust
 
-INSIDE = 0.995  # share of held-out poses near enough to the samples for a validity above 0.9
+INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
 DENSE_CENTRES = 64
 DENSE_BANDWIDTH = 0.4  # of the scales, the deviation of an even spread over the sampled range
 SHARPNESS = 1.8

@@ -34,10 +34,10 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
     """Error levels from the samples around each centre, shares θ by quantile regression on unseen poses, growth from
     those of them that are not valid.
 
-    unseen: the held-out samples, then other poses with the contact model's loads, of which the valid ones give shares.
+    unseen: the held-back samples, then other poses with the contact model's loads, of which the valid ones give shares.
     Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero. A
     load that is carried in fewer than `_FEW_ROWS` of their poses may be as wrong as it is large. The valid rows of each
-    of the others count as much as all held-out samples, and these as they are; each domain and each of the others has
+    of the others count as much as all held-back samples, and these as they are; each domain and each of the others has
     its coverage.
     """
     names = surrogate.load_names

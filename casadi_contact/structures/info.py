@@ -32,7 +32,7 @@ from typing import Any
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
-from casadi_contact.quantities import ANGLE, quantity
+from casadi_contact.quantities import ANGLE, quantity, three_digits
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
@@ -49,6 +49,12 @@ _TABLES = (
     "coverage",
     "convergence",
 )
+_COVERAGE_ROWS = {  # valid: above 0.5 (see `trust_coverage`)
+    "range": "valid poses drawn evenly over the sampled ranges",
+    "around": "valid poses moved from the samples",
+    "edge": "moved poses and samples with validity from 0.1 to 0.9",
+    "outside": "moved poses with validity below 0.1",
+}
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,7 @@ class SurrogateInfo:
         for name, network in self.networks.items():
             size = "-".join(str(n) for n in network.hidden)
             error = self.training_errors.get(name)
-            fit = "" if error is None else f"  fit {error:.3g}"
+            fit = "" if error is None else f"  fit {three_digits(error)}"
             lines.append(f"  {name:<16} {size:<12} {network.activation}{fit}")
         if self.samples:
             counts = ", ".join(f"{domain} {count}" for domain, count in self.samples.items())
@@ -154,7 +160,8 @@ class SurrogateInfo:
         lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>20}" for load in loads)]
         for domain, errors in self.test_errors.items():
             cells = [
-                f"{errors[load]['rms']:.3g} / {errors[load]['max']:.3g}" if load in errors else "-" for load in loads
+                f"{three_digits(errors[load]['rms'])} / {three_digits(errors[load]['max'])}" if load in errors else "-"
+                for load in loads
             ]
             lines.append(f"  {domain:<7}" + "".join(f"{cell:>20}" for cell in cells))
         return lines
@@ -170,7 +177,12 @@ class SurrogateInfo:
         for domain, shares in self.coverage.items():
             cells = [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
             lines.append(f"  {domain:<7}" + "".join(f"{cell:>8}" for cell in cells))
-        return lines
+        return [*lines, *(f"  {line}" for line in other_rows(self.coverage))]
+
+
+def other_rows(coverage: Mapping[str, Any]) -> list[str]:
+    """What the rows of a coverage hold that are no domains, a line for each of those there are."""
+    return [f"{name}: {which}" for name, which in _COVERAGE_ROWS.items() if name in coverage]
 
 
 def describe(

@@ -18,8 +18,8 @@ network there happens to give a known load. Together, and smooth to every order:
 which is 0.9 at u = -4/3, 0.1 at u = 4/3, and far outside falls with a slope that leads an optimiser back (a logistic
 function is flat there). As a constraint 1/validity <= 2 is best: it grows with the square of u.
 
-The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-out samples and
-of other valid poses:
+The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-back samples
+and of other valid poses:
 
     e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p) + growth·g(u - u_0)·usual load,   all θ >= 0
 

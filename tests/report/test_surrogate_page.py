@@ -7,10 +7,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from casadi_contact.dataset import TEST, Dropped, write_samples
+from casadi_contact.dataset import DOMAINS, TEST, Dropped, write_samples
 from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.report.surrogate_page import surrogate_page, write_report
-from casadi_contact.structures import PatchSurrogate
+from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.info import samples_record
 from casadi_contact.verification import verify
 from casadi_contact.verification.fitness import Fitness, fitness
@@ -147,6 +147,15 @@ def test_what_a_file_does_not_record_is_said(surrogate):
         assert said in text
     with pytest.raises(ValueError, match="no surrogate to report"):
         surrogate_page({})
+
+
+def test_rows_of_the_coverage_that_are_no_domains_are_explained(surrogate):
+    shares = load_surrogate("knee_reach").info().coverage
+    known = PatchSurrogate(SPHERE, surrogate.networks, surrogate.record | {"coverage": shares}, surrogate.trust)
+    others = set(shares) - set(DOMAINS)
+    assert others == {"range", "around", "edge", "outside"}
+    for text in (str(known.info()), surrogate_page({"patch": known})):
+        assert all(f"{name}: " in text for name in others)
 
 
 def test_errors_above_their_tolerance_stand_out(surrogate):

@@ -30,7 +30,7 @@ def clustered(model: Any, data: TrainingSet, count: int, spacing: float) -> Trai
 
 
 def fitted(data: TrainingSet, held_out: tuple[Array, Array], kernel: Any, nugget: float) -> tuple[float, float]:
-    """1-norm condition number of the kernel matrix and the RMS error on held-out points in deviations of the loads,
+    """1-norm condition number of the kernel matrix and the RMS error on held-back points in deviations of the loads,
     for a kernel as it is; infinity and NaN where the matrix cannot be factorised."""
     from sklearn.gaussian_process import GaussianProcessRegressor
 
@@ -48,7 +48,7 @@ def fitted(data: TrainingSet, held_out: tuple[Array, Array], kernel: Any, nugget
 def measure(
     bench: Bench, spacings: Sequence[float] = SPACINGS, nuggets: Sequence[float] = NUGGETS, points: int = POINTS
 ) -> tuple[list[Line], None]:
-    """Lines of row 5: for each spacing and nugget, condition number and held-out error of Kriging."""
+    """Lines of row 5: for each spacing and nugget, condition number and held-back error of Kriging."""
     no_matrix = "no matrix of samples against samples: nothing to be ill-conditioned"
     why = {method: bench.missing.get(KRIGING, no_matrix) if method == KRIGING else no_matrix for method in METHODS}
     if KRIGING in bench.missing:
