@@ -243,13 +243,14 @@ def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
 
 
 def _gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
-    """The record of networks that went on from others: work and time are those of both, all else is the later's."""
+    """The record of networks that went on from others: work and time are those of both, dropped shares the former's,
+    since of what a round draws only the worst is kept; all else is the later's."""
     both = {
         key: {name: round(spent + before[key].get(name, 0.0), 1) for name, spent in record[key].items()}
         for key in ("gflop", "seconds")
     }
     added = sum(record["samples"].values()) - sum(before["samples"].values())
-    return {**record, **both, "active": [*before.get("active", []), added]}
+    return {**record, **both, "dropped": before["dropped"], "active": [*before.get("active", []), added]}
 
 
 def size_text(hidden: Sequence[int]) -> str:
