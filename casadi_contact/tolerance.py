@@ -22,7 +22,7 @@ from casadi_contact.project import Project, Update, alone
 from casadi_contact.project.fitting import build_command, fit_surrogate, moved_samples
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample
-from casadi_contact.quantities import FORCE, TORQUE, of_kind
+from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.sampling import foundations, teacher_of
 from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.scenes import Scene
@@ -79,7 +79,7 @@ def misses(model: LoadModel, samples: Samples) -> list[str]:
         for load, error in errors.items():
             share = error["rms"] / samples.scene.tolerances[load]
             if share > MET:
-                found[f"{load} {error['rms']:.3g} of {samples.scene.tolerances[load]:g} in {domain}"] = share
+                found[f"{load} {three_digits(error['rms'])} of {samples.scene.tolerances[load]:g} in {domain}"] = share
     return sorted(found, key=lambda text: -found[text])
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact
 from casadi_contact.conventions import Array, as_poses, load_unit
-from casadi_contact.quantities import beside
+from casadi_contact.quantities import beside, three_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
 from casadi_contact.verification.verify import loads_on
@@ -100,7 +100,7 @@ class Verdict:
     def _largest(self, frame: int) -> str:
         load = int((np.abs(self.errors[frame]) / self.allowed).argmax())
         name = self.load_names[load]
-        return f"{abs(self.errors[frame, load]):.3g} {load_unit(name)} ({name})"
+        return f"{three_digits(abs(self.errors[frame, load]))} {load_unit(name)} ({name})"
 
     def _of_frame(self, frame: int) -> str:
         if not self.solved[frame]:

@@ -9,6 +9,7 @@ import numpy as np
 from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.optimisation import pose_bounds
+from casadi_contact.quantities import two_digits
 from casadi_contact.structures import Surrogate
 from casadi_contact.verification import Verdict
 from casadi_contact.verification.verify import LEAST_VALIDITY
@@ -54,7 +55,7 @@ def _loads_beyond(model: Surrogate, pose: Array) -> list[str]:
         return []
     pressed, learned = np.maximum(model.trust_roots(pose[None])[0], 0.0), np.maximum(model.trust.root_high, 0.0)
     excess = model.scene.reference_load * (pressed**2 - learned**2)
-    return [f"{model.patch_names[p]} load by {excess[p]:.2g} N" for p in np.flatnonzero(excess > 0.0)]
+    return [f"{model.patch_names[p]} load by {two_digits(excess[p])} N" for p in np.flatnonzero(excess > 0.0)]
 
 
 def reasons(model: ContactModel, poses: Array, verdict: Verdict, known: np.ndarray | None = None) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from casadi_contact.quantities import two_digits
 from casadi_contact.verification import Verdict
 from problems.common.learned_range import reasons
 from problems.muscle_contact.knee_coordinates import coordinate_unit
@@ -32,7 +33,7 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
         reason[k] = f"not found: {reason[k]}"
     for k in np.flatnonzero(result.converged & result.overloaded):
         over = [
-            f"{abs(curve[k]):.2g} {coordinate_unit(name)} of {name}"
+            f"{two_digits(abs(curve[k]))} {coordinate_unit(name)} of {name}"
             for name, curve in result.reserves.items()
             if abs(curve[k]) > RESERVE_SIZES[name]
         ]

@@ -12,6 +12,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.knee_scene import KNEE_LOADS, SIDES
@@ -100,7 +101,7 @@ def _print(
         table.add_row(name, f"{-result.loads[:, column].min():.0f}", *prediction, *grids)
     console.print(table)
     largest = ", ".join(
-        f"{name} {np.abs(curve).max():.2g} {coordinate_unit(name)}" for name, curve in result.reserves.items()
+        f"{name} {two_digits(np.abs(curve).max())} {coordinate_unit(name)}" for name, curve in result.reserves.items()
     )
     console.print(f"largest reserves: {largest}; largest activation: {result.activations.max():.2f}", highlight=False)
     print_outcome(console, result)

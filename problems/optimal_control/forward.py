@@ -6,10 +6,13 @@ in `problem`, integrated by CVODES with the exact Jacobian, actuator loads betwe
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, load_unit
+from casadi_contact.quantities import three_digits
 from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl, inertia_of, point_function
 from problems.optimal_control.solve import ControlResult
 
@@ -52,7 +55,8 @@ def forward_load_errors(problem: OptimalControl, result: ControlResult, forward:
 
 def strays(problem: OptimalControl, result: ControlResult, forward: Array | None) -> str:
     """Why the found actuators do not bring about the found contact loads forward in time, "" where they do: every force
-    to within `FOLLOWED` of the largest of the cycle (root mean square), and every torque likewise.
+    to within `FOLLOWED` of the largest of the cycle (root mean square), and every torque likewise. Named is what is
+    furthest off.
 
     Collocation meets the equations of motion at its points alone; how well they hold between them, this tells.
     """
@@ -60,15 +64,18 @@ def strays(problem: OptimalControl, result: ControlResult, forward: Array | None
     if forward is None:
         return f"forward in time under these actuators the integrator gives up, expected the motion found: {cure}"
     errors, largest = forward_load_errors(problem, result, forward), np.abs(result.loads).max(axis=0)
+    said = {}
     for unit in ("N", "N·mm"):
         of_unit = {name: most for name, most in zip(errors, largest, strict=True) if load_unit(name) == unit}
         name, allowed = max(of_unit, key=lambda load: errors[load]), FOLLOWED * max(of_unit.values())
         if not errors[name] <= allowed:
-            return (
-                f"forward in time under these actuators {name} is off by {errors[name]:.3g} {unit} (RMS), expected at "
-                f"most {allowed:.3g} {unit}, {100.0 * FOLLOWED:g} % of the cycle's largest: {cure}"
+            text = (
+                f"forward in time under these actuators {name} is off by {three_digits(errors[name])} {unit} (RMS), "
+                f"expected {three_digits(allowed)} {unit} at most, {100.0 * FOLLOWED:g} % of the cycle's largest: "
+                f"{cure}"
             )
-    return ""
+            said[text] = errors[name] / allowed if allowed else math.inf
+    return max(said, key=lambda text: said[text], default="")
 
 
 def _spline(name: str, times: Array, values: Array) -> ca.Function:

@@ -12,6 +12,7 @@ from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_uni
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
@@ -70,7 +71,7 @@ def report(
     strayed = {} if forward is None else forward_load_errors(problem, result, forward)
     if forward is not None:
         largest = " and ".join(f"{most:.2g} {unit}" for unit, most in moved.items())
-        loads = ", ".join(f"{name} {off:.2g} {load_unit(name)}" for name, off in strayed.items())
+        loads = ", ".join(f"{name} {two_digits(off)} {load_unit(name)}" for name, off in strayed.items())
         said = f"poses off by {largest} at most; loads off (RMS): {loads}"
     console.print(f"forward in time under these actuators: {said}", highlight=False, soft_wrap=True)
     reason = reasons(problem.model, result.poses, verdict)

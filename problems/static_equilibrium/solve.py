@@ -17,6 +17,7 @@ from casadi_contact.optimisation import (
     start_or_default,
     total_selection,
 )
+from casadi_contact.quantities import three_digits
 from problems.common.learned_range import held_beyond
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium
@@ -92,7 +93,8 @@ def _reasons(problem: StaticEquilibrium, pressed: Array, poses: Array, outcome: 
     balance = Balance.of(problem, problem.model)
     for row in map(int, np.flatnonzero(off)):
         worst = int(np.abs(misfit[row]).argmax())
-        left = f"{problem.free[worst]} is unbalanced by {misfit[row, worst]:.3g} N (torques over {LEVER_MM:g} mm)"
+        unbalanced = three_digits(misfit[row, worst])
+        left = f"{problem.free[worst]} is unbalanced by {unbalanced} N (torques over {LEVER_MM:g} mm)"
         if held[row]:
             reason[row] = f"{held[row]}: at the nearest {left}"
         elif loose := balance.loose(row, pressed[row]):

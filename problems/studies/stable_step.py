@@ -133,8 +133,8 @@ def run(
     for force in forces:
         simulator = knee_simulator.build(model, Waveforms.constant(flexion_deg, force))
         rest = start_state(simulator)
-        cells: list[Any] = [f"{force:g}", f"{contact_stiffness(simulator, rest):.4g}"]
-        cells.append(f"{fastest_rate(simulator, rest):.4g}")
+        cells: list[Any] = [f"{force:g}", f"{contact_stiffness(simulator, rest):.0f}"]
+        cells.append(f"{fastest_rate(simulator, rest):.0f}")
         for scheme in SCHEMES:
             step = largest_stable_step(simulator, scheme, rest)
             cells.append(f"{'≥ ' if step == LONGEST_STEP_S else ''}{1e3 * step:.3g}")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge
 from problems import muscle_contact
@@ -49,7 +50,7 @@ def test_a_pose_outside_names_the_parameter_and_the_load_that_are_and_by_how_muc
     learned = -(knee.trust.root_high**2) * knee.scene.reference_load
     said = beyond_learned(knee, heavy)[0]
     for patch, most in zip(("med", "lat"), learned, strict=True):
-        assert f"{patch} load by {2600.0 + most:.2g} N" in said
+        assert f"{patch} load by {two_digits(2600.0 + most)} N" in said
     assert "validity" in said
 
 
