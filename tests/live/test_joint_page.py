@@ -224,6 +224,19 @@ def test_the_scrubber_plays_and_stops(knee):
     assert knee.ask("joint.pose") == knee.ask("joint.content.cycle.poses")[frame]
 
 
+def test_the_scrubber_is_at_the_frame_that_a_button_leads_to(knee):
+    poses = np.array(knee.ask("joint.content.cycle.poses"))
+    pressed = -knee.contact(poses, ["Fy_med", "Fy_lat"]).sum(axis=1)
+    for name, frame in (("stance", pressed.argmax()), ("swing", pressed.argmin())):
+        knee.tab.click(f"#presets button:text-is('{name}')")
+        assert int(knee.tab.input_value("#frame")) == frame
+        knee.drawn()
+        assert float(knee.ask("joint.timeline.cursor.style.opacity")) > 0.5
+    knee.tab.click("#presets button:text-is('medial lifted')")
+    knee.drawn()
+    assert float(knee.ask("joint.timeline.cursor.style.opacity")) < 0.5, "no frame of the cycle"
+
+
 def test_what_was_drawn_coarsely_while_it_moved_is_drawn_in_full_at_rest(knee):
     wide = "joint.bodies.gl.canvas.width / joint.bodies.gl.canvas.clientWidth"
     knee.ask("joint.bodies.pace.level = 2")

@@ -77,15 +77,21 @@ class Page {
     document.body.inert = false;
   }
 
-  /** frame: of the cycle, where the pose is one of it. */
-  go(pose, frame = null) {
+  /** frame: of the cycle, where the pose is one of it, null elsewhere. */
+  go(pose, frame = this.frameOf(pose)) {
     this.pose = Array.from(pose);
     this.frame = frame;
+    if (frame !== null) this.timeline.show(frame);
     this.state = evaluated(this.models, this.content, this.pose);
     this.later ??= requestAnimationFrame(() => {
       this.later = null;
       this.draw();
     });
+  }
+
+  frameOf(pose) {
+    const frame = this.content.cycle.poses.findIndex((of) => of.every((value, k) => value === pose[k]));
+    return frame < 0 ? null : frame;
   }
 
   draw() {

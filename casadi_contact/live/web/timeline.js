@@ -29,9 +29,13 @@ export class Timeline {
   }
 
   go(frame) {
+    this.show(frame);
+    this.moved(frame);
+  }
+
+  show(frame) {
     this.frame = frame;
     this.scrubber.value = frame;
-    this.moved(frame);
   }
 
   play() {
