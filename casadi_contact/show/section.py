@@ -15,7 +15,7 @@ from casadi_contact.show.view import PictureAxis, View
 
 _POINTS = 300  # of the plane, each way
 _MARGIN_MM = 6.0  # beyond the elements
-_LEAST_HEIGHT = 0.45  # of the picture over its width
+_LEAST_HEIGHT = 0.45  # of the picture over the width of the widest patch: higher up a body may end
 _SHARE_OF_WAY = 0.3  # between neighbouring patches
 _GAP = 4.0  # element sides without an element: the line is broken there
 
@@ -50,7 +50,7 @@ def draw_section(
     """
     at = float(across.of(_centre(maps)))
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
-    low, high = _window(np.concatenate(profiles), along, toward)
+    low, high = _window(profiles, along, toward)
     reaches = _reaches([along.of(profile) for profile in profiles], low[0], high[0])
     for pressed, profile, (left, right) in zip(maps, profiles, reaches, strict=True):
         # Each patch's own surface, where this patch lies: what two of them enclose between them is no contact.
@@ -102,11 +102,13 @@ def _reaches(coordinates: Sequence[Array], low: float, high: float) -> list[tupl
     return found
 
 
-def _window(profile: Array, along: PictureAxis, toward: PictureAxis) -> tuple[Array, Array]:
+def _window(profiles: Sequence[Array], along: PictureAxis, toward: PictureAxis) -> tuple[Array, Array]:
     """Lowest and highest coordinates (2,) along `along` and `toward`, with room for the moving body."""
-    coordinates = np.stack([along.of(profile), toward.of(profile)], axis=1)
+    every = np.concatenate(profiles)
+    coordinates = np.stack([along.of(every), toward.of(every)], axis=1)
     low, high = coordinates.min(axis=0) - _MARGIN_MM, coordinates.max(axis=0) + _MARGIN_MM
-    height = max(high[1] - low[1], _LEAST_HEIGHT * (high[0] - low[0]))
+    widest = max(float(np.ptp(along.of(profile))) for profile in profiles) + 2.0 * _MARGIN_MM
+    height = max(high[1] - low[1], _LEAST_HEIGHT * widest)
     if toward.reversed:
         low[1] = high[1] - height
     else:

@@ -62,6 +62,20 @@ def test_condyles_that_touch_are_each_drawn_round_with_no_spike_between_them():
         assert inner[:, 1].max() < pose[1] - 10.0  # where both are round they meet at the height of their centres
 
 
+def test_a_condyle_that_is_turned_is_drawn_round_and_no_higher_than_its_arcs_reach():
+    """Height over width is convex below the middle of a condyle; beyond the outermost arcs there is no surface."""
+    scene = cc.load_scene("knee")
+    model = cc.ElasticFoundation(scene, scene.grids["coarse"])
+    pose, view = np.array([0.5, 27.23, 0.1, 0.001, -0.05, -0.3]), view_of(model)
+    axis = Figure().subplots()
+    draw_section(axis, model, pose, model.pressure_maps(pose), along=view.right, across=view.up, toward=view.toward)
+    for k in (1, 3):
+        width, height = np.concatenate([path.vertices for path in axis.collections[k].get_paths()]).T
+        order = np.argsort(width)
+        at = np.linspace(width.min(), width.max(), 15)[1:-1]
+        assert (np.diff(np.interp(at, width[order], height[order]), 2) > 0.0).all()
+
+
 def test_midway_between_two_rows_of_a_sloping_surface_the_line_follows_one_of_them():
     model = cc.ElasticFoundation(cc.load_scene("knee"), (10, 10))
     x, z = (side.ravel() for side in np.meshgrid(np.arange(-9.5, 10.0), np.arange(-4.5, 5.0)))
