@@ -20,6 +20,7 @@ from problems.common.learned_range import reasons
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
 from problems.static_equilibrium.report import report
+from problems.static_equilibrium.search import search
 from problems.static_equilibrium.solve import solve
 from problems.static_equilibrium.starts import solve_from_lifts
 
@@ -39,7 +40,7 @@ def run(
     tz: Annotated[float, typer.Option(help="torque about z [N·mm]; balanced by the lock while rz is locked")] = 0.0,
     flexions: Annotated[str, typer.Option(help="flexion angles [deg], separated by commas")] = "0,5,15,30,45,60,75",
     soft: Annotated[bool, typer.Option(help="free rz too, with soft-tissue springs slack at the flexion")] = False,
-    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 20,
+    starts: Annotated[int, typer.Option(min=0, help="random starts, of unsolved rows and of solved ones again")] = 20,
     warm: Annotated[str | None, typer.Option(help="begin at the solution on this other surrogate")] = None,
     out: Annotated[Path, typer.Option(help="folder for static_equilibrium.csv, .png, .json")] = RESULTS / NAME,
 ) -> None:
@@ -66,6 +67,7 @@ def run(
 
     problem = on(model)
     result = solve(problem, None if warm is None else solve(on(warm_model(warm, model))).poses)
+    result = search(problem, result, starts)
     foundation = own_model(model.scene)
     result = diagnose(problem, result, foundation)
     verdict = judge(model, result.poses, result.converged, foundation)

@@ -29,6 +29,7 @@ def diagnose(problem: StaticEquilibrium, result: EquilibriumResult, model: Conta
         if np.isnan(found[row]).any():
             reason[row] += "; from there the contact model finds no equilibrium either"
         else:
-            where = beyond_learned(problem.model, found[row : row + 1])[0] or "not found, though in the learned range"
+            inside = "not found, though in the learned range" if np.isfinite(problem.lower).any() else "not found"
+            where = beyond_learned(problem.model, found[row : row + 1])[0] or inside
             reason[row] = f"{where}: the contact model has an equilibrium; {reason[row]}"
     return replace(result, reason=reason)

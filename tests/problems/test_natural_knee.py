@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
-from problems import assembly_poses
+from problems import assembly_poses, implant, static_equilibrium
 from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.own_cycle import own_cycle
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
@@ -41,3 +42,25 @@ def test_the_natural_knee_bends_on_its_ligaments():
         assert float(force[1]) == pytest.approx(300.0, abs=1e-3)
         lifted = loads[:2].sum()
         assert lifted < -300.0, "ligaments press beside what is applied"
+
+
+@needs_compiler
+def test_a_femur_on_a_convex_tibia_finds_the_rest_that_one_start_misses():
+    """A natural tibia turns the femur about y with little torque: the misfit has minima off balance on the way."""
+    shared_file("data/jam/femur_cartilage.obj")
+    scene = cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
+    model = CellFoundation(whole_wrench(scene), Cells(1.7, 1.7, 4, 4))
+    rest = np.tile(scene.start_pose, (3, 1))
+    rest[:, 5] = -np.radians([0.0, 30.0, 60.0])
+    loads = np.tile([0.0, -400.0, 0.0, 0.0, 0.0, 0.0], (3, 1))
+    problem = static_equilibrium.build(model, loads, rest=rest, about="moving")
+    first = static_equilibrium.solve(problem)
+    assert not first.converged.all(), "one start is enough: this test tells nothing"
+    found = static_equilibrium.search(problem, first, 20)
+    assert found.converged.all(), found.reason
+    wrenches = model.wrenches(found.poses).sum(axis=1)
+    about_moving = wrenches[:, 3:] - np.cross(found.poses[:, :3], wrenches[:, :3])
+    np.testing.assert_allclose(wrenches[:, :3], loads[:, :3], atol=0.1)
+    rx = found.poses[:, 3]
+    along_y_turned_by_rx = np.cos(rx) * about_moving[:, 1] + np.sin(rx) * about_moving[:, 2]
+    np.testing.assert_allclose(along_y_turned_by_rx, 0.0, atol=2.0)

@@ -122,6 +122,21 @@ def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
     assert "not found in the learned range" in result.reason[1]
 
 
+def test_rows_left_unsolved_are_sought_from_other_starts_and_impossible_ones_stay_so(knee, rest, solved):
+    loads = np.tile(LOADS, (3, 1))
+    loads[1, WRENCH_NAMES.index("Tx")] = 90_000.0  # outside both condyles
+    problem = static_equilibrium.build(knee, loads, rest=rest, about="moving")
+    stopped = static_equilibrium.solve(problem, max_iterations=2)
+    assert not stopped.converged.any()
+    found = static_equilibrium.search(problem, stopped, 3)
+    assert found.converged.tolist() == [True, False, True]
+    np.testing.assert_allclose(found.poses[[0, 2]], solved[1].poses[[0, 2]], atol=1e-6)
+    np.testing.assert_allclose(found.wrenches[[0, 2], :3], loads[[0, 2], :3], atol=problem.tolerance_n[0])
+    assert found.reason[0] == found.reason[2] == ""
+    assert found.reason[1].endswith(", nor from 3 other starts")
+    assert static_equilibrium.search(problem, stopped, 0).reason[0] == stopped.reason[0]
+
+
 def refuse_to_search(*_, **__):
     raise AssertionError("IPOPT was asked for what contact never carries")
 
