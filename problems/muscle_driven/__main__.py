@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -26,9 +27,9 @@ from problems.muscle_contact.given import (
     RotationsOption,
     given_walk,
 )
-from problems.muscle_driven.problem import build
-from problems.muscle_driven.report import Run, report
-from problems.muscle_driven.solve import LARGEST_ENERGY_LOST, solve
+from problems.muscle_driven.problem import MuscleDriven, build
+from problems.muscle_driven.report import Run, differences, report
+from problems.muscle_driven.solve import FARTHEST_DEG, LARGEST_ENERGY_LOST, solve
 
 NAME = "muscle_driven"
 TEACHER_GRID = (160, 80)
@@ -51,7 +52,8 @@ def run(
     """Solve a walk for activations, and let these drive the knee forward on three contact models: a surrogate, the
     foundation of its scene and an EF of 160×80 elements.
 
-    Exit status 2: a motion made or lost energy; 3: on some frames of the first one's motion the contact model differs.
+    Exit status 2: a motion made or lost energy, or left the walk; 3: on some frames of the first one's motion the
+    contact model differs.
     """
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
@@ -69,20 +71,37 @@ def run(
         for name, one in driven.items()
     }
     poses = runs[source.kind].simulation.poses
-    off = {name: run.simulation.energy_lost for name, run in runs.items()}
-    off = {name: lost for name, lost in off.items() if not lost <= LARGEST_ENERGY_LOST}
-    verdict = judge(model, poses, np.full(len(poses), not off), own_model(model.scene))
+    doubt = doubts(driven, runs)
+    verdict = judge(model, poses, np.full(len(poses), not doubt), own_model(model.scene))
     print_verdict(PlainConsole(), verdict)
     report(driven, runs, out)
-    if off:
-        lost = ", ".join(f"{100.0 * share:.2g} % on {name}" for name, share in off.items())
-        print(
-            f"{NAME}: not solved: the integrator made or lost {lost} of the muscles' work, expected at most "
-            f"{100.0 * LARGEST_ENERGY_LOST:g} %: give a smaller --tolerance",
-            file=sys.stderr,
-        )
+    if doubt:
+        print(f"{NAME}: not solved: {doubt}", file=sys.stderr)
         raise typer.Exit(2)
     end_with(verdict, NAME, out)
+
+
+def doubts(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run]) -> str:
+    """Why motions are not what the muscles of the walk bring about, "" where all are."""
+    lost = {name: run.simulation.energy_lost for name, run in runs.items()}
+    lost = {name: share for name, share in lost.items() if not share <= LARGEST_ENERGY_LOST}
+    if lost:
+        said = ", ".join(f"{100.0 * share:.2g} % on {name}" for name, share in lost.items())
+        return (
+            f"the integrator made or lost {said} of the muscles' work, expected at most "
+            f"{100.0 * LARGEST_ENERGY_LOST:g} %: give a smaller --tolerance"
+        )
+    off = {name: differences(driven[name], run)["flexion_deg"] for name, run in runs.items()}
+    if all(degrees <= FARTHEST_DEG for degrees in off.values()):
+        return ""
+    said = ", ".join(f"{degrees:.2g}° on {name}" for name, degrees in off.items())
+    walk = next(iter(driven.values())).inverse.walk
+    steps_s = np.diff(walk.time_s)
+    return (
+        f"the motion leaves the flexion of walk {walk.name} by {said}, expected at most {FARTHEST_DEG:g}°: cubic "
+        f"splines between its frames, up to {steps_s.max():.2g} s apart after frame {steps_s.argmax()}, are not its "
+        "curves; give frames closer to each other, without gaps"
+    )
 
 
 def main() -> None:

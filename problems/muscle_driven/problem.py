@@ -119,9 +119,12 @@ def build(
             f"walk {walk.name}: muscles alone do not balance frames {rows_in_words(unbalanced)}, expected all of them "
             "to be balanced: problems.muscle_contact says why"
         )
-    if max(np.abs(curve).max() for curve in solved.reserves.values()) > _LARGEST_RESERVE:
+    reserves = np.max([np.abs(curve) for curve in solved.reserves.values()], axis=0)
+    if (leaning := reserves > _LARGEST_RESERVE).any():
         raise ValueError(
-            f"walk {walk.name}: reserves give more than {_LARGEST_RESERVE}, expected muscles to balance it"
+            f"walk {walk.name}: reserves give up to {reserves.max():.2g} N or N·m in frames {rows_in_words(leaning)}, "
+            f"at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger muscles, or a walk that "
+            "asks less"
         )
     rigid = inverse.capacity.active_n * solved.activations + inverse.capacity.passive_n
     if np.abs(solved.muscle_forces_n - rigid).max() > 0.1:

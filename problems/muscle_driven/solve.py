@@ -12,6 +12,7 @@ from casadi_contact.conventions import Array
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 
 LARGEST_ENERGY_LOST = 1e-3  # of the muscles' work: beyond it a motion is the integrator's, not the muscles'
+FARTHEST_DEG = 5.0  # from the walk's flexion: beyond it curves between frames are not those of the walk; usual is 0.5
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 from dataclasses import replace
 
@@ -148,6 +149,34 @@ def test_a_motion_that_makes_energy_is_no_solution(tmp_path, monkeypatch, capsys
     assert said.out.startswith("0 of 21 solved")
     assert "% on surrogate" in said.err
     assert "give a smaller --tolerance" in said.err
+
+
+def test_a_motion_that_leaves_the_walk_in_a_gap_of_time_is_no_solution(tmp_path, monkeypatch, capsys):
+    """Where a tenth of the cycle is missing, splines invent it: the knee flexes otherwise, in poses that look right."""
+    walk = example_walk(frames=101)
+    kept = np.r_[0:62, 72:101]
+    cut = replace(
+        walk,
+        **{name: getattr(walk, name)[kept] for name in ("time_s", "rz", "ry", "lengths_m", "velocities_m_per_s")},
+        loads={name: curve[kept] for name, curve in walk.loads.items()},
+        arms={name: table[kept] for name, table in walk.arms.items()},
+    )
+    monkeypatch.setattr(__main__, "given_walk", lambda *_: cut)
+    monkeypatch.setattr(sys, "argv", ["muscle_driven", "--repeats", "1", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        __main__.main()
+    assert end.value.code == 2
+    said = capsys.readouterr()
+    assert said.out.startswith("0 of 91 solved")
+    assert re.search(r"leaves the flexion of walk built-in walk by \d+° on surrogate", said.err)
+    assert "apart after frame 61, are not its curves; give frames closer to each other" in said.err
+
+
+def test_reserves_that_would_be_missing_forward_are_named_with_their_frames(driven):
+    reserves = {name: curve.copy() for name, curve in driven.solved.reserves.items()}
+    reserves["knee_flexion"][[3, 4, 9]] = 0.5
+    with pytest.raises(ValueError, match=r"reserves give up to 0.5 N or N·m in frames 3, 4, 9, at most 0.1 expected"):
+        muscle_driven.build(driven.model, driven.inverse, replace(driven.solved, reserves=reserves))
 
 
 @pytest.mark.parametrize(
