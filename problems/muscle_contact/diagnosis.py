@@ -24,8 +24,8 @@ def diagnose(problem: MuscleContact, result: MuscleContactResult, verdict: Verdi
     infeasible     solved, but only by reserves above their size, and a linear program proves that no activations and no
                    contact forces at that pose do without (`proof`); with compliant tendons or a patella, which it
                    does not know, nothing is proved
-    overloaded     solved likewise, but muscles and contact could do without: the rules of co-contraction forbid it, or
-                   activations near their bounds cost more than reserves
+    overloaded     solved likewise, but muscles and contact could do without: rules that the program does not know
+                   forbid it, or activations near their bounds cost more than reserves
     outside ...    of the learned range, by how much in what; the foundation (``--scene``) knows no such range
     """
     reason = result.reason.copy()
@@ -57,4 +57,7 @@ def _overload(problem: MuscleContact, result: MuscleContactResult, frame: int, l
     least = least_overload(problem, model, result.poses[frame], frame)
     if least > 1.0:
         return f"infeasible: {left}, proved to give at least {least:.2g} times their size at this pose"
-    return f"overloaded: {left}, and could do without, but not by the rules of co-contraction or at their price"
+    return (
+        f"overloaded: {left}, and could do without, but not by all rules (co-contraction, least activation, activation "
+        "dynamics, synergies) or at the price of activations"
+    )

@@ -22,7 +22,8 @@ _LEAST_LOAD = {"N": 10.0, "Nm": 1.5}  # that a leg's largest reach; over weight 
 _LARGEST_LOAD = {"N": np.inf, "Nm": 1e3}
 _SWINGING_LEG_N = 200.0  # pulls less at the knee: in walking 60 to 80 N
 _MOVES_M = 0.002  # less travel tells nothing of velocity
-_FEWEST_FRAMES = 5  # to tell a rate from
+_FEWEST_FRAMES = 5  # to compare rates of two curves by
+_FEWEST_OF_RATES = 10  # to tell a rate itself from: of true velocities at 6 frames a cycle hardly any agree with it
 _ARM_M = 0.01  # less, and other coordinates move the muscle more
 _AGREES, _CONTRADICTS = 0.5, -0.8
 # Muscles as the usual leg models name them, by where they cross a right knee: their arms about this coordinate are
@@ -107,8 +108,8 @@ def check_loads(walk: str, loads: Mapping[str, Array]) -> None:
 
 def check_velocities(walk: str, names: Sequence[str], time_s: Array, lengths_m: Array, velocities: Array) -> None:
     """ValueError for velocities (n, m) [m/s] that are not how lengths (n, m) change, reversed ones and other units;
-    zero is taken for muscles that are meant to be slow."""
-    if len(time_s) < _FEWEST_FRAMES:
+    zero is taken for muscles that are meant to be slow, and anything at fewer frames than tell rates."""
+    if len(time_s) < _FEWEST_OF_RATES:
         return
     rates = np.gradient(lengths_m, time_s, axis=0)
     for muscle in np.flatnonzero(np.ptp(lengths_m, axis=0) > _MOVES_M).tolist():

@@ -279,6 +279,20 @@ def test_swing_alone_is_not_doubted_though_it_pulls():
     )
 
 
+def test_true_velocities_at_few_frames_are_taken_though_differences_of_lengths_are_others():
+    fine = example_walk(frames=201)
+    few = np.linspace(0, 200, 6, dtype=int)
+    arrays = {name: getattr(fine, name)[few] for name in ("time_s", "rz", "ry", "lengths_m", "velocities_m_per_s")}
+    rates = np.gradient(arrays["lengths_m"], arrays["time_s"], axis=0)
+    assert np.corrcoef(rates[:, 0], arrays["velocities_m_per_s"][:, 0])[0, 1] < 0.5, "frames tell the rates"
+    replace(
+        fine,
+        **arrays,
+        loads={name: curve[few] for name, curve in fine.loads.items()},
+        arms={name: table[few] for name, table in fine.arms.items()},
+    )
+
+
 def test_muscles_without_velocity_and_a_leg_without_load_are_taken():
     scaled("velocities_m_per_s", 0.0)
     scaled("loads", 0.0, *WALK.loads)

@@ -78,6 +78,16 @@ def test_a_muscle_problem_that_muscles_cannot_balance_is_infeasible_and_says_wha
     assert kinds == {"infeasible", "overloaded"}, "some frames are beyond the muscles, some beyond the rules"
 
 
+def test_a_least_activation_that_no_balance_allows_is_among_the_rules_that_are_named(knee):
+    problem = muscle_contact.build(knee, example_walk(frames=5), least_activation=0.9)
+    result = muscle_contact.solve(problem)
+    told = diagnose(problem, result, judge(knee, result.poses, result.converged, NO_MODEL))
+    lazier = muscle_contact.solve(muscle_contact.build(knee, example_walk(frames=5)))
+    assert result.overloaded.any()
+    assert not lazier.overloaded.any(), "the rules of co-contraction alone allow a balance"
+    assert all("least activation" in reason for reason in told.reason[result.overloaded])
+
+
 def test_the_picture_of_a_walk_too_heavy_for_muscles_marks_the_frames_that_are_not_solved(knee, tmp_path, monkeypatch):
     problem, result, _ = diagnosed(knee, 15.0)
     pages = []
