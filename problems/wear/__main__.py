@@ -17,7 +17,7 @@ from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.common.outcome import print_verdict
-from problems.wear.cycle import open_ends, read_path, simulated_poses
+from problems.wear.cycle import leap, read_path, simulated_poses
 from problems.wear.problem import WEAR_FACTOR, archard_wear, check_wear_factor, volume_mm3
 from problems.wear.report import report
 
@@ -48,7 +48,7 @@ def run(
             raise ValueError("--poses needs --scene, and no --surrogate: its elements are what wears")
         fine, verdict = _elements(load_scene(scene)), None
         cycle = read_path(poses, fine)
-        if said := open_ends(cycle):
+        if said := leap(cycle):
             typer.echo(f"{NAME}: {poses}: {said}", err=True)
     else:
         model = ContactSource.of(surrogate, scene).load()

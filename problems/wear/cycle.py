@@ -12,7 +12,7 @@ from casadi_contact.motion.pose_file import read_poses
 from problems import knee_simulator
 
 FEWEST_POSES = 4  # so that every other one, which the report compares with, still goes there and back
-_APART = 2.0  # times the largest step between neighbours: the path's ends do not belong together
+_APART = 2.0  # times the next largest step: these poses are no neighbours
 
 
 def simulated_poses(model: SymbolicContact, frames: int = 200) -> Array:
@@ -40,14 +40,20 @@ def read_path(path: Path, model: ElasticFoundation) -> Array:
     return poses
 
 
-def open_ends(poses: Array) -> str:
-    """What there is to say of a path (n, 6) whose last pose is far from its first; "" where it closes."""
+def leap(poses: Array) -> str:
+    """What there is to say of a path (n, 6) with one step far larger than any other: ends that do not close, or poses
+    that are missing; "" where there is none."""
     steps = np.linalg.norm(POSE_IN_MM * (poses - np.roll(poses, 1, axis=0)), axis=1)
-    if steps[0] <= _APART * steps[1:].max():
+    at = int(steps.argmax())
+    others = float(np.delete(steps, at).max())
+    if steps[at] <= _APART * others:
         return ""
-    gap = np.abs(poses[0] - poses[-1])
+    gap = np.abs(poses[at] - poses[at - 1])
+    where, cure = "the path's ends", "a whole cycle, or the way back as well"
+    if at:
+        where, cure = f"poses {at - 1} and {at}", "the poses between them"
     return (
-        f"the path's ends are {np.linalg.norm(gap[:3]):.2g} mm and {np.degrees(gap[3:].max()):.2g} degrees apart, "
-        f"{steps[0] / max(steps[1:].max(), np.finfo(float).tiny):.2g} times its largest step: one straight step joins "
-        "them, and wears too; give a whole cycle, or the way back as well"
+        f"{where} are {np.linalg.norm(gap[:3]):.2g} mm and {np.degrees(gap[3:].max()):.2g} degrees apart, "
+        f"{steps[at] / max(others, np.finfo(float).tiny):.2g} times its next largest step: one straight step joins "
+        f"them, and wears too; give {cure}"
     )

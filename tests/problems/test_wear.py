@@ -14,7 +14,7 @@ from casadi_contact.motion.pose_file import write_poses
 from problems import wear
 from problems.common.records import pose_columns
 from problems.wear import __main__
-from problems.wear.cycle import open_ends
+from problems.wear.cycle import leap
 
 DEPTH_MM, SIDE_MM = 0.1, 10.0
 
@@ -139,7 +139,7 @@ def ball(tmp_path):
     return ("--scene", scene, "--poses", tmp_path / "path.csv", "--out", tmp_path / "out"), write
 
 
-def test_the_path_of_a_result_table_is_taken_and_open_ends_are_said_with_what_is_done(ball, monkeypatch, capsys):
+def test_the_path_of_a_result_table_is_taken_and_leap_are_said_with_what_is_done(ball, monkeypatch, capsys):
     arguments, write = ball
     write([0.0, 0.5, 1.0, 0.5])
     assert command(monkeypatch, *arguments) == 0
@@ -151,7 +151,14 @@ def test_the_path_of_a_result_table_is_taken_and_open_ends_are_said_with_what_is
     write([0.0, 0.5, 1.0, 1.5])
     assert command(monkeypatch, *arguments) == 0
     said = capsys.readouterr().err
-    assert "path.csv: the path's ends are 1.5 mm and 0 degrees apart, 3 times its largest step: one straight" in said
+    assert (
+        "path.csv: the path's ends are 1.5 mm and 0 degrees apart, 3 times its next largest step: one straight" in said
+    )
+    write([0.0, 0.25, 0.5, 1.75, 2.0, 1.5, 1.0, 0.5])
+    assert command(monkeypatch, *arguments) == 0
+    said = capsys.readouterr().err
+    assert "path.csv: poses 2 and 3 are 1.2 mm and 0 degrees apart, 2.5 times its next" in said
+    assert said.strip().endswith("give the poses between them")
 
 
 @pytest.mark.parametrize(
@@ -173,7 +180,7 @@ def test_the_simulated_cycle_is_closed():
     steps = np.abs(np.diff(poses, axis=0)).max(axis=0)
     assert poses.shape == (40, 6)
     assert (np.abs(poses[0] - poses[-1]) <= 1.5 * steps).all()
-    assert open_ends(poses) == ""
+    assert leap(poses) == ""
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
