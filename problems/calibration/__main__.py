@@ -19,6 +19,8 @@ from problems.calibration.solve import CalibrationResult, random_starts, solve
 from problems.common.command import RESULTS, new_app, run_command
 
 NAME = "calibration"
+_ALONE = 0.5  # of the sum of squares: as much in one frame is an error there, not of units or parameters
+_FRAMES = 8  # fewer, and half of the sum is no wonder
 app = new_app()
 
 
@@ -71,20 +73,25 @@ def run(
 def doubts(result: CalibrationResult) -> str:
     """Why the estimates are not to be used, or nothing. What the data leave open is told of an unsolved problem too: it
     may be why there is no minimum to end at."""
-    found = []
-    if not result.solved:
-        found.append(f"not solved: {result.ipopt_status}")
-        if not result.explained:
+    found = [] if result.solved else [f"not solved: {result.ipopt_status}"]
+    if not result.explained:
+        said = f"the sum of squares is {result.misfit:.3g} times its degrees of freedom"
+        worst = int(result.shares.argmax())
+        if len(result.shares) >= _FRAMES and result.shares[worst] > _ALONE:
             found.append(
-                f"the sum of squares is {result.misfit:.3g} times its degrees of freedom: are poses in mm and rad in "
-                "the scene's frame, and loads in N and N·mm on the fixed body?"
+                f"{said}, and frame {worst} alone has {100.0 * result.shares[worst]:.0f} % of it: leave that frame "
+                "out, or mend what was measured there"
             )
-    elif not result.explained:
-        found.append(
-            "the foundation with these parameters does not explain these data: the sum of squares is "
-            f"{result.misfit:.3g} times its degrees of freedom, at most {result.largest_misfit:.3g} expected; "
-            "free more parameters, or state larger deviations if the measurement is less certain"
-        )
+        elif not result.solved:
+            found.append(
+                f"{said}: are poses in mm and rad in the scene's frame, and loads in N and N·mm on the fixed body?"
+            )
+        else:
+            found.append(
+                f"the foundation with these parameters does not explain these data: {said}, at most "
+                f"{result.largest_misfit:.3g} expected; free more parameters, or state larger deviations if the "
+                "measurement is less certain"
+            )
     if result.uncertainty.at_bound:
         found.append(f"at the bound of the search: {', '.join(result.uncertainty.at_bound)}")
     if result.uncertainty.tied:

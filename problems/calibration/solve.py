@@ -23,12 +23,13 @@ FACTOR, SHIFT_MM, TURN_RAD = 2.0, 1.5, np.radians(3.0)  # random starts: materia
 class CalibrationResult:
     """values (m,) of the parameters; poses (n, 6) as corrected; misfit: the sum of squares over its degrees of freedom,
     about 1 where the deviations stated for the measurement are right, and by chance hardly above largest_misfit;
-    load_error (n, L) [N, N·mm] at the solution."""
+    shares (n,) of the frames in that sum; load_error (n, L) [N, N·mm] at the solution."""
 
     values: Array
     uncertainty: Uncertainty
     poses: Array
     load_error: Array
+    shares: Array
     misfit: float
     largest_misfit: float
     ipopt_status: str
@@ -106,12 +107,14 @@ def solve(
     frames = len(delta)
     every = problem.residuals.map(frames)
     off = np.asarray(every(ca.repmat(ca.DM(z), 1, frames), delta.T, measured.poses.T, measured.loads.T)).T
+    squares = np.sum(off**2, axis=1) + np.sum(delta**2, axis=1)
     misfit, largest = 2.0 * float(answer["f"]) / degrees_of_freedom(problem), largest_misfit(problem)
     return CalibrationResult(
         values=problem.values(z),
         uncertainty=uncertainty(problem, z, delta, np.sqrt(misfit) if misfit > largest else 1.0),
         poses=measured.poses + measured.pose_deviation * delta,
         load_error=off * measured.load_deviation,
+        shares=squares / max(squares.sum(), np.finfo(float).tiny),
         misfit=misfit,
         largest_misfit=largest,
         ipopt_status=outcome.status,

@@ -124,6 +124,20 @@ def test_an_unsolved_estimate_far_from_the_data_asks_for_their_units(knee):
     assert "are poses in mm and rad" in __main__.doubts(result)
 
 
+@pytest.mark.parametrize(("load", "value"), [("Fy_med", -5000.0), ("Fy_lat", 0.0)])
+def test_one_wrong_frame_is_named_and_without_it_the_truth_is_found(knee, load, value):
+    problem, _ = made_up(knee)
+    measured = problem.measured
+    loads = measured.loads.copy()
+    loads[7, measured.load_names.index(load)] = value
+    result = calibration.solve(calibration.build(knee, replace(measured, loads=loads)))
+    assert "frame 7 alone has " in __main__.doubts(result)
+    assert "mm and rad" not in __main__.doubts(result), "units are those of all other frames"
+    kept = np.arange(len(loads)) != 7
+    again = calibration.build(knee, replace(measured, loads=loads[kept], poses=measured.poses[kept]))
+    assert __main__.doubts(calibration.solve(again)) == ""
+
+
 def test_forces_of_the_wrong_sign_are_refused_with_the_cure(knee):
     problem, _ = made_up(knee)
     with pytest.raises(ValueError, match=r"Fy_med is .* on average, but compression is negative .*: turn its sign"):
