@@ -47,8 +47,13 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
         highlight=False,
     )
     for r in results:
+        if not r.solved:
+            weak = f", where no force is left in {', '.join(r.exhausted)}: ask less, by --depth, --mass or --duration"
+            said = f"weight {r.weight:g}: not solved, {r.ipopt_status}{weak if r.exhausted else ''}"
+            console.print(said, highlight=False, soft_wrap=True)
         if r.at_bounds:
-            held = f"weight {r.weight:g}: the search's bounds hold {r.at_bounds}; the cost could be lower beyond them"
+            beyond = "the cost could be lower beyond them" if r.solved else "a squat may need to go beyond them"
+            held = f"weight {r.weight:g}: the search's bounds hold {r.at_bounds}; {beyond}"
             console.print(held, highlight=False, soft_wrap=True)
     write_columns(out / "squat.csv", columns, digits=DIGITS)
     write_columns(out / "moments.csv", _moments(squat, results, verdict), digits=DIGITS)

@@ -16,6 +16,7 @@ from problems.squat.problem import FREE, Squat, at_bounds, flexion_rad
 
 _START_FORCE_N = 600.0  # of each side
 _START_ACTIVATION = 0.2
+_FULLY = 0.999  # activation of a muscle that has no more to give
 _SHARES = np.array([0.35, -0.65, 0.45])  # lean of shank, thigh and trunk over the flexion
 
 
@@ -44,6 +45,12 @@ class SquatResult:
     def at_bounds(self) -> str:
         """The bounds of the search that hold this squat (`at_bounds`), "" for none."""
         return at_bounds(self.phi, self.poses)
+
+    @property
+    def exhausted(self) -> tuple[str, ...]:
+        """The muscles that are fully active at some moment."""
+        full = self.activations.max(axis=0) >= _FULLY
+        return tuple(name for name, is_full in zip(MUSCLES, full, strict=True) if is_full)
 
 
 def start_values(squat: Squat) -> Array:

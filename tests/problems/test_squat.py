@@ -178,6 +178,27 @@ def test_the_table_and_its_file_say_which_bounds_hold(small, results, tmp_path, 
     assert [row["at_bounds"] for row in rows] == ["tx at 15 mm (1 of 18 moments)", ""]
 
 
+@needs_compiler
+def test_a_body_too_heavy_for_its_muscles_is_not_solved_and_says_which_have_no_force_left(small, tmp_path, capsys):
+    """Ten vasti of 7 kN at an arm of 42 mm could not hold half of 50 t, whatever the contact."""
+    heavy = squat.build(small.model, squat.Body(mass_kg=50_000.0), intervals=4)
+    found = squat.trade_off(heavy, [0.03])
+    assert not found[0].solved
+    assert "vasti" in found[0].exhausted
+    model = cc.ElasticFoundation(heavy.model.scene, (40, 20))
+    report(
+        heavy,
+        found,
+        judge(heavy.model, found[0].poses, np.zeros(len(found[0].poses), dtype=bool), model),
+        model,
+        tmp_path,
+    )
+    said = capsys.readouterr().out
+    assert f"weight 0.03: not solved, {found[0].ipopt_status}, where no force is left in " in said
+    assert "ask less, by --depth, --mass or --duration" in said
+    assert "could be lower beyond" not in said
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
