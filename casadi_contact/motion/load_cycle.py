@@ -34,6 +34,18 @@ def check_radians(where: str, column: str, angles: Array) -> None:
         raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
 
 
+def check_rising(where: str, time_s: Array) -> None:
+    """ValueError for times (n,) [s] of fewer than 2 frames, or that do not rise; where: what they are of."""
+    if len(time_s) < 2:
+        raise ValueError(f"{where} has {len(time_s)} frames, expected at least 2")
+    if np.any(held := np.diff(time_s) <= 0.0):
+        frame = int(held.argmax()) + 1
+        raise ValueError(
+            f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s after {time_s[frame - 1]:g} s, "
+            "expected rows sorted by time, and none twice"
+        )
+
+
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Curves (n,) of a cycle by name, time_s [s] among them. Raises ValueError for fewer than 2 frames, other shapes,
     numbers that are not finite, and a time that does not rise."""
@@ -44,9 +56,7 @@ def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Arr
     for key, curve in checked.items():
         if curve.shape != (count,) or not np.isfinite(curve).all():
             raise ValueError(f"cycle {cycle}: {key} is not {count} finite numbers")
-    if np.any(np.diff(checked["time_s"]) <= 0.0):
-        frame = int(np.argmax(np.diff(checked["time_s"]) <= 0.0)) + 1
-        raise ValueError(f"cycle {cycle}: time does not rise at frame {frame}, expected rows sorted by time")
+    check_rising(f"cycle {cycle}", checked["time_s"])
     return checked
 
 

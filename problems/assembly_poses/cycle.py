@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.columns import TextColumns
-from casadi_contact.motion.load_cycle import OverTime, check_radians
+from casadi_contact.motion.load_cycle import OverTime, check_radians, check_rising
 from casadi_contact.quantities import quantity
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -84,8 +84,7 @@ def read_assembly_cycle(path: str | Path, assembly: Assembly) -> AssemblyCycle:
         )
     curves = {column: np.asarray(table.numbers(column)) for column in table.header}
     time_s = curves.pop("time_s")
-    if len(time_s) < 2 or np.any(np.diff(time_s) <= 0.0):
-        raise ValueError(f"{path}: time does not rise over at least 2 frames")
+    check_rising(str(path), time_s)
     found: dict[str, dict[str, dict[str, Array]]] = {"pose": {}, "loads": {}, "applied": {}, "tensions": {}}
     for column, curve in curves.items():
         what, owner, name = known[column]

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
 from casadi_contact.motion.columns import TextColumns, read_columns
-from casadi_contact.motion.load_cycle import OverTime, check_radians
+from casadi_contact.motion.load_cycle import OverTime, check_radians, check_rising
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters
@@ -70,8 +70,7 @@ class MuscleWalk(OverTime):
             if not np.isfinite(values).all():
                 frame = int(np.argwhere(~np.isfinite(values))[0][0])
                 raise ValueError(f"walk {self.name}: {what} hold NaN at frame {frame}, expected finite numbers")
-        if frames < 2 or np.any(np.diff(self.time_s) <= 0.0):
-            raise ValueError(f"walk {self.name}: time does not rise over at least 2 frames")
+        check_rising(f"walk {self.name}", self.time_s)
         odd = (set(self.loads) | set(self.arms)) - set(COORDINATES)
         odd |= set(self.loads) ^ set(self.arms)
         if odd:
@@ -180,8 +179,7 @@ def _table(path: Path, required: Sequence[str] = (), optional: Sequence[str] = (
     else:
         columns = read_columns(path, required=("time_s", *required), optional=optional)
         table = Table(path.stem, {"time": columns.pop("time_s"), **columns})
-    if np.any(np.diff(table.column("time")) <= 0.0):
-        raise ValueError(f"{path}: time does not rise, expected rows sorted by time")
+    check_rising(str(path), table.column("time"))
     return table
 
 

@@ -222,7 +222,7 @@ def test_a_cycle_is_read_by_the_names_of_the_parts(tmp_path):
             "time_s,rope_N,femur_rz_rad\n0,1,1\n1,1,1\n",
             "unknown columns femur_rz_rad; of assembly one a cycle may tell",
         ),
-        ("time_s,rope_N\n0,1\n0,1\n", "time does not rise"),
+        ("time_s,rope_N\n0,1\n0,1\n", "time does not rise at frame 1, 0 s after 0 s"),
         ("rope_N\n1\n1\n", "time_s"),
         ("time_s,rope_N,body_rz_rad\n0,1,10\n1,1,70\n", "body_rz_rad reaches 70, expected radians"),
     ],

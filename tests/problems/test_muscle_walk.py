@@ -138,7 +138,7 @@ def swap(path, old, new):
             lambda p: swap(p, "flexion_rz_rad", "flexion"),
             "lacks the columns flexion_rz_rad; it has",
         ),
-        ("rotations", lambda p: swap(p, "\n0.0,", "\n9.0,"), "time does not rise, expected rows sorted by time"),
+        ("rotations", lambda p: swap(p, "\n0.0,", "\n9.0,"), "time does not rise at frame 1, "),
         ("parameters", lambda p: swap(p, "grac,140.0", "grac,-140.0"), "parameters.csv: max_isometric_force_n of grac"),
         ("parameters", lambda p: swap(p, "grac,140.0", "grac,x"), "max_isometric_force_N: got 'x', expected a number"),
         ("parameters", lambda p: p.unlink(), "parameters.csv does not exist"),
@@ -182,8 +182,10 @@ def test_a_walk_that_does_not_fit_together_is_refused():
         replace(WALK, rz=np.full(41, np.nan))
     with pytest.raises(ValueError, match="coordinates knee_ty lack loads or arms"):
         replace(WALK, loads={name: curve for name, curve in WALK.loads.items() if name != "knee_ty"})
-    with pytest.raises(ValueError, match="time does not rise"):
-        replace(WALK, time_s=np.zeros(41))
+    twice = WALK.time_s.copy()
+    twice[8] = twice[7]
+    with pytest.raises(ValueError, match=r"time does not rise at frame 8, .* expected rows .*, and none twice"):
+        replace(WALK, time_s=twice)
 
 
 def test_a_measured_walk_is_read():
