@@ -1,10 +1,11 @@
-"""Loads that no contact carries, told by a look at their direction: nothing is to be sought for them."""
+"""Loads that no contact carries, told by a look at their direction and place: nothing is to be sought for the first."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.optimisation.starts import shares
 from problems.static_equilibrium.problem import StaticEquilibrium
 
 
@@ -30,4 +31,26 @@ def pulls(problem: StaticEquilibrium) -> np.ndarray:
             f"0 N: scene {problem.model.scene.name} is pressed along {'+' if sign > 0.0 else '-'}{force} alone, give "
             "it loads that do so"
         )
+    return words
+
+
+def passes_beside(problem: StaticEquilibrium, poses: Array) -> np.ndarray:
+    """Which of two patches would have to pull to carry the given loads at poses (n, 6), and by how much, (n,); "" where
+    none, and where anything but these two holds what presses them.
+
+    The patches are pressed alike, at their anchors. Contact may lie some mm beside these, so that this tells why
+    nothing was found, and excludes nothing.
+    """
+    scene, words = problem.model.scene, np.full(len(poses), "", dtype=object)
+    normals, sensitive = scene.pressed, [POSE_NAMES.index(name) for name in scene.sensitive_pose]
+    alike = len(normals) == 2 and len({(normal.component, normal.sign) for normal in normals}) == 1
+    loose = all(i in problem.columns and problem.stiffness[i] == 0.0 for i in sensitive)
+    if not (alike and loose) or normals[0].direction is None:
+        return words
+    loads = problem.loads.copy()
+    if problem.about == "fixed":
+        loads[:, 3:] -= np.cross(poses[:, :3], loads[:, :3])
+    for patch, share in zip(scene.patch_names, shares(scene, loads), strict=True):
+        for row in np.flatnonzero(share < 0.0):
+            words[row] = f"the given loads pass beside both patches, {patch} would have to pull by {-share[row]:.3g} N"
     return words

@@ -41,7 +41,7 @@ def search(problem: StaticEquilibrium, result: EquilibriumResult, count: int) ->
         converged[rows], reason[rows] = True, ""
         left = left[~found]
     if count:
-        reason[left] = [f"{reason[row]}, nor from {count} other starts" for row in left]
+        reason[left] = [f"{reason[row]}; not from {count} other starts either" for row in left]
     return replace(
         result,
         poses=poses,

@@ -21,7 +21,7 @@ from casadi_contact.quantities import three_digits
 from problems.common.learned_range import held_beyond
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium
-from problems.static_equilibrium.pulls import pulls
+from problems.static_equilibrium.pulls import passes_beside, pulls
 
 NOT_NEEDED = "Not_Needed"  # in place of IPOPT's status, where no row is left to solve
 
@@ -90,7 +90,7 @@ def _reasons(problem: StaticEquilibrium, pressed: Array, poses: Array, outcome: 
     off = ~(np.abs(misfit).max(axis=1) <= problem.tolerance_n)  # as where a load is no number
     if not off.any():
         return reason
-    balance = Balance.of(problem, problem.model)
+    balance, beside = Balance.of(problem, problem.model), passes_beside(problem, poses)
     for row in map(int, np.flatnonzero(off)):
         worst = int(np.abs(misfit[row]).argmax())
         unbalanced = three_digits(misfit[row, worst])
@@ -106,5 +106,5 @@ def _reasons(problem: StaticEquilibrium, pressed: Array, poses: Array, outcome: 
             reason[row] = f"IPOPT stopped: {outcome.status}; {left}"
         else:
             where = " in the learned range" if np.isfinite(problem.lower).any() else ""
-            reason[row] = f"not found{where}: at the nearest {left}"
+            reason[row] = f"not found{where}: at the nearest {left}{beside[row] and '; '}{beside[row]}"
     return reason

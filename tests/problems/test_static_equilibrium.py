@@ -17,7 +17,7 @@ from casadi_contact.verification import own_model
 from problems import static_equilibrium
 from problems.static_equilibrium import __main__
 from problems.static_equilibrium.diagnosis import diagnose
-from problems.static_equilibrium.pulls import pulls
+from problems.static_equilibrium.pulls import passes_beside, pulls
 from problems.static_equilibrium.starts import solve_from_lifts
 from tests.support.compiler import needs_compiler
 
@@ -120,6 +120,14 @@ def test_loads_that_nothing_carries_are_named_row_by_row(knee, rest):
     assert result.converged.tolist() == [False, False, True]
     assert "does not press the bodies together" in result.reason[0]
     assert "not found in the learned range" in result.reason[1]
+    # 60 mm medially of the middle, with the condyles 22 mm to both sides: levers, N_lat·44 = 1500·(22 - 60)
+    assert "pass beside both patches, lat would have to pull by 1.3e+03 N" in result.reason[1]
+    about_fixed = np.array([LOADS])
+    about_fixed[0, WRENCH_NAMES.index("Tx")] = 90_000.0
+    fixed = static_equilibrium.build(knee, about_fixed, rest=rest[:1], about="fixed")
+    assert "lat would have to pull by 1.3e+03 N" in passes_beside(fixed, rest[:1])[0]
+    sprung = static_equilibrium.build(knee, about_fixed, rest=rest[:1], stiffness=[0.0, 0.0, 0.0, 1e3, 0.0, 0.0])
+    assert passes_beside(sprung, rest[:1])[0] == "", "a spring about rx may carry that torque"
 
 
 def test_rows_left_unsolved_are_sought_from_other_starts_and_impossible_ones_stay_so(knee, rest, solved):
@@ -133,7 +141,7 @@ def test_rows_left_unsolved_are_sought_from_other_starts_and_impossible_ones_sta
     np.testing.assert_allclose(found.poses[[0, 2]], solved[1].poses[[0, 2]], atol=1e-6)
     np.testing.assert_allclose(found.wrenches[[0, 2], :3], loads[[0, 2], :3], atol=problem.tolerance_n[0])
     assert found.reason[0] == found.reason[2] == ""
-    assert found.reason[1].endswith(", nor from 3 other starts")
+    assert found.reason[1].endswith("; not from 3 other starts either")
     assert static_equilibrium.search(problem, stopped, 0).reason[0] == stopped.reason[0]
 
 
