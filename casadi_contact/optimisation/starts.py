@@ -15,6 +15,7 @@ from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
+_FOLLOWED = 5  # frames that poses without shear are followed from, in turn
 _SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
 _LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
 
@@ -122,7 +123,7 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
     shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does.
 
-    Raises ValueError where rotations lie outside what the surrogate learned, there is no such pose, or the scene locks
+    Raises ValueError where rotations lie outside what the surrogate learned, no such pose is found, or the scene locks
     or ties pose parameters.
     """
     model.scene.pose_space.check_whole("a pose without shear")
@@ -136,11 +137,38 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
                 f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
+    alone, found, reason = _without_shear(model, poses)
+    if found.all():
+        return alone
+    firsts = np.flatnonzero(found)
+    for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
+        followed = _followed(model, poses, alone[first], first)
+        if followed is not None:
+            return followed
+    frame = int(np.argmin(found))
+    raise ValueError(f"no pose without shear is found at frame {frame}: {reason[frame]}")
+
+
+def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, np.ndarray, np.ndarray]:
+    """Poses (n, 6) settled under equal forces on both sides without shear, which are found (n,), and why not (n,)."""
     sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
     poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
     targets = {**sides, "Fx": 0.0, "Fz": 0.0}
     poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
-    if not report.converged.all():
-        frame = int(np.argmin(report.converged))
-        raise ValueError(f"frame {frame} has no pose without shear: {report.reason[frame]}")
+    return poses, report.converged, report.reason
+
+
+def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> Array | None:
+    """Poses without shear (n, 6) at the rotations of poses (n, 6), each begun at its neighbour's, outwards from the one
+    (6,) of the first frame; None where one is not found. On a convex tibia there are several, and some frames find none
+    from the middle."""
+    poses = poses.copy()
+    poses[first] = pose
+    for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
+        for frame in frames:
+            poses[frame, :4] = poses[frame + step, :4]
+            tried, found, _ = _without_shear(model, poses[[frame]])
+            if not found[0]:
+                return None
+            poses[frame] = tried[0]
     return poses

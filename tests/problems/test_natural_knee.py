@@ -9,6 +9,8 @@ import casadi_contact as cc
 from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation import shear_free_poses
 from problems import assembly_poses, implant, static_equilibrium
 from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.own_cycle import own_cycle
@@ -64,3 +66,16 @@ def test_a_femur_on_a_convex_tibia_finds_the_rest_that_one_start_misses():
     rx = found.poses[:, 3]
     along_y_turned_by_rx = np.cos(rx) * about_moving[:, 1] + np.sin(rx) * about_moving[:, 2]
     np.testing.assert_allclose(along_y_turned_by_rx, 0.0, atol=2.0)
+
+
+@needs_compiler
+def test_a_convex_tibia_has_poses_without_shear_over_a_whole_walk_and_they_do_not_leap():
+    shared_file("data/jam/femur_cartilage.obj")
+    scene = cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
+    model, walk = CellFoundation(scene, Cells(1.7, 1.7, 4, 4)), reference_cycle()
+    poses = shear_free_poses(model, walk.ry, walk.rz)
+    by_name = dict(zip(model.load_names, model(poses).T, strict=True))
+    for name, wanted in (("Fy_med", -500.0), ("Fy_lat", -500.0), ("Fx", 0.0), ("Fz", 0.0)):
+        np.testing.assert_allclose(by_name[name], wanted, atol=0.2)
+    np.testing.assert_array_equal(poses[:, 4:], np.column_stack([walk.ry, walk.rz]))
+    assert np.abs(np.diff(poses[:, :3], axis=0)).max() < 2.5, "another of several places, from frame to frame"
