@@ -15,8 +15,9 @@ with reach_anew.toml, for some 99,000 samples,
     counts = { D3 = 360000, D4 = 216000, D5 = 10800, D6 = 108000, D7 = 3600 }
 
 Errors are against the loads in the samples; coverage is the share of loads whose error lies below the expected one.
-The last row is of poses drawn evenly over the sampled range, half of them pressed by what the surrogate says, with the
-loads of the scene's foundation: contact that is claimed where none is shows there.
+The last two rows have loads of the scene's foundation: poses drawn evenly over the sampled range, half of them pressed
+by what the surrogate says, where contact shows that is claimed and is not; and poses to which the surrogate leads
+(`sampling.led_to`), over a rim as well. Astray are valid poses with an error beyond ten times the scene's tolerance.
 """
 
 from __future__ import annotations
@@ -37,9 +38,12 @@ from casadi_contact.conventions import load_unit
 from casadi_contact.dataset import DOMAINS, TRAIN, Samples, read_samples
 from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
+from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
+from casadi_contact.sampling.led_to import poses_led_to
 from casadi_contact.structures import Surrogate
+from casadi_contact.structures.astray import WRONG
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.terminal import PlainConsole
 from problems.common.command import RESULTS, new_app, run_command
@@ -47,8 +51,8 @@ from problems.common.records import write_summary
 from problems.studies.stability.out_of_range import VALID
 
 NAME = "whole_reach"
-ALL, EVENLY = "all", "evenly"
-_EVEN, _EVEN_SEED = 20_000, 29  # poses, and a seed that calibration does not use
+ALL, EVENLY, LED = "all", "evenly", "led to"
+_OTHERS, _OTHER_SEED = 20_000, 29  # poses, and a seed that calibration does not use
 _TIMED = 300
 app = new_app()
 
@@ -56,18 +60,22 @@ app = new_app()
 def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
     """By domain, and over all: poses and the valid share, and over the valid poses by load rms and max [N, N·mm] of the
     errors, and coverage, over the poses that carry the load (None where none does, and over all; see `trust_coverage`).
+    astray: how many of the valid poses have an error beyond `WRONG` times the scene's tolerance of the load.
 
     Raises ValueError for loads that the samples do not tell.
     """
     valid = samples.rows(surrogate.validity(samples.poses) > VALID)
     coverage = trust_coverage(surrogate, valid)
+    limits = WRONG * np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names])
     record: dict[str, Any] = {}
     for domain in (*DOMAINS, ALL):
         drawn, kept = (part.select(None if domain == ALL else domain) for part in (samples, valid))
         if len(drawn):
             record[domain] = {"poses": len(drawn), "valid": len(kept) / len(drawn)}
         if len(kept):
-            errors = load_errors(surrogate.load_names, surrogate(kept.poses), kept.loads(surrogate.load_names))
+            loads, wanted = surrogate(kept.poses), kept.loads(surrogate.load_names)
+            errors = load_errors(surrogate.load_names, loads, wanted)
+            record[domain]["astray"] = int((np.abs(loads - wanted) > limits).any(axis=1).sum())
             record[domain]["loads"] = {
                 name: {"rms": of["rms"], "max": of["max"], "coverage": coverage.get(domain, {}).get(name)}
                 for name, of in errors.items()
@@ -75,10 +83,12 @@ def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
     return record
 
 
-def _evenly(surrogate: Surrogate, samples: Samples, foundation: WrenchModel) -> Samples:
-    """Poses over the range of all samples, with the foundation's loads."""
-    known = replace(samples, role=np.full(len(samples), TRAIN, dtype=np.uint8))
-    return samples_in_range(known, foundation, surrogate.validity, surrogate.trust_roots, count=_EVEN, seed=_EVEN_SEED)
+def _others(surrogate: Surrogate, samples: Samples, foundation: WrenchModel) -> dict[str, Samples]:
+    """Poses over the range of all samples, and those to which the surrogate leads, with the foundation's loads."""
+    known, seed = replace(samples, role=np.full(len(samples), TRAIN, dtype=np.uint8)), _OTHER_SEED
+    even = samples_in_range(known, foundation, surrogate.validity, surrogate.trust_roots, count=_OTHERS, seed=seed)
+    led = poses_led_to(surrogate, known, count=_OTHERS, seed=seed)
+    return {EVENLY: even, LED: samples_at(foundation, samples.scene, led, rim=True)}
 
 
 @app.command()
@@ -91,7 +101,8 @@ def run(
     writable_folder(out)
     model, drawn = cc.load_surrogate(surrogate), read_samples(samples)
     foundation = cc.foundation(model.scene)
-    record = {**reach_record(model, drawn), EVENLY: reach_record(model, _evenly(model, drawn, foundation))[ALL]}
+    others = {name: reach_record(model, part)[ALL] for name, part in _others(model, drawn, foundation).items()}
+    record = {**reach_record(model, drawn), **others}
     rows = np.linspace(0, len(drawn.poses) - 1, _TIMED).astype(int)
     models = {"surrogate": model, "foundation": foundation}
     with one_thread():
@@ -110,12 +121,12 @@ def run(
 
 
 def _table(record: dict[str, Any], names: Sequence[str]) -> Table:
-    table = Table("domain", "poses", "valid", *(f"{name} [{load_unit(name)}]" for name in names))
+    table = Table("domain", "poses", "valid", "astray", *(f"{name} [{load_unit(name)}]" for name in names))
     for domain, of in record.items():
         found = of.get("loads", {}).values()
         shares = ["-" if x["coverage"] is None else f"{x['coverage']:.1%}" for x in found]
         cells = [f"{x['rms']:.3g} / {x['max']:.3g} / {share}" for x, share in zip(found, shares, strict=True)]
-        table.add_row(domain, str(of["poses"]), f"{of['valid']:.1%}", *cells)
+        table.add_row(domain, str(of["poses"]), f"{of['valid']:.1%}", str(of.get("astray", "-")), *cells)
     table.caption = "RMS / largest error / coverage of the expected error, over valid poses"
     return table
 
