@@ -6,18 +6,25 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells
 from tests.contact.test_mesh_foundation import STIFFNESS, scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, sheet_mesh, slab_mesh
 
 RADIUS_MM, SIDE_MM, TURN = 12.0, 12.0, 0.4  # of the ball, of a square sheet, and its turn about y
+DOME_MM, OVERLAP_MM = 10.0, 0.2
 
 
-@pytest.fixture(scope="module")
-def oblique(tmp_path_factory):
-    """A ball above a square sheet whose sides lie askew to the lines between cells."""
+@pytest.fixture(scope="module", params=["sheet", "slab"])
+def oblique(request, tmp_path_factory):
+    """A ball above a square sheet, or the top of a slab with sharp edges, whose sides lie askew to the lines between
+    cells."""
     vertices, faces = sheet_mesh(SIDE_MM, 1.0)
-    x, y, z = vertices.T
-    turned = np.column_stack([x * np.cos(TURN) - z * np.sin(TURN), y, x * np.sin(TURN) + z * np.cos(TURN)])
-    return scene_of(tmp_path_factory.mktemp("rim"), cap_mesh(RADIUS_MM, 0.8, 0.9), (turned, faces), grid=(160, 160))
+    turned = turned_about_y(vertices)
+    fixed = (turned, faces) if request.param == "sheet" else slab_mesh(turned, faces, 6.0)
+    return scene_of(tmp_path_factory.mktemp("rim"), cap_mesh(RADIUS_MM, 0.8, 0.9), fixed, grid=(160, 160))
+
+
+def turned_about_y(points):
+    x, y, z = points.T
+    return np.column_stack([x * np.cos(TURN) - z * np.sin(TURN), y, x * np.sin(TURN) + z * np.cos(TURN)])
 
 
 def exact_force(pose):
@@ -33,7 +40,8 @@ def exact_force(pose):
 
 @pytest.mark.parametrize("cells", [Cells(1.2, 0.85), Cells(2.0, 1.7, 6, 6)], ids=str)
 def test_a_ball_over_an_oblique_rim_presses_with_what_lies_on_it(oblique, cells):
-    """Cells at the rim as large as elsewhere, which counted sub-points all or nothing, were off by 6 % and by 4 %."""
+    """Cells at the rim as large as elsewhere, which counted sub-points all or nothing, were off by 6 % and by 4 %; at a
+    sharp edge, on the distance field that rounds it off, by 19 %."""
     random, along = np.random.default_rng(2), np.linspace(-4.0, 4.0, 24)
     beside = 0.5 * SIDE_MM + random.uniform(-1.0, 0.5, 24)
     poses = np.zeros((24, 6))
@@ -45,3 +53,35 @@ def test_a_ball_over_an_oblique_rim_presses_with_what_lies_on_it(oblique, cells)
     assert model.at_edge(poses).all()
     off = found / exact - 1.0
     assert np.abs(off).max() < 0.02
+
+
+def on_dome(x, z):
+    """Points of the dome (m, 3) and its unit normals there (m, 3)."""
+    up = np.sqrt(DOME_MM**2 - x**2 - z**2)
+    return np.column_stack([x, up - DOME_MM, z]), np.column_stack([x, up, z]) / DOME_MM
+
+
+def test_a_ball_over_the_sharp_rim_of_a_dome_presses_along_the_normals_of_what_lies_under_it(tmp_path):
+    """K/h·∫ depth·n dA, depth along normals n. Cells beyond the rim go on as the dome is bent close to it: as it is
+    bent within 2.5 mm, forces were off by 2.4 % of what the whole spot carries, on the rounded distance field by 6 %.
+    """
+    vertices, faces = sheet_mesh(SIDE_MM, 1.0, lambda x, z: np.sqrt(DOME_MM**2 - x**2 - z**2) - DOME_MM)
+    fixed = slab_mesh(turned_about_y(vertices), faces, 6.0)
+    scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, 0.8, 1.2), fixed, grid=(160, 160))
+    step = 0.005
+    reach = np.arange(-2.0, 2.0, step) + 0.5 * step
+    poses, exact = np.zeros((12, 6)), np.zeros((12, 3))
+    for k, (beside, along) in enumerate((b, a) for b in (-1.5, -0.8, 0.0, 0.4) for a in (-2.0, 0.3, 1.6)):
+        u, w = np.array([0.5 * SIDE_MM + beside]), np.array([along])
+        points, normals = on_dome(u, w)
+        centre = points + (RADIUS_MM - OVERLAP_MM) * normals
+        x, z = np.meshgrid((u + reach)[u + reach < 0.5 * SIDE_MM], w + reach, indexing="ij")
+        points, normals = on_dome(x.ravel(), z.ravel())
+        away = points - centre
+        along_normal = np.einsum("mk,mk->m", away, normals)
+        inside = along_normal**2 + RADIUS_MM**2 - (away**2).sum(axis=1)
+        depth = np.maximum(along_normal + np.sqrt(np.maximum(inside, 0.0)), 0.0)
+        force = STIFFNESS * step**2 * (depth / normals[:, 1]) @ normals
+        poses[k, :3], exact[k] = turned_about_y(np.vstack([centre, force]))
+    found = -cc.CellFoundation(scene, Cells(1.2, 0.85), compiled=False).wrenches(poses)[:, 0, :3]
+    assert np.linalg.norm(found - exact, axis=1).max() < 0.015 * np.linalg.norm(exact[0])

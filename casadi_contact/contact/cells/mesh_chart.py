@@ -1,9 +1,10 @@
 """The chart of a part of a fixed mesh, as its scene's projection shows it.
 
 A mesh is seen from where the moving body comes: from above, u = x and v = z, along the scene's `pressing`, or from a
-cup's middle. The surface is the zero of its distance field on each line. Beyond its edge, where the cells of the rim
-still need corners, it goes on as the quadric h(u, v) through the points around, and so it does where the mesh turns
-over a sharp edge at its rim, which cubics cannot follow.
+cup's middle. The surface is the zero of its distance field on each line. Beside a sharp edge, which the field rounds
+off, it is the quadric h(u, v) through the points around, which lie on the mesh's own cubic patches. So it goes on
+beyond its edge, where the cells of the rim still need corners, and where the mesh turns over a blunter edge at its rim,
+which cubics cannot follow.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ _RASTER_MM, _FEWEST_PARTS, _MOST_PARTS = 0.15, 64, 400  # of each side: where th
 _RIDGE_SHARE = 97  # percentile of the curvatures along a line: a ridge may be as short
 _STEPS = 6  # of Newton's method along the rays
 _SHARPEST = 2.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell of the rim
-_AROUND_MM = 2.5  # reach of the quadric that continues a surface
+_ROUNDED_MM = 1e-4  # from points on the surface to the field's: more beside a sharp edge
+_AROUND_MM = 1.0  # reach of the quadric: farther away a dome of 10 mm is bent otherwise
 _FEWEST = 12  # points that it goes through
 
 
@@ -52,9 +54,12 @@ class MeshChart:
         lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
         heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
         self._heights = heights.reshape(areas.shape)
-        edge = present & self._sharp(points.reshape(-1, 3)).reshape(areas.shape)
+        on = points.reshape(-1, 3)
+        rounded = np.abs(self._field(on)[0]).reshape(areas.shape) > _ROUNDED_MM
+        edge = present & ~rounded & self._sharp(on).reshape(areas.shape)
         ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
         self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
+        self._followed = self._smooth & ~rounded
         self.densities = self._densities(u[1::2], v[1::2])
 
     def present(self, u: Array, v: Array) -> np.ndarray:
@@ -67,28 +72,29 @@ class MeshChart:
         return np.clip(place, 0, self._present.shape[axis] - 1)
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """From the distance field where the four points of the raster around are on the mesh and not on its rim's edge,
-        continued elsewhere."""
-        known, height = self._around(u, v)
+        """From the distance field where the four points of the raster around are on it and not on its rim's edge, from
+        quadrics elsewhere."""
+        followed, height = self._around(u, v, self._followed)
         jet = np.zeros((len(u), 6))
-        jet[known], found = self._jets(self._projection.lines(u[known], v[known]), height[known])
-        known[np.flatnonzero(known)[~found]] = False
-        if not known.all():
-            jet[~known] = self._continued(u[~known], v[~known])
+        jet[followed], found = self._jets(self._projection.lines(u[followed], v[followed]), height[followed])
+        followed[np.flatnonzero(followed)[~found]] = False
+        if not followed.all():
+            jet[~followed] = self._quadrics(u[~followed], v[~followed])
+        known = followed | self._around(u, v, self._smooth)[0]
         return surface_at(self._projection.lines(u, v), jet, known)
 
-    def _around(self, u: Array, v: Array) -> tuple[np.ndarray, Array]:
-        """Whether the four points of the raster around are on the mesh (m,), and their mean height (m,) [mm]."""
+    def _around(self, u: Array, v: Array, on: np.ndarray) -> tuple[np.ndarray, Array]:
+        """Whether the four points of the raster around are among those `on` (m,), and their mean height (m,) [mm]."""
         place = (np.stack([u, v], 1) - self.low) / self._step - 0.5
         first = np.clip(np.floor(place).astype(int), 0, np.array(self._smooth.shape) - 2)
         corners = [(first[:, 0] + a, first[:, 1] + b) for a in (0, 1) for b in (0, 1)]
-        known = np.all([self._smooth[corner] for corner in corners], axis=0)
+        known = np.all([on[corner] for corner in corners], axis=0)
         return known, np.mean([self._heights[corner] for corner in corners], axis=0)
 
     def _densities(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Of lines across u (nu,) and across v (nv,), by the convex curvature along u and along v."""
         at_u, at_v = (values.ravel() for values in np.meshgrid(u, v, indexing="ij"))
-        known, height = self._around(at_u, at_v)
+        known, height = self._around(at_u, at_v, self._followed)
         lines = self._projection.lines(at_u[known], at_v[known])
         jet, found = self._jets(lines, height[known])
         surface = surface_at(lines, jet, found)
@@ -127,8 +133,8 @@ class MeshChart:
         across = np.eye(3) - slope[:, :, None] * slope[:, None, :] / size**2
         return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > _SHARPEST)
 
-    def _continued(self, u: Array, v: Array) -> Array:
-        """h and its derivatives (m, 6) of a quadric through the points on the mesh around (u, v)."""
+    def _quadrics(self, u: Array, v: Array) -> Array:
+        """h and its derivatives (m, 6) at (u, v), of quadrics through the points on the mesh around."""
         at = np.argwhere(self._smooth)
         there = self.low + (at + 0.5) * self._step
         heights = self._heights[self._smooth]
