@@ -61,7 +61,8 @@ def grid_on_mesh(
         h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
         on = lines.starts[met] + h[:, None] * along
     normal = slope / np.linalg.norm(slope, axis=1, keepdims=True)
-    rounded = _beside_rim(mesh, flat, face[met], _ROUNDED_OFF * field_parts(field.parameters)[1])
+    bears = np.einsum("nk,nk->n", mesh.normals[face[met]], along) > LEAST_UPWARD
+    rounded = _beside_rim(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
     if len(rounded):
         on[rounded], normal[rounded] = surface().along_lines(flat[rounded], along[rounded])
         h = np.einsum("nk,nk->n", on - lines.starts[met], along)
@@ -79,7 +80,7 @@ def grid_on_mesh(
 
 
 def _beside_rim(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
-    """Numbers of the points (m, 3), met on triangles (m,), within reach of a crease beyond which none was met."""
+    """Numbers of the points (m, 3) within reach of a crease, of which one side is among the triangles (k,) alone."""
     ends, triangles = creases(mesh)
     rim = ends[np.isin(triangles, face).sum(axis=1) == 1]
     if not len(rim):

@@ -6,6 +6,7 @@ the moving body comes (`mesh_chart`), a spherical cup from its centre; a plane i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,6 +42,10 @@ class Chart(Protocol):
     high: Array
     densities: tuple[Array, Array]  # of lines across u and across v (`grading.lay_lines`)
 
+    @property
+    def faces(self) -> Sequence[Chart]:
+        """Charts of its parts, between which there are walls."""
+
     def present(self, u: Array, v: Array) -> np.ndarray:
         """True (nu, nv) where the surface has a point, of a grid u (nu,), v (nv,)."""
 
@@ -59,6 +64,11 @@ class PlaneChart:
     def __init__(self, length: float, width: float) -> None:
         self.high = 0.5 * np.array([length, width])
         self.low = -self.high
+
+    @property
+    def faces(self) -> list[PlaneChart]:
+        """One."""
+        return [self]
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Everywhere."""
@@ -85,6 +95,11 @@ class CupChart:
         self._projection = CentralProjection(frame, np.asarray(g["cup_centre"], dtype=float), radius)
         self.rim = 2.0 * radius * np.sin(0.5 * np.deg2rad(g["cup_half_angle_deg"]))
         self.low, self.high = np.full(2, -self.rim), np.full(2, self.rim)
+
+    @property
+    def faces(self) -> list[CupChart]:
+        """One."""
+        return [self]
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Within the rim's circle."""

@@ -4,15 +4,17 @@ A mesh is seen from where the moving body comes: from above, u = x and v = z, al
 cup's middle. The surface is the zero of its distance field on each line. Beside a sharp edge, which the field rounds
 off, it is the quadric h(u, v) through the points around, which lie on the mesh's own cubic patches. So it goes on
 beyond its edge, where the cells of the rim still need corners, and where the mesh turns over a blunter edge at its rim,
-which cubics cannot follow.
+which cubics cannot follow. Above and below a wall, as of a step, lie faces with rims of their own.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact.cells.charts import Surface, surface_at
@@ -60,12 +62,25 @@ class MeshChart:
         ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
         self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
         self._followed = self._smooth & ~rounded
+        nearest = ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True)
+        self._sheets = _sheets(self._smooth, self._heights, self._step)[tuple(nearest)]
         self.densities = self._densities(u[1::2], v[1::2])
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Where a ray meets the mesh inside the box, and no wall, at the nearest places of the raster."""
         places = (self._nearest(values, axis) for axis, values in enumerate((u, v)))
         return np.asarray(self._present[np.ix_(*places)])
+
+    @property
+    def faces(self) -> list[MeshChart]:
+        """The surface above a wall, and that below it, each with a rim of its own."""
+        found = []
+        for number in range(self._sheets.max() + 1):
+            face, here = copy(self), self._sheets == number
+            face._present, face._smooth = self._present & here, self._smooth & here
+            face._followed = self._followed & here
+            found.append(face)
+        return found
 
     def _nearest(self, values: Array, axis: int) -> np.ndarray:
         place = np.floor((values - self.low[axis]) / self._step[axis]).astype(int)
@@ -148,3 +163,21 @@ class MeshChart:
             terms = np.stack([x**0, x, y, 0.5 * x * x, x * y, 0.5 * y * y], 1)
             jets[k] = np.linalg.lstsq(terms, heights[near], rcond=1e-6)[0]
         return jets
+
+
+def _sheets(on: np.ndarray, heights: Array, step: Array) -> np.ndarray:
+    """The number (nu, nv) of the sheet that each point `on` of a raster lies on: neighbours between which the surface
+    is no wall lie on one. Sheets of too few points for a quadric count as the first."""
+    number, links = np.arange(on.size).reshape(on.shape), []
+    for axis in (0, 1):
+        here, there = (np.delete(number, end, axis).ravel() for end in (-1, 0))
+        rise = np.abs(heights.ravel()[here] - heights.ravel()[there])
+        joined = on.ravel()[here] & on.ravel()[there] & (rise < step[axis] / LEAST_UPWARD)
+        links.append(np.stack([here[joined], there[joined]]))
+    first, second = np.concatenate(links, axis=1)
+    graph = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(on.size,) * 2)
+    _, of = connected_components(graph, directed=False)
+    large = np.flatnonzero(np.bincount(of[on.ravel()]) >= _FEWEST)
+    sheets = np.searchsorted(large, of)
+    sheets[~np.isin(of, large)] = 0
+    return sheets.reshape(on.shape)
