@@ -1,7 +1,8 @@
 """What a first evaluation waits for: numba compiles the loops of the contact models, and keeps them on disk.
 
 Compiled loops lie beside the source (``__pycache__``), or in numba's folder of the user's cache where that cannot be
-written, or in ``$NUMBA_CACHE_DIR``. Where the disc cannot take them they serve the process that compiled them.
+written, or in ``$NUMBA_CACHE_DIR``. Where the disc cannot take them, or no folder can be written, they serve the
+process that compiled them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 import numba
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, NullCache
 
 _PACKAGE = __name__.partition(".")[0]
 _POSES_OF_A_THREAD = 8
@@ -30,12 +31,19 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
+class _NoCache(NullCache):
+    """Compiled loops that no folder can take."""
+
+
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """``numba.njit(cache=True, **options)``, which works where the disc is full."""
+    """``numba.njit(cache=True, **options)``, which works where the disc is full and where no folder can be written."""
 
     def compiled(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(**options)(function)
-        dispatcher._cache = _Cache(function)  # as Dispatcher.enable_caching does
+        try:
+            dispatcher._cache = _Cache(function)  # as Dispatcher.enable_caching does
+        except RuntimeError:  # numba finds no folder that can be written
+            dispatcher._cache = _NoCache()
         return dispatcher
 
     return compiled
@@ -53,10 +61,12 @@ def threads_for(poses: int) -> Iterator[None]:
         numba.set_num_threads(threads)
 
 
-def announce(what: str, kept: str) -> None:
-    """Say on stderr what is being compiled and where it will lie; worker processes stay silent."""
+def announce(what: str, folder: Path | None) -> None:
+    """Say on stderr what is being compiled and where it will lie (None: nowhere); worker processes stay silent."""
+    nowhere = "for this process alone (no folder can be written: choose one by $NUMBA_CACHE_DIR)"
     if multiprocessing.parent_process() is None:
-        print(f"{_PACKAGE}: compiling {what}, once ({kept})", file=sys.stderr, flush=True)
+        kept = nowhere if folder is None else f"once (kept in {folder})"
+        print(f"{_PACKAGE}: compiling {what}, {kept}", file=sys.stderr, flush=True)
 
 
 class _Notice(event.Listener):
@@ -68,11 +78,12 @@ class _Notice(event.Listener):
     def on_start(self, event: event.Event) -> None:
         """Called before a compilation, and not where the loop is read from disk."""
         dispatcher = event.data["dispatcher"]
-        folder = dispatcher.stats.cache_path  # none of what becomes part of other loops
-        if self.said or not folder or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
+        cache = dispatcher._cache
+        is_part = not isinstance(cache, (_Cache, _NoCache))  # of other loops
+        if self.said or is_part or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
             return
         self.said = True
-        announce("the contact model, about 15 s", f"kept in {Path(folder)}")
+        announce("the contact model, about 15 s", Path(cache.cache_path) if isinstance(cache, _Cache) else None)
 
     def on_end(self, event: event.Event) -> None:
         """Nothing to say."""

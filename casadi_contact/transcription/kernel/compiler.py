@@ -9,6 +9,8 @@ A library is compiled for the instruction set of this processor. ``CASADI_CONTAC
 
 from __future__ import annotations
 
+import _ctypes
+import ctypes
 import hashlib
 import os
 import platform
@@ -26,7 +28,7 @@ from pathlib import Path
 import platformdirs
 
 from casadi_contact.compilation import announce
-from casadi_contact.files import scratch_folder
+from casadi_contact.files import scratch_folder, short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -90,8 +92,9 @@ def _run(command: list[str], folder: Path | None = None) -> subprocess.Completed
         # A compiler's messages name files as they are called, and need not be text in this locale.
         return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder)
     except subprocess.CalledProcessError as error:
-        said = (error.stderr or error.stdout).strip().splitlines()
-        raise CompilerError(f"{command[0]} failed: {said[0] if said else f'exit status {error.returncode}'}") from None
+        said = (error.stderr or error.stdout).strip().splitlines() or [f"exit status {error.returncode}"]
+        reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
+        raise CompilerError(f"{command[0]} failed: {reason}") from None
     except OSError as error:
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
@@ -102,8 +105,9 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
     waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
     includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails, for flags in $CASADI_CONTACT_CFLAGS that it refuses, and
-    for a cache that is not the user's alone or whose name is no text.
+    Raises CompilerError without a compiler, where it fails or compiles for another machine, for flags in
+    $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone, whose name is no text, or
+    whose disc may hold no programs.
     """
     command, chosen = compiler_command(), machine_flags()
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
@@ -123,7 +127,7 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
         folder = _process_folder()
         found = _intact(folder, key)
     if found is None and waited_for:
-        announce(waited_for, f"kept in {folder}")
+        announce(waited_for, folder)
     try:
         return found or _compiled(source, data, command, chosen, folder, key)
     except CompilerError:
@@ -145,9 +149,21 @@ def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, .
             # Not every compiler knows -march=native.
             _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"], place)
         library.chmod(0o700)
+        _check_loads(library)
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
+
+
+def _check_loads(library: Path) -> None:
+    """Raise CompilerError for a library that this process cannot load."""
+    try:
+        _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
+    except OSError as error:
+        raise CompilerError(
+            f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine ($CC) "
+            f"and a folder on a disc that may hold programs (not mounted noexec): choose one by ${CACHE_VARIABLE}"
+        ) from None
 
 
 def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
