@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact import __version__
+from casadi_contact.files import MOST_TEXT, checked_size
 
 _CONNECT_S = 10
 
@@ -112,6 +113,7 @@ def _address(scheduler: str) -> str:
             f"scheduler is {scheduler!r}, expected an address as tcp://host:8786 or the file that "
             "`dask scheduler --scheduler-file` wrote"
         )
+    checked_size(path, MOST_TEXT)
     try:
         address = json.loads(path.read_text("utf-8"))["address"]
     except (ValueError, KeyError, TypeError):

@@ -38,7 +38,7 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
     except _UsageError as error:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
-        said = str(error)
+        said = str(error) or type(error).__name__  # Python's own MemoryError says nothing
     sys.exit(f"{name}: {printable(short(said, 2000))}")
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.dataset import DOMAINS
-from casadi_contact.files import replacing
+from casadi_contact.files import MOST_TEXT, checked_size, replacing
 from casadi_contact.quantities import FORCE, TORQUE, Kind, of_kind, quantity
 
 FILE_NAME = "speed_accuracy.csv"
@@ -172,6 +172,7 @@ def read_front(path: str | Path) -> Front:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist: run casadi-contact chart first")
+    checked_size(path, MOST_TEXT)
     try:
         lines = path.read_text("utf-8").splitlines()
     except UnicodeDecodeError as error:

@@ -17,6 +17,7 @@ REFUSED = 3  # exit status: refused with a reason
 MOST_OBJECTS = 10_000
 MOST_UNPACKED = 1 << 30  # bytes of compressed data sets together
 _MOST_MEMORY = 16 << 30
+_COPIES, _LEAST_MEMORY = 8, 256 << 20  # a text takes up to eight times its bytes as an object of Python
 _PACKED_RATIO = 1032  # what deflate, the strongest of HDF5's filters, can pack into a byte
 _CHECKSUM = h5py.h5z.FILTER_FLETCHER32
 
@@ -25,8 +26,11 @@ class RefusedError(Exception):
     """HDF5 that can be read, but must not be."""
 
 
-def check(file: h5py.File, size: int) -> None:
-    """Refuse what reaches outside the file, and more than its `size` bytes can hold; raises RefusedError."""
+def check(file: h5py.File, size: int) -> int:
+    """Refuse what reaches outside the file, and more than its `size` bytes can hold; raises RefusedError.
+
+    Returns the bytes of all data sets, without those of texts of any length, which lie elsewhere in the file.
+    """
     plain = packed = 0
     for name, item in _items(file):
         if not isinstance(item, h5py.Dataset):
@@ -45,6 +49,7 @@ def check(file: h5py.File, size: int) -> None:
                 f"data set {name} claims {count} bytes in a file of {size}, expected no more than the file holds "
                 f"({MOST_UNPACKED} bytes where compressed)"
             )
+    return plain + packed
 
 
 def _items(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
@@ -80,7 +85,8 @@ def image_of_copy(path: str) -> bytes:
         h5py.File(path, "r") as file,
         h5py.File("copy", "w", driver="core", backing_store=False) as copy,
     ):
-        check(file, stream.seek(0, 2))
+        size = stream.seek(0, 2)
+        _limit_memory(size + check(file, size))
         for name, item in [("/", file), *_items(file)]:
             if isinstance(item, h5py.Group):
                 made = copy.require_group(name) if name == "/" else copy.create_group(name, track_order=True)
@@ -102,6 +108,17 @@ def _limit(cpu_s: int) -> None:
     for kind, limit in limits.items():
         with suppress(ValueError, OSError):  # a lower limit is set already, or the system knows none of this kind
             resource.setrlimit(kind, (limit, limit))
+
+
+def _limit_memory(content: int) -> None:
+    """Let the copy take a few times the bytes of its content: a million texts may claim the same place in the file."""
+    with suppress(ImportError, ValueError, OSError):  # no such limit on this system, or a lower one is set
+        import resource
+
+        with open("/proc/self/statm", encoding="ascii") as file:
+            taken = int(file.read().split()[0]) * resource.getpagesize()
+        limit = min(taken + _COPIES * content + _LEAST_MEMORY, _MOST_MEMORY)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
 if __name__ == "__main__":

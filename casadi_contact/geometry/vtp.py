@@ -60,8 +60,8 @@ def _cells(root: ElementTree.Element, piece: ElementTree.Element, kind: str) -> 
 
 def _without_entities(content: bytes) -> bytes:
     """The same; ValueError for a document type: its entities can grow without end or name other files."""
-    if b"<!DOCTYPE" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise ValueError("it has a document type or is UTF-16")
+    if b"<!DOCTYPE" in content or b"\0" in content:  # UTF-16, in which a document type has other bytes, holds zeros
+        raise ValueError("it has a document type or is not UTF-8")
     return content
 
 

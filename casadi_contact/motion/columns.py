@@ -14,6 +14,8 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.files import MOST_TEXT, checked_size, existing_file, replacing, short
 
+MOST_VALUES = 1 << 24  # of a table: each takes up to 200 bytes of memory
+
 
 @dataclass(frozen=True)
 class TextColumns:
@@ -27,15 +29,21 @@ class TextColumns:
     def read(cls, path: str | Path, what: str = "file") -> TextColumns:
         """Read a file; what names it in messages.
 
-        Raises FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows
-        and a file without rows.
+        Raises FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged
+        rows, a file without rows and one of more than MOST_VALUES values.
         """
         path = existing_file(path, what, "a CSV file")
         checked_size(path, MOST_TEXT)
+        rows: list[tuple[int, list[str]]] = []
+        values = 0
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
-                lines = enumerate(csv.reader(file), start=1)
-                rows = [(number, row) for number, row in lines if any(cell.strip() for cell in row)]
+                for number, row in enumerate(csv.reader(file), start=1):
+                    if any(cell.strip() for cell in row):
+                        rows.append((number, row))
+                        values += len(row)
+                    if values > MOST_VALUES:
+                        raise ValueError(f"{path} holds more than {MOST_VALUES} values, expected fewer: leave out rows")
         except UnicodeDecodeError as error:
             raise ValueError(f"{path} is not a CSV text file in UTF-8 ({error}): save it as CSV UTF-8") from None
         except csv.Error as error:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.dataset import COLUMNS, partial_folder
-from casadi_contact.files import read_npz, write_npz, write_text
+from casadi_contact.files import MOST_TEXT, checked_size, read_npz, write_npz, write_text
 from casadi_contact.sampling.chunk import DrawnChunk
 
 _RECORD = "plan.json"
@@ -46,6 +46,7 @@ class ChunkFolder:
             raise OSError(f"cannot write samples to {path}: {error.strerror or error}") from None
         if not record.exists() or begun(path) is None:
             write_text(record, text)
+        checked_size(record, MOST_TEXT)
         try:
             there = json.loads(record.read_text("utf-8"))
             if not isinstance(there, dict):

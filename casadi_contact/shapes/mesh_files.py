@@ -38,6 +38,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from casadi_contact.files import MOST_MESH, checked_size
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation
 from casadi_contact.geometry.placement import MIRRORS
 from casadi_contact.shapes.checks import fail, identifier, number, table_of
@@ -47,6 +48,7 @@ ELEMENTS = ("grid", "triangles")
 OPEN_EDGES = ("cut", "rim")
 SHELLS = ("outer", "whole")
 MOST_SPOTS = 64
+_LEAST_SPACING_MM = 1e-3  # far finer than fits into memory
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
 _LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
@@ -93,9 +95,9 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 def _spacing(value: object) -> float | dict[str, float]:
     if not isinstance(value, Mapping):
-        return number("geometry.spacing", value, low=0.0)
+        return number("geometry.spacing", value, low=_LEAST_SPACING_MM)
     each = table_of("geometry.spacing", value, BODIES, complete=True)
-    return {body: number(f"geometry.spacing.{body}", each[body], low=0.0) for body in BODIES}
+    return {body: number(f"geometry.spacing.{body}", each[body], low=_LEAST_SPACING_MM) for body in BODIES}
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:
@@ -168,9 +170,11 @@ def without_places(geometry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes."""
+    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes, and ValueError for a file
+    larger than any mesh's."""
     if not path.is_file():
         raise FileNotFoundError(
             f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
         )
+    checked_size(path, MOST_MESH)
     return hashlib.sha256(path.read_bytes()).hexdigest()

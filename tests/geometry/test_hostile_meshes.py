@@ -60,6 +60,13 @@ def test_a_vtp_file_with(what, tmp_path):
     refused(path, VTPS[what][1])
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_entities_in_an_encoding_that_hides_them(encoding, tmp_path):
+    path = tmp_path / "mesh.vtp"
+    path.write_bytes(vtp_text(head=ENTITIES).encode(encoding))
+    refused(path, "is not UTF-8")
+
+
 def test_polygons_are_cut_into_fans(tmp_path):
     path = tmp_path / "mesh.vtp"
     path.write_text(vtp_text("0 1 3 2 0 1 2", "4 7"))

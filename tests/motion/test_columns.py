@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from casadi_contact.motion import columns
 from casadi_contact.motion.columns import TextColumns, read_columns, write_columns
 
 
@@ -18,8 +19,8 @@ def test_numbers_come_back_bit_by_bit(tmp_path_factory, numbers):
 
 
 def test_digits_round_numbers_and_leave_text_and_counts_alone(tmp_path):
-    columns = {"x": np.array([1.0 / 3.0, 2e-12]), "n": np.array([1234567, 2]), "why": ["a, b", ""]}
-    write_columns(tmp_path / "t.csv", columns, digits=4)
+    table = {"x": np.array([1.0 / 3.0, 2e-12]), "n": np.array([1234567, 2]), "why": ["a, b", ""]}
+    write_columns(tmp_path / "t.csv", table, digits=4)
     assert (tmp_path / "t.csv").read_text().splitlines() == ["x,n,why", '0.3333,1234567,"a, b"', "2e-12,2,"]
     assert TextColumns.read(tmp_path / "t.csv").text("why") == ["a, b", ""]
 
@@ -62,6 +63,17 @@ def test_text_in_another_encoding_is_refused_with_the_cure(tmp_path):
         (tmp_path / "t.csv").write_bytes(f"{label},x,y\n0,1,2\n".encode(encoding))
         with pytest.raises(ValueError, match="save it as CSV UTF-8"):
             read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_a_table_that_would_take_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """A line of two bytes takes a hundred in memory."""
+    monkeypatch.setattr(columns, "MOST_VALUES", 100)
+    table = tmp_path / "t.csv"
+    table.write_text("x,y\n" + "1,2\n" * 49)
+    assert len(read_columns(table, required=("x",))["x"]) == 49
+    table.write_bytes(table.read_bytes() + b"1,2\n" * 100_000 + b"what comes later is not looked at: \xff")
+    with pytest.raises(ValueError, match="holds more than 100 values, expected fewer"):
+        read_columns(table, required=("x",))
 
 
 def test_lines_of_spaces_count_as_empty_ones(tmp_path):

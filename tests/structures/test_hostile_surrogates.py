@@ -185,6 +185,18 @@ def test_what_reaches_outside_a_file_or_beyond_its_size_is_refused(saved, change
     refused(saved, HARM[change])
 
 
+def test_texts_that_all_lie_in_one_place_do_not_multiply(saved):
+    """2,000 texts that name one of a megabyte are two gigabytes in memory, of a file of one."""
+    with resealed(saved) as file:
+        texts = file.create_dataset("texts", (2000,), h5py.string_dtype())
+        texts[0], texts[1] = "x" * (1 << 20), "y"
+        start = texts.id.get_offset()
+    bare = bytearray(unsealed(saved).read_bytes())
+    bare[start : start + 16 * 2000] = bare[start : start + 16] * 2000
+    saved.write_bytes(sealed(bytes(bare)))
+    refused(saved, "is damaged")
+
+
 def test_a_file_of_an_older_version_without_a_digest_still_loads(saved):
     new = load_surrogate(saved)
     unsealed(saved).replace(saved)
