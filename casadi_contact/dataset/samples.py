@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from casadi_contact.conventions import Array
@@ -71,7 +72,7 @@ class Samples:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
         if count and not (self.domain.min() >= 1 and self.domain.max() <= len(DOMAINS)):
             raise ValueError(f"samples: domain holds numbers outside 1..{len(DOMAINS)}")
-        if count and self.role.max() >= len(ROLES):
+        if count and not (self.role.min() >= 0 and self.role.max() < len(ROLES)):
             raise ValueError(f"samples: role holds numbers outside 0..{len(ROLES) - 1}")
 
     def __len__(self) -> int:
@@ -159,9 +160,28 @@ def read_samples(path: str | Path) -> Samples:
             )
         try:
             scene = Scene.from_toml(str(file.attrs["scene_toml"]))
-            provenance = json.loads(str(file.attrs["provenance"]))
-            columns = {name: file[name][()] for name in COLUMNS}
-            dropped = Dropped(file["dropped_poses"][()], file["dropped_domain"][()]) if version > 1 else Dropped()
-            return Samples(scene, **columns, provenance=provenance, dropped=dropped)
+            provenance = _checked_provenance(json.loads(str(file.attrs["provenance"])))
+            columns = {name: _numbers(file, name) for name in COLUMNS}
+            lost = [_numbers(file, f"dropped_{name}") for name in ("poses", "domain")] if version > 1 else []
+            return Samples(scene, **columns, provenance=provenance, dropped=Dropped(*lost))
         except (ValueError, RecursionError) as error:
             raise ValueError(f"{path} is damaged ({one_line(error)}): draw the samples again") from None
+
+
+def _numbers(file: h5py.File, name: str) -> np.ndarray:
+    """A column of the file; ValueError for other numbers than belong there."""
+    column = np.asarray(file[name][()])
+    kinds, expected = ("iu", "whole numbers") if name.endswith(("domain", "role")) else ("fiu", "numbers")
+    if column.dtype.kind not in kinds:
+        raise ValueError(f"{name} holds {column.dtype}, expected {expected}")
+    return column
+
+
+def _checked_provenance(there: Any) -> dict[str, Any]:
+    """The same; ValueError where it, its settings or its counts of dropped samples are no tables."""
+    dropped = there.get("dropped", {}) if isinstance(there, dict) else None
+    counts = list(dropped.values()) if isinstance(dropped, dict) else [None]
+    sound = all(isinstance(each, dict) and all(isinstance(n, int) for n in each.values()) for each in counts)
+    if not sound or not all(isinstance(there.get(key, {}), dict) for key in ("settings", "left_out")):
+        raise ValueError("its provenance does not say how samples were drawn and dropped")
+    return dict(there)

@@ -33,6 +33,8 @@ def samples_around(
     known = samples.select("D1").poses
     if not len(known):
         known = samples.poses
+    if not len(known):
+        raise ValueError("samples hold no row, expected some thousands: draw them first")
     poses = known[rng.integers(len(known), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
     shortened = np.where(rng.random((count, 1)) < 0.25, rng.random((count, 1)), 1.0)

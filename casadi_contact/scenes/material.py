@@ -21,7 +21,7 @@ class Material:
     def from_table(cls, table: object) -> Material:
         """From the scene's [material]; raises ValueError naming the key at fault."""
         values = table_of("material", table, ("youngs_modulus", "poissons_ratio", "thickness", "law"), complete=True)
-        if values["law"] not in LAWS:
+        if values["law"] not in tuple(LAWS):  # a list or a table is not to be looked up
             raise fail("material.law", values["law"], " or ".join(LAWS))
         return cls(
             youngs_modulus=number("material.youngs_modulus", values["youngs_modulus"], low=0.0),

@@ -143,6 +143,36 @@ def test_columns_of_different_length(file):
     refused(file, r"role has shape \(3,\)")
 
 
+@pytest.mark.parametrize("kind", ["S8", "?"])
+@pytest.mark.parametrize("column", ["poses", "wrenches", "gaps", "dropped_poses"])
+def test_columns_that_are_no_numbers(file, column, kind):
+    with resealed(file) as samples:
+        values = samples[column][()].astype(kind)
+        del samples[column]
+        samples[column] = values
+    refused(file, f"{column} holds .*expected numbers")
+
+
+@pytest.mark.parametrize(("column", "value"), [("role", -1), ("role", 0.5), ("role", np.nan), ("domain", 1.5)])
+def test_roles_and_domains_that_are_none(file, column, value):
+    with resealed(file) as samples:
+        values = samples[column][()].astype(type(value))
+        values[0] = value
+        del samples[column]
+        samples[column] = values
+    refused(file, f"{column} holds")
+
+
+@pytest.mark.parametrize(
+    "provenance",
+    ["[]", "1", '"x"', "null", '{"dropped": 3}', '{"dropped": {"D1": {"why": "x"}}}', '{"settings": []}'],
+)
+def test_a_provenance_of_another_form(file, provenance):
+    with resealed(file) as samples:
+        samples.attrs["provenance"] = provenance
+    refused(file, "provenance does not say")
+
+
 def test_absent_and_incomplete(tmp_path):
     with pytest.raises(FileNotFoundError, match="does not exist"):
         read_samples(tmp_path / "s.h5")

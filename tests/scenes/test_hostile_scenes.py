@@ -101,6 +101,7 @@ def test_a_patch_in_a_thousand_parts_is_refused():
         ("fine = [200, 200]", "fine = [4096, 4096]", f"grids.fine = .*at most {MOST_ELEMENTS} elements"),
         ("fine = [200, 200]", "fine = [1000000000, 1]", "at most"),
         ("fine = [200, 200]", "fine = [true, 1]", "two positive whole numbers"),
+        ('law = "linear"', 'law = ["linear"]', r"material.law = \['linear'\], expected linear or"),
         ('shape = "sphere_on_plane"', 'shape = ["knee"]', "shape = .*expected one of knee"),
     ],
 )
