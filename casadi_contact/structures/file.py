@@ -28,6 +28,7 @@ from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
 from casadi_contact.structures.doubt import Doubt
+from casadi_contact.structures.record import checked_record
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
@@ -117,7 +118,7 @@ def read_file(path: str | Path, *, trusted: bool = False) -> Content:
         raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
     structure, scene, record, networks, trust = content
     try:
-        return Content(structure, Scene.from_toml(scene), networks, json.loads(record), trust)
+        return Content(structure, Scene.from_toml(scene), networks, checked_record(json.loads(record)), trust)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {one_line(error)}") from None
 

@@ -185,6 +185,40 @@ def test_what_reaches_outside_a_file_or_beyond_its_size_is_refused(saved, change
     refused(saved, HARM[change])
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("samples", 3, "record.samples is int, expected a table"),
+        ("samples", {"D1": "many"}, r"record.samples.D1 is str, expected a number"),
+        ("dropped", {"D1": True}, "record.dropped.D1 is bool"),
+        ("pose_range", {"tx": [0.0]}, "record.pose_range.tx is list, expected two numbers"),
+        ("valid_share", [], "record.valid_share is list"),
+        ("valid_share", 10**400, "record.valid_share is int"),
+        ("test_errors", {"D1": {"Fy_med": {"rms": 1.0}}}, "record.test_errors.D1.Fy_med lacks rms or max"),
+        ("coverage", {"D1": None}, "record.coverage.D1 is NoneType"),
+        ("stop_reasons", {"root_med": ["stalled"]}, "expected text"),
+        ("convergence", {"root_med": {"rms": []}}, "record.convergence.root_med lacks gflop or rms"),
+        (
+            "convergence",
+            {"root_med": {"gflop": [1], "rms": 1.0}},
+            "record.convergence.root_med.rms is float, expected numbers",
+        ),
+    ],
+)
+def test_a_record_of_which_no_table_can_be_made(saved, key, value, said):
+    surrogate = load_surrogate(saved)
+    changed = type(surrogate)(surrogate.scene, surrogate.networks, {**surrogate.record, key: value}, surrogate.trust)
+    changed.save(saved)
+    refused(saved, said)
+
+
+def test_a_record_may_say_more_than_is_known(saved):
+    surrogate = load_surrogate(saved)
+    more = {**surrogate.record, "found_by": ["somebody", {"on": [1, None]}]}
+    type(surrogate)(surrogate.scene, surrogate.networks, more, surrogate.trust).save(saved)
+    assert "found_by: ['somebody', {'on': [1, None]}]" in str(load_surrogate(saved).info())
+
+
 def test_texts_that_all_lie_in_one_place_do_not_multiply(saved):
     """2,000 texts that name one of a megabyte are two gigabytes in memory, of a file of one."""
     with resealed(saved) as file:
