@@ -17,6 +17,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from casadi_contact.files.limits import short
+from casadi_contact.files.replacing import replacing
 
 LOCK, HOLDER = ".lock", ".lock.holder"
 
@@ -44,8 +45,10 @@ def folder_lock(folder: Path) -> Iterator[None]:
     command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     try:
-        with suppress(OSError):  # a full disc: the lock holds, only its holder is not named
-            (folder / HOLDER).write_text(f"process {os.getpid()} on {socket.gethostname()} since {since} ({command})")
+        # A full disc: the lock holds, only its holder is not named.
+        with suppress(OSError), replacing(folder / HOLDER, durable=False) as beside:
+            held_by = f"process {os.getpid()} on {socket.gethostname()} since {since} ({command})"
+            beside.write_text(held_by, "utf-8", "backslashreplace")  # a path may be no text
         yield
     finally:
         with suppress(OSError):

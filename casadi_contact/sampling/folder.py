@@ -73,8 +73,13 @@ class ChunkFolder:
         write_npz(self._file(number), **arrays, dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)))
 
     def remove(self) -> None:
-        """Delete the folder, once the samples file is complete."""
-        shutil.rmtree(self.folder)
+        """Delete the folder, once the samples file is complete; of a link to one the chunks and the link."""
+        if not self.folder.is_symlink():
+            shutil.rmtree(self.folder)
+            return
+        for path in (*self.folder.glob("chunk-*.npz"), self.folder / _RECORD):  # others may have files there
+            path.unlink()
+        self.folder.unlink()
 
 
 def refuse_other(there: Mapping[str, Any], wanted: Mapping[str, Any], where: Path) -> None:

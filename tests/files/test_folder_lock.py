@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 
@@ -55,6 +55,28 @@ def test_a_killed_process_holds_nothing(tmp_path):
         process.wait()
     with folder_lock(tmp_path):
         pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
+def test_links_in_place_of_the_files_of_a_lock_lead_to_nothing_that_is_changed(tmp_path):
+    (tmp_path / "results").mkdir()
+    for name in (".lock", ".lock.holder"):
+        mine = tmp_path / "mine"
+        mine.write_text("mine")
+        link = tmp_path / "results" / name
+        link.symlink_to(mine)
+        with suppress(OSError), folder_lock(tmp_path / "results"):
+            pass
+        link.unlink(missing_ok=True)
+        assert mine.read_text() == "mine", name
+
+
+def test_a_command_whose_path_is_no_text_holds_a_folder_and_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["casadi-contact", "--out", os.fsdecode(b"caf\xe9")])
+    with folder_lock(tmp_path), ThreadPoolExecutor(1) as other:
+        refused = other.submit(folder_lock(tmp_path).__enter__).exception()
+    assert isinstance(refused, BlockingIOError)
+    assert "(casadi-contact --out caf" in str(refused)
 
 
 def test_a_thread_may_hold_a_folder_twice_and_another_thread_not_meanwhile(tmp_path):

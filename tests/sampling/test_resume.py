@@ -171,6 +171,19 @@ def test_a_folder_that_cannot_be_written(tmp_path):
             resume(tmp_path / "samples.h5")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_chunks_may_gather_on_another_disc(tmp_path, whole):
+    """A link leads there; what others keep beside the chunks stays."""
+    (tmp_path / "disc").mkdir()
+    (tmp_path / "disc" / "of_others").touch()
+    partial_folder(tmp_path / "samples.h5").symlink_to(tmp_path / "disc")
+    with ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "samples.h5", executor)
+    assert (tmp_path / "samples.h5").read_bytes() == whole
+    assert not partial_folder(tmp_path / "samples.h5").is_symlink()
+    assert [path.name for path in (tmp_path / "disc").iterdir()] == ["of_others"]
+
+
 def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):
     folder = partial_folder(stopped)
     stopped.write_bytes(whole)
