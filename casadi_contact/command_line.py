@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -26,6 +27,8 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
 
     prog_name: how help names the program; as it was called if left out.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that knows no ² or · is no reason to end
     try:
         _refuse_empty(arguments)
         sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)

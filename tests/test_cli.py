@@ -1,6 +1,7 @@
 """The command line: versions, help and mistakes."""
 
 import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,14 @@ def test_the_package_runs_as_a_module_and_says_its_version():
         [sys.executable, "-m", "casadi_contact", "--version"], capture_output=True, text=True, check=True, cwd=ROOT
     )
     assert done.stdout.strip() == f"casadi_contact {casadi_contact.__version__}" == output("--version").strip()
+
+
+def test_a_terminal_of_few_letters_shows_what_it_can():
+    command = [sys.executable, "-m", "casadi_contact", "info", "knee"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "Fz [N], Tx [N?mm]" in done.stdout
 
 
 def test_every_command_shows_examples_that_it_accepts(monkeypatch):
