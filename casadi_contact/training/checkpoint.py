@@ -9,14 +9,15 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import read_npz, write_npz
+from casadi_contact.files import one_line, read_npz, write_npz
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.settings import TrainingSettings
 
@@ -24,6 +25,7 @@ FORMAT = 3  # 1 counted seconds, 2 kept preconditioners
 # More work or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
 _NOT_IN_DIGEST = ("max_gflop", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
 
+Made = TypeVar("Made")
 _log = logging.getLogger(__name__)
 
 
@@ -56,6 +58,18 @@ def write(path: Path, identity: str, content: dict[str, Any]) -> None:
     write_npz(path, format=FORMAT, digest=identity, **content)
 
 
+def go_on(path: Path | None, identity: str, make: Callable[[dict[str, Any] | None], Made]) -> Made:
+    """What `make` makes of the checkpoint's content; of None where there is none to go on from (see `read`), or where
+    it is not what a fit goes on from: a warning is logged. Raises what `read` and `make(None)` do."""
+    saved = read(path, identity) if path else None
+    if saved is not None:
+        try:
+            return make(saved)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            _log.warning("checkpoint %s is damaged (%s); the fit starts again", path, one_line(error))
+    return make(None)
+
+
 def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
     """The content, or None where there is none to go on from (absent, or damaged: a warning is logged).
 
@@ -68,7 +82,7 @@ def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
     except (OSError, ValueError) as error:
         _log.warning("checkpoint %s; the fit starts again", error)
         return None
-    if not {"format", "digest"} <= content.keys():
+    if not {"format", "digest"} <= content.keys() or content["format"].dtype.kind != "i" or content["format"].size != 1:
         raise ValueError(f"{path} is not a checkpoint of a fit; choose another file, so that it is not overwritten")
     version, owner = int(content.pop("format")), str(content.pop("digest"))
     if version > FORMAT:

@@ -129,9 +129,11 @@ class Run:
             _check_start(regression, settings, start)
         self._checkpoint, self._progress = checkpoint, progress
         self._identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
-        saved = checkpoint_file.read(checkpoint, self._identity) if checkpoint else None
-        self._cpu_s = float(saved["cpu_s"]) if saved else 0.0
-        self.search = kind(regression, settings, saved, start)
+        self.search, self._cpu_s = checkpoint_file.go_on(
+            checkpoint,
+            self._identity,
+            lambda saved: (kind(regression, settings, saved, start), float(saved["cpu_s"]) if saved else 0.0),
+        )
         self._snapshot, self._written = self.search.snapshot(), time.monotonic()
 
     def __enter__(self) -> Run:

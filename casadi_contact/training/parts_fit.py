@@ -45,9 +45,8 @@ def fit_parts(
     """Go on from the parts' own networks within ``settings.max_gflop``; the networks of the least validation error (of
     the least training error without validation rows) are returned. Checkpoint and progress as for `fit`."""
     identity = _digest(regression, settings, start)
-    saved = checkpoint_file.read(checkpoint, identity) if checkpoint else None
     with threadpool_limits(settings.threads):
-        course = _Course(regression, settings, start, saved)
+        course = checkpoint_file.go_on(checkpoint, identity, lambda saved: _Course(regression, settings, start, saved))
         written = time.monotonic()
         try:
             while not course.stop_reason:

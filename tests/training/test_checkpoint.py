@@ -73,6 +73,20 @@ def test_a_damaged_checkpoint_starts_again_with_a_warning(tmp_path, caplog):
     np.testing.assert_array_equal(flatten(whole.network), flatten(again.network))
 
 
+@pytest.mark.parametrize("harm", ["lost", "short", "not finite"])
+def test_a_checkpoint_of_this_fit_that_it_cannot_go_on_from_starts_again_with_a_warning(tmp_path, caplog, harm):
+    path = tmp_path / "a.npz"
+    whole = fit(smooth(), FIXED, path)
+    content = dict(np.load(path))
+    weights = content.pop("lm_parameters")
+    changed = {"lost": {}, "short": {"lm_parameters": weights[:3]}, "not finite": {"lm_parameters": np.nan * weights}}
+    np.savez(path, **content, **changed[harm])
+    with caplog.at_level(logging.WARNING):
+        again = fit(smooth(), FIXED, path)
+    assert [record.message.split(" (")[0] for record in caplog.records] == [f"checkpoint {path} is damaged"]
+    np.testing.assert_array_equal(flatten(whole.network), flatten(again.network))
+
+
 @pytest.mark.parametrize("other", [{"seed": 1}, {"sizes": ((5, 5),)}, {"activation": "tanh"}])
 def test_a_checkpoint_of_other_settings_is_refused_and_kept(tmp_path, other):
     path = tmp_path / "a.npz"
@@ -88,6 +102,9 @@ def test_a_checkpoint_of_other_settings_is_refused_and_kept(tmp_path, other):
 def test_foreign_and_newer_files_are_refused(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, something=np.ones(3))
+    with pytest.raises(ValueError, match="is not a checkpoint"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=[3, 3], digest="x")
     with pytest.raises(ValueError, match="is not a checkpoint"):
         fit(smooth(), FIXED, path)
     np.savez(path, format=99, digest="x")
