@@ -17,7 +17,7 @@ from casadi_contact.structures.trust import SURE, Trust
 from casadi_contact.training import TrainingSettings, fit
 
 WRONG = 10.0  # times the scene's tolerance, or the RMS error on held-out samples where that is more
-LEAST_SHARE, LEAST_WRONG = 0.005, 20  # of valid poses that are wrong: fewer need no doubt, or teach none
+LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses that are wrong: for fewer a doubt costs more right poses
 KEPT = 0.99  # share of right samples that the doubt leaves a validity above 0.9
 _SAMPLES = 20_000  # at most, that are shown as right
 _SETTINGS = TrainingSettings(sizes=((24, 24),), max_iterations=150, restarts=0)
@@ -39,6 +39,7 @@ def with_doubt(trust: Trust, surrogate: Surrogate, samples: Samples, others: Seq
     wrong = np.concatenate([_beyond(surrogate, part, names, limits) for part in parts])
     roots = surrogate.trust_roots(poses)
     valid = trust.excess(poses, roots, surrogate.trust_claims(poses)) < 0.0
+    valid[: len(shown)] = False  # of the others alone
     if (valid & wrong).sum() < max(LEAST_WRONG, LEAST_SHARE * valid.sum()):
         return trust
     columns = np.array(state_columns(surrogate.scene), dtype=float)

@@ -51,6 +51,7 @@ _TABLES = (
 )
 _COVERAGE_ROWS = {  # valid: above 0.5 (see `trust_coverage`)
     "range": "valid poses drawn evenly over the sampled ranges",
+    "led": "valid poses settled on the surrogate from anywhere in these ranges, at a rim too",
     "around": "valid poses moved from the samples",
     "edge": "moved poses and samples with validity from 0.1 to 0.9",
     "outside": "moved poses with validity below 0.1",

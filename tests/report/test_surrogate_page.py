@@ -153,7 +153,7 @@ def test_rows_of_the_coverage_that_are_no_domains_are_explained(surrogate):
     shares = load_surrogate("knee_reach").info().coverage
     known = PatchSurrogate(SPHERE, surrogate.networks, surrogate.record | {"coverage": shares}, surrogate.trust)
     others = set(shares) - set(DOMAINS)
-    assert others == {"range", "around", "edge", "outside"}
+    assert others == {"range", "led", "around", "edge", "outside"}
     for text in (str(known.info()), surrogate_page({"patch": known})):
         assert all(f"{name}: " in text for name in others)
 
