@@ -17,7 +17,7 @@ from casadi_contact.sampling.chunk import WrenchModel
 
 IN_RANGE_COUNT = 2000  # at most, and a third as many as the samples
 MOST_DRAWN = 200  # times as many poses, of which too few may be valid
-_LEAST_VALIDITY = 0.1  # so that the edge of the learned region can be learned from both of its sides
+LEAST_VALIDITY = 0.1  # so that the edge of the learned region can be learned from both of its sides
 _AT_ONCE = 20_000  # poses
 
 
@@ -47,7 +47,7 @@ def samples_in_range(
     wanted = (count // 2, count - count // 2)
     for _ in range(0, MOST_DRAWN * count, _AT_ONCE):
         poses = samples.scene.pose_space.onto(low + width * rng.random((_AT_ONCE, 6)))
-        poses = poses[validity(poses) > _LEAST_VALIDITY]
+        poses = poses[validity(poses) > LEAST_VALIDITY]
         pressed = (roots(poses) > 0.0).any(axis=1)
         for half, most, rows in zip(halves, wanted, (pressed, ~pressed), strict=True):
             half.extend(poses[rows][: most - len(half)])

@@ -17,7 +17,7 @@ from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling import model_name_of
 from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.in_range import samples_in_range
+from casadi_contact.sampling.in_range import LEAST_VALIDITY, samples_in_range
 from casadi_contact.sampling.led_to import LED_COUNTS, poses_led_to
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.astray import with_doubt
@@ -79,8 +79,10 @@ def with_trust(
         in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=progress)
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
-        most = LED_COUNTS[model_name_of(samples) is None]
-        poses = poses_led_to(surrogate, samples, count=min(len(samples), most), progress=progress)
+        own = model_name_of(samples) is None
+        poses = poses_led_to(surrogate, samples, count=min(len(samples), LED_COUNTS[own]), progress=progress)
+        if own:  # which may fail far off, or be slow
+            poses = poses[first.validity(poses) > LEAST_VALIDITY]
         led = samples_at(model, surrogate.scene, poses, progress, rim=True)
         trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)])
         if trust.doubt is not None:  # without, few gross errors at rims would raise what is expected everywhere
