@@ -12,7 +12,7 @@ from casadi_contact.benchmark.candidates import refuse_without_elements
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.project import Project, Update
-from casadi_contact.quantities import FORCE, TORQUE, of_kind
+from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 
 MEASURED = "measured"
 
@@ -177,4 +177,6 @@ def _used(offer: Offer, tolerance: Tolerance) -> float:
 
 def _errors_text(force_n: float | None, torque_nmm: float | None) -> str:
     pairs = ((force_n, "N"), (torque_nmm, "N·mm"))
-    return " and ".join(f"{value:.3g} {unit}" for value, unit in pairs if value is not None and not math.isnan(value))
+    return " and ".join(
+        f"{three_digits(value)} {unit}" for value, unit in pairs if value is not None and not math.isnan(value)
+    )

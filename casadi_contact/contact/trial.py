@@ -11,7 +11,7 @@ import numpy as np
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.touch import ways_of_pressing
 from casadi_contact.conventions import Array, evenly, pose_text
-from casadi_contact.quantities import FORCE, of_kind
+from casadi_contact.quantities import FORCE, of_kind, two_digits
 
 _POSES = 5
 _PLACES, _BACK_MM, _FURTHEST_MM = 16, 1.0, 20.0
@@ -121,20 +121,16 @@ def _refuse_noise(contact: _Contact, slope: Array, tolerance_n: float) -> None:
     row = int(noise.argmax())
     if noise[row] <= _NOISY * (tolerance_n + float(np.fmax(slope[row], 0.0)) * _BESIDE_MM):
         return
-    cure = f"set settle_tolerance_n = {_two_digits(3.0 * noise[row])} or more in the scene's [sampling]"
+    cure = f"set settle_tolerance_n = {two_digits(3.0 * noise[row])} or more in the scene's [sampling]"
     if isinstance(contact.model, CallableModel) and slope[row] > 0.0:
-        step = _two_digits(_STEPS_PER_NOISE * noise[row] / slope[row])
-        cure += f", and give cc.CallableModel step_mm={step}, step_rad={_two_digits(float(step) / 25.0)} or more"
+        step = two_digits(_STEPS_PER_NOISE * noise[row] / slope[row])
+        cure += f", and give cc.CallableModel step_mm={step}, step_rad={two_digits(float(step) / 25.0)} or more"
     raise ValueError(
-        f"the contact model is noisy: its {contact.text(row)} differs by {noise[row]:.2g} N when asked once more, "
-        f"expected at most twice the {tolerance_n:g} N within which poses settle: {cure}"
+        f"the contact model is noisy: its {contact.text(row)} differs by {two_digits(noise[row])} N when asked once "
+        f"more, expected at most twice the {tolerance_n:g} N within which poses settle: {cure}"
     )
 
 
 def _forces(model: ContactModel, poses: Array) -> Array:
     wrenches: Array = model.wrenches(poses)  # type: ignore[attr-defined]
     return wrenches[..., :3]
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.2g}"

@@ -6,6 +6,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.dataset.samples import Samples
+from casadi_contact.quantities import three_digits
 from casadi_contact.scenes.normal_load import normal_forces
 
 _ROUNDING = 0.01  # of the boundary load: so far a model that extrapolates may pull
@@ -31,8 +32,8 @@ def refuse_pulling(samples: Samples, what: str) -> None:
         else "set loads out of contact to 0, mend or remove other rows"
     )
     raise ValueError(
-        f"{what}, row {row + 1}: {part.name} pulls with {-normal[row, p]:.3g} N, expected {part.normal.component} "
-        f"{'>' if part.normal.sign > 0.0 else '<'}= 0 ({count} such rows): {cure}"
+        f"{what}, row {row + 1}: {part.name} pulls with {three_digits(-normal[row, p])} N, expected "
+        f"{part.normal.component} {'>' if part.normal.sign > 0.0 else '<'}= 0 ({count} such rows): {cure}"
     )
 
 
@@ -72,6 +73,6 @@ def refuse_small_forces(samples: Samples, what: str) -> None:
     largest = float(np.abs(normal_forces([part.normal for part in scene.parts], samples.wrenches)).max(initial=0.0))
     if 0.0 < largest < _SMALL * scene.reference_load:
         raise ValueError(
-            f"{what}: no normal load is larger than {largest:.3g} N, expected some above a hundredth of the scene's "
-            f"reference_load of {scene.reference_load:g} N: turn kN into N, or lower reference_load"
+            f"{what}: no normal load is larger than {three_digits(largest)} N, expected some above a hundredth of the "
+            f"scene's reference_load of {scene.reference_load:g} N: turn kN into N, or lower reference_load"
         )

@@ -23,6 +23,7 @@ from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pos
 from casadi_contact.proposal.sight import Sight, sight_of
 from casadi_contact.proposal.spacings import at_rest
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
+from casadi_contact.quantities import three_digits
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.sampling.settings import ALONE_COUNTS
 from casadi_contact.scenes import Scene
@@ -171,7 +172,9 @@ def _put_to_rest(draft: _Draft) -> tuple[ElasticFoundation, Array]:
         tables["geometry"]["spacing"] = scene.geometry["spacing"]
         (draft.told if resting.enough else draft.untold).append(resting.remark)
     if resting.reason:
-        draft.untold.append(f"a pose at rest under {REST_SHARE * scene.reference_load:.3g} N a patch: {resting.reason}")
+        draft.untold.append(
+            f"a pose at rest under {three_digits(REST_SHARE * scene.reference_load)} N a patch: {resting.reason}"
+        )
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
     tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)

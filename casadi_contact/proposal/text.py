@@ -11,6 +11,7 @@ import tomli_w
 
 from casadi_contact.proposal.cuts import PatchCuts
 from casadi_contact.proposal.propose import Proposal
+from casadi_contact.quantities import three_digits
 from casadi_contact.scenes import Scene
 
 _CUT = {"split_z": "cuts along z [mm] between parts, which networks learn apart"}
@@ -66,13 +67,17 @@ def cut_text(scene: Scene, found: Sequence[PatchCuts], command: str, folder: Pat
 
 def cut_lines(found: Sequence[PatchCuts]) -> list[str]:
     """How many parts each patch is cut into, and what for."""
-    return [
-        f"patch {cuts.patch}: {len(cuts.cuts_mm) + 1} parts, on which small networks err by {cuts.parts_n:.3g} N "
-        f"(by {cuts.whole_n:.3g} N on the whole patch)"
-        if cuts.cuts_mm
-        else f"patch {cuts.patch} stays whole: small networks err by {cuts.whole_n:.3g} N, little less on parts"
-        for cuts in found
-    ]
+    return [_cut_line(cuts) for cuts in found]
+
+
+def _cut_line(cuts: PatchCuts) -> str:
+    whole_n, parts_n = three_digits(cuts.whole_n), three_digits(cuts.parts_n)
+    if not cuts.cuts_mm:
+        return f"patch {cuts.patch} stays whole: small networks err by {whole_n} N, little less on parts"
+    return (
+        f"patch {cuts.patch}: {len(cuts.cuts_mm) + 1} parts, on which small networks err by {parts_n} N "
+        f"(by {whole_n} N on the whole patch)"
+    )
 
 
 def _commented(head: Sequence[str], scene: Scene, folder: Path, comments: Mapping[str, str]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array, evenly, pose_text
 from casadi_contact.dataset import Samples
-from casadi_contact.quantities import FORCE, TORQUE, quantity
+from casadi_contact.quantities import FORCE, TORQUE, quantity, two_digits
 from casadi_contact.sampling.chunk import WrenchModel, evaluated
 from casadi_contact.statics.settle import NOT_FINITE
 
@@ -50,7 +50,7 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> Non
             at = pose_text(asked.poses[finite][row], asked.scene.patch_names)
             raise ValueError(
                 f"{where} was drawn from another contact model: {name} was {kept[row]:.5g} {unit}, now {now[row]:.5g} "
-                f"{unit} at {at}, expected the same within {limit:.2g} {unit} RMS: {cure}"
+                f"{unit} at {at}, expected the same within {two_digits(limit)} {unit} RMS: {cure}"
             )
 
 

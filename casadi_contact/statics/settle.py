@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, Progress
-from casadi_contact.quantities import quantity
+from casadi_contact.quantities import quantity, three_digits
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
 NOT_FINITE = "the contact model's loads are not finite"
@@ -41,7 +41,7 @@ class SettleReport:
     def __str__(self) -> str:
         return (
             f"{int(self.converged.sum())} of {len(self.converged)} poses converged, "
-            f"median {np.median(self.iterations):g} iterations, largest residual {self.residual.max():.3g} N"
+            f"median {np.median(self.iterations):g} iterations, largest residual {three_digits(self.residual.max())} N"
             if len(self.converged)
             else "no poses"
         )

@@ -11,6 +11,7 @@ import numpy as np
 from casadi_contact.assembly import Settling
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from casadi_contact.quantities import three_digits
 from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards
@@ -194,7 +195,7 @@ def _why(problem: AssemblyPoses, residual: float, errors: Array, converged: bool
     """Why a frame is not solved; "" if it is. loaded: whether its measured contact presses (`WantedLoads.loaded`)."""
     if converged:
         return ""
-    missed = [f"{residual:.3g} N left on a body"] if residual > TOLERANCE_N else []
+    missed = [f"{three_digits(residual)} N left on a body"] if residual > TOLERANCE_N else []
     if not loaded and not missed:
         return NO_LOAD
     if problem.measured:

@@ -22,6 +22,7 @@ import numpy as np
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT, check_parameters
 from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.quantities import three_digits
 from problems.calibration.measurement import Measurement
 
 DEFAULT = ("youngs_modulus", "fixed_tx", "fixed_ty", "fixed_tz", "fixed_rx", "fixed_ry")
@@ -109,7 +110,7 @@ def _check_pressed(model: CompiledFoundation, measured: Measurement) -> None:
         forces = measured.loads[:, [measured.load_names.index(name) for name in normal.loads]]
         if normal.direction is not None and (mean := float(forces.mean())) * normal.sign < -measured.force_n:
             raise ValueError(
-                f"{normal.loads[0]} is {mean:.3g} N on average, but compression is "
+                f"{normal.loads[0]} is {three_digits(mean)} N on average, but compression is "
                 f"{'positive' if normal.sign > 0.0 else 'negative'} (the loads act on the fixed body): turn its sign"
             )
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
+from casadi_contact.quantities import three_digits
 from problems import static_equilibrium
 from problems.knee_simulator.problem import POWERS, KneeSimulator
 
@@ -58,8 +59,8 @@ def start_state(simulator: KneeSimulator) -> Array:
     if not result.converged.all():
         raise ValueError(
             f"no equilibrium to start from: {result.reason[0]}; expected a joint that carries "
-            f"{-loads[0, 1]:.3g} N, {rig.axial_offset_mm:g} mm medially of the moving origin: take a scene with two "
-            "sides like a knee's, smaller loads, a Rig with axial_offset_mm=0, or a start of your own"
+            f"{three_digits(-loads[0, 1])} N, {rig.axial_offset_mm:g} mm medially of the moving origin: take a scene "
+            "with two sides like a knee's, smaller loads, a Rig with axial_offset_mm=0, or a start of your own"
         )
     return np.concatenate([result.poses[0, :5], np.zeros(5)])
 

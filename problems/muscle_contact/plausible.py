@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.quantities import three_digits
 from problems.muscle_contact.knee_coordinates import coordinate_unit, is_translation
 
 _LONGEST_M = 2.0  # of a muscle with its tendon; sartorius has 0.6 m
@@ -97,10 +98,11 @@ def check_loads(walk: str, loads: Mapping[str, Array]) -> None:
             raise ValueError(f"{said}, at most {_LARGEST_LOAD[unit]:g}: is it in N·mm?")
     vertical = loads.get("knee_ty", np.zeros(1))
     if -vertical.min() > max(_SWINGING_LEG_N, vertical.max()):
+        pulled_n, pressed_n = three_digits(-vertical.min()), three_digits(max(vertical.max(), 0.0))
         warnings.warn(
-            f"walk {walk}: knee_ty pulls the knee apart by up to {-vertical.min():.3g} N and never presses it by more "
-            f"than {max(vertical.max(), 0.0):.3g} N, expected the ground's push to be positive: if this is no kick, "
-            "turn the signs of inverse dynamics",
+            f"walk {walk}: knee_ty pulls the knee apart by up to {pulled_n} N and never presses it by more than "
+            f"{pressed_n} N, expected the ground's push to be positive: if this is no kick, turn the signs of inverse "
+            "dynamics",
             RuntimeWarning,
             stacklevel=2,
         )

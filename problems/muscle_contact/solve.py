@@ -11,6 +11,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from casadi_contact.quantities import three_digits
 from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact.extensor import PatellaResult, quadriceps
 from problems.muscle_contact.knee_coordinates import contact_on_femur, in_newtons
@@ -108,7 +109,9 @@ def _result(
     converged = (worst <= TOLERANCE_N) & outcome.solved
     reason = np.full(len(walk), "", dtype=object)
     for k in np.flatnonzero(~converged):
-        reason[k] = f"balance is off by {worst[k]:.3g} N" if outcome.solved else f"IPOPT stopped: {outcome.status}"
+        reason[k] = (
+            f"balance is off by {three_digits(worst[k])} N" if outcome.solved else f"IPOPT stopped: {outcome.status}"
+        )
     return MuscleContactResult(
         activations,
         forces,

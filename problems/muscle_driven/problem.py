@@ -24,6 +24,7 @@ from scipy.interpolate import CubicSpline
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, wrench_function
+from casadi_contact.quantities import two_digits
 from problems.common.knee_scene import check_knee
 from problems.common.outcome import rows_in_words
 from problems.muscle_contact.muscle import (
@@ -122,9 +123,9 @@ def build(
     reserves = np.max([np.abs(curve) for curve in solved.reserves.values()], axis=0)
     if (leaning := reserves > _LARGEST_RESERVE).any():
         raise ValueError(
-            f"walk {walk.name}: reserves give up to {reserves.max():.2g} N or N·m in frames {rows_in_words(leaning)}, "
-            f"at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger muscles, or a walk that "
-            "asks less"
+            f"walk {walk.name}: reserves give up to {two_digits(reserves.max())} N or N·m in frames "
+            f"{rows_in_words(leaning)}, at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger "
+            "muscles, or a walk that asks less"
         )
     rigid = inverse.capacity.active_n * solved.activations + inverse.capacity.passive_n
     if np.abs(solved.muscle_forces_n - rigid).max() > 0.1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.quantities import FORCE, LENGTH, quantity
+from casadi_contact.quantities import FORCE, LENGTH, quantity, two_digits
 from problems.pose_estimation.wanted import WantedLoads
 
 _SHARE = 0.01  # of the scene's reference load, and of its patches' extent
@@ -21,8 +21,8 @@ def unit_doubts(wanted: WantedLoads, model: ContactModel | str) -> list[str]:
     doubts = []
     if 0.0 < (force := _largest(wanted, FORCE.unit)) < _SHARE * scene.reference_load:
         doubts.append(
-            f"the largest force is {force:.2g} N, where the scene's reference load is {scene.reference_load:.4g} N: "
-            "are forces in N, or in kN or body weights?"
+            f"the largest force is {two_digits(force)} N, where the scene's reference load is "
+            f"{scene.reference_load:.4g} N: are forces in N, or in kN or body weights?"
         )
     if (centre := _largest(wanted, LENGTH.unit)) > 0.0 and isinstance(model, ElasticFoundation):
         points = np.concatenate([patch.centres_mm for patch in scene.elements(model.grid)])

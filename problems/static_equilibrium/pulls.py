@@ -6,6 +6,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.optimisation.starts import shares
+from casadi_contact.quantities import three_digits
 from problems.static_equilibrium.problem import StaticEquilibrium
 
 
@@ -52,5 +53,6 @@ def passes_beside(problem: StaticEquilibrium, poses: Array) -> np.ndarray:
         loads[:, 3:] -= np.cross(poses[:, :3], loads[:, :3])
     for patch, share in zip(scene.patch_names, shares(scene, loads), strict=True):
         for row in np.flatnonzero(share < 0.0):
-            words[row] = f"the given loads pass beside both patches, {patch} would have to pull by {-share[row]:.3g} N"
+            pull_n = three_digits(-share[row])
+            words[row] = f"the given loads pass beside both patches, {patch} would have to pull by {pull_n} N"
     return words

@@ -12,6 +12,7 @@ from casadi_contact.benchmark.front_file import write_front
 from casadi_contact.benchmark.shipped import measured_front
 from casadi_contact.command_line import new_app, run_app
 from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.quantities import three_digits
 from casadi_contact.scenes import load_scene
 
 app = new_app(add_completion=False)
@@ -30,7 +31,9 @@ def run(
     write_front(path, front)
     for model in front.models:
         time = "not timed" if model.value is None else f"{model.value.median_us:.3g} µs"
-        print(f"{model.name}: {time}, RMS {model.force_rms_n:.3g} N, {model.torque_rms_nmm:.3g} N·mm")
+        print(
+            f"{model.name}: {time}, RMS {three_digits(model.force_rms_n)} N, {three_digits(model.torque_rms_nmm)} N·mm"
+        )
     print(f"written {path}")
 
 
