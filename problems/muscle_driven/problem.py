@@ -101,37 +101,13 @@ def build(
 ) -> MuscleDriven:
     """Equations of motion on a surrogate, a foundation or any contact model.
 
-    Raises ValueError for too few frames, an inverse solution with frames that muscles do not balance, compliant
-    tendons, or other balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides
-    (`check_knee`).
+    Raises ValueError for too few frames, for an inverse solution with frames that muscles do not balance or reserves
+    that they lack, with compliant tendons, isometric muscles or other balanced coordinates than `BALANCED`, and for a
+    contact model of no knee with two sides (`check_knee`).
     """
     check_knee("a knee driven by muscles", model.scene, model.load_names)
+    _check_drivable(inverse, solved)
     leg, walk = Leg() if leg is None else leg, inverse.walk
-    if len(walk) < _FEWEST_FRAMES:
-        raise ValueError(
-            f"walk {walk.name} has {len(walk)} frames, expected at least {_FEWEST_FRAMES}, for cubic splines between "
-            "them, and some fifty to follow a step"
-        )
-    if inverse.balanced != BALANCED:
-        raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
-    unbalanced = ~solved.converged | solved.overloaded
-    if unbalanced.any():
-        raise ValueError(
-            f"walk {walk.name}: muscles alone do not balance frames {rows_in_words(unbalanced)}, expected all of them "
-            "to be balanced: problems.muscle_contact says why"
-        )
-    reserves = np.max([np.abs(curve) for curve in solved.reserves.values()], axis=0)
-    if (leaning := reserves > _LARGEST_RESERVE).any():
-        raise ValueError(
-            f"walk {walk.name}: reserves give up to {two_digits(reserves.max())} N or N·m in frames "
-            f"{rows_in_words(leaning)}, at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger "
-            "muscles, or a walk that asks less"
-        )
-    rigid = inverse.capacity.active_n * solved.activations + inverse.capacity.passive_n
-    if np.abs(solved.muscle_forces_n - rigid).max() > 0.1:
-        raise ValueError(
-            "tendons are compliant or muscles isometric in the inverse solution, expected rigid Hill muscles"
-        )
     contact, count = wrench_function(model), len(walk.muscles.names)
     table = [solved.activations, walk.lengths_m, walk.velocities_m_per_s]
     table += [walk.arms[name] for name in BALANCED]
@@ -177,6 +153,36 @@ def build(
 def _spline(time_s: Array, values: Array) -> ca.Function:
     """t -> row of values (n, c) at t, by cubic splines."""
     return ca.interpolant("curves", "bspline", [time_s.tolist()], values.ravel().tolist(), {})
+
+
+def _check_drivable(inverse: MuscleContact, solved: MuscleContactResult) -> None:
+    """ValueError for an inverse solution whose motion its activations alone do not bring about."""
+    walk = inverse.walk
+    if len(walk) < _FEWEST_FRAMES:
+        raise ValueError(
+            f"walk {walk.name} has {len(walk)} frames, expected at least {_FEWEST_FRAMES}, for cubic splines between "
+            "them, and some fifty to follow a step"
+        )
+    if inverse.balanced != BALANCED:
+        raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
+    unbalanced = ~solved.converged | solved.overloaded
+    if unbalanced.any():
+        raise ValueError(
+            f"walk {walk.name}: muscles alone do not balance frames {rows_in_words(unbalanced)}, expected all of them "
+            "to be balanced: problems.muscle_contact says why"
+        )
+    reserves = np.max([np.abs(curve) for curve in solved.reserves.values()], axis=0)
+    if (leaning := reserves > _LARGEST_RESERVE).any():
+        raise ValueError(
+            f"walk {walk.name}: reserves give up to {two_digits(reserves.max())} N or N·m in frames "
+            f"{rows_in_words(leaning)}, at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger "
+            "muscles, or a walk that asks less"
+        )
+    rigid = inverse.capacity.active_n * solved.activations + inverse.capacity.passive_n
+    if np.abs(solved.muscle_forces_n - rigid).max() > 0.1:
+        raise ValueError(
+            "tendons are compliant or muscles isometric in the inverse solution, expected rigid Hill muscles"
+        )
 
 
 def _forces(muscles: MuscleParameters, a: ca.SX, length_m: ca.SX, velocity_m_per_s: ca.SX) -> ca.SX:
