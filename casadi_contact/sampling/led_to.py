@@ -2,16 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, TRAIN, Samples
+from casadi_contact.sampling.around import samples_at
+from casadi_contact.sampling.chunk import WrenchModel
+from casadi_contact.sampling.draw import model_name_of
+from casadi_contact.sampling.in_range import LEAST_VALIDITY
 from casadi_contact.statics import settle
 
-LED_COUNTS = (40_000, 2_000)  # at most, of a model of the library's and of a user's own, which may be slow
+_MOST, _MOST_OF_OWN = 40_000, 2_000  # of a model of the library's; of a user's own, which may be slow
 _TOLERANCE_N = 1e-2
 _ITERATIONS = 40
+
+
+def samples_led_to(
+    surrogate: ContactModel,
+    samples: Samples,
+    model: WrenchModel,
+    validity: Callable[[Array], Array] | None = None,
+    *,
+    count: int | None = None,
+    seed: int = 17,
+    progress: Progress | None = None,
+) -> Samples:
+    """`poses_led_to` with the contact model's loads, those whose contact runs off the elements too: where an insert's
+    rim is passed, the surrogate leads astray. Roles and progress are those of `samples_around`.
+
+    validity (n,) of poses (n, 6): a user's own model, which may fail far off, is asked where it is above 0.1 alone.
+    count: at most so many; as many as the samples if left out, and no more than 40,000 (2,000 of a user's own model).
+    """
+    own = model_name_of(samples) is None
+    if count is None:
+        count = min(len(samples), _MOST_OF_OWN if own else _MOST)
+    poses = poses_led_to(surrogate, samples, count=count, seed=seed, progress=progress)
+    if own and validity is not None:
+        poses = poses[validity(poses) > LEAST_VALIDITY]
+    return samples_at(model, samples.scene, poses, progress, rim=True)
 
 
 def poses_led_to(

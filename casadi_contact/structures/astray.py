@@ -16,7 +16,7 @@ from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import SURE, Trust
 from casadi_contact.training import TrainingSettings, fit
 
-WRONG = 10.0  # times the scene's tolerance, or the RMS error on held-out samples where that is more
+WRONG = 10.0  # times the scene's tolerance, or the RMS error on validation rows where that is more
 LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses that are wrong: for fewer a doubt costs more right poses
 KEPT = 0.99  # share of right samples that the doubt leaves a validity above 0.9
 _SAMPLES = 20_000  # at most, that are shown as right
@@ -26,12 +26,13 @@ _SETTINGS = TrainingSettings(sizes=((24, 24),), max_iterations=150, restarts=0)
 def with_doubt(trust: Trust, surrogate: Surrogate, samples: Samples, others: Sequence[Samples]) -> Trust:
     """The trust with a `Doubt`, where poses that it calls valid are wrong often enough.
 
-    samples: held in by validity; others: poses with the contact model's loads, at the rim of a part too, where the
-    surrogate may be wrong. Wrong is an error of any load beyond `WRONG` times its tolerance.
+    samples: those that the surrogate was trained on, validation rows among them, which stay valid where it is right;
+    others: further poses with the contact model's loads, over the rim of the fixed body too. Wrong is an error of any
+    load beyond `WRONG` times its tolerance, or its RMS error on validation rows where that is more.
     """
-    held_out = samples.select(role=VALIDATION)
+    validation = samples.select(role=VALIDATION)
     names = list(surrogate.load_names)
-    rms = np.sqrt(np.mean((surrogate(held_out.poses) - held_out.loads(names)) ** 2, axis=0))
+    rms = np.sqrt(np.mean((surrogate(validation.poses) - validation.loads(names)) ** 2, axis=0))
     limits = WRONG * np.maximum([surrogate.scene.tolerances[name] for name in names], rms)
     shown = samples.rows(np.sort(np.random.default_rng(0).permutation(len(samples))[:_SAMPLES]))
     parts = [shown, *others]
@@ -46,13 +47,13 @@ def with_doubt(trust: Trust, surrogate: Surrogate, samples: Samples, others: Seq
     x = np.hstack([poses[:, columns.astype(int)], roots])
     # Both kinds count alike; a tenth of the rows, evenly, tells when to stop.
     weights = np.sqrt(0.5 / np.where(wrong, wrong.mean(), 1.0 - wrong.mean()))
-    validation = np.arange(len(x)) % 10 == 9
-    network = fit(Regression("doubt", x, np.where(wrong, 1.0, -1.0), weights, validation, 0.0), _SETTINGS).network
+    stopping = np.arange(len(x)) % 10 == 9
+    network = fit(Regression("doubt", x, np.where(wrong, 1.0, -1.0), weights, stopping, 0.0), _SETTINGS).network
     known = ~wrong[: len(shown)]
     sure = float(np.quantile(network.value(x[: len(shown)][known]), KEPT))
     return replace(trust, doubt=Doubt.of(columns, network, sure + SURE / STEEPNESS))
 
 
 def _beyond(surrogate: Surrogate, part: Samples, names: Sequence[str], limits: Array) -> np.ndarray:
-    """Whether the surrogate is off by more than the limits (n,)."""
+    """Whether any load of each sample (m,) is off by more than its limit (L,) [N, N·mm]."""
     return np.asarray((np.abs(surrogate(part.poses) - part.loads(names)) > limits).any(axis=1))

@@ -14,11 +14,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.sampling import model_name_of
-from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.in_range import LEAST_VALIDITY, samples_in_range
-from casadi_contact.sampling.led_to import LED_COUNTS, poses_led_to
+from casadi_contact.sampling.in_range import samples_in_range
+from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.astray import with_doubt
 from casadi_contact.structures.base import Surrogate
@@ -66,12 +64,12 @@ def with_trust(
         raise ValueError("the samples belong to another scene than the surrogate (digests differ): draw them anew")
     kind = type(surrogate)
     surrogate = kind(surrogate.scene, surrogate.networks, surrogate.record)  # NumPy: the same file by any compiler
-    training, held_out = samples.select(role=TRAIN), samples.select(role=VALIDATION)
-    for what, part in (("training", training), ("validation", held_out)):
+    training, validation = samples.select(role=TRAIN), samples.select(role=VALIDATION)
+    for what, part in (("training", training), ("validation", validation)):
         if not len(part):
             raise ValueError(f"samples hold no {what} rows, expected some: draw samples with a validation share")
     known = samples.select(role=(TRAIN, VALIDATION))
-    tube = _tube(surrogate, training, held_out)
+    tube = _tube(surrogate, training, validation)
     trust = _distrusting(tube, surrogate, known, moved)
     in_range = led = None
     if model is not None:
@@ -79,15 +77,11 @@ def with_trust(
         in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=progress)
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
-        own = model_name_of(samples) is None
-        poses = poses_led_to(surrogate, samples, count=min(len(samples), LED_COUNTS[own]), progress=progress)
-        if own:  # which may fail far off, or be slow
-            poses = poses[first.validity(poses) > LEAST_VALIDITY]
-        led = samples_at(model, surrogate.scene, poses, progress, rim=True)
+        led = samples_led_to(surrogate, samples, model, first.validity, progress=progress)
         trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)])
         if trust.doubt is not None:  # without, few gross errors at rims would raise what is expected everywhere
             moved.append(led)
-    trust = with_error_bounds(trust, surrogate, training, [held_out, *(p.select(role=VALIDATION) for p in moved)])
+    trust = with_error_bounds(trust, surrogate, training, [validation, *(p.select(role=VALIDATION) for p in moved)])
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     test = samples.select(role=TEST)
     unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range, led))
@@ -97,7 +91,7 @@ def with_trust(
     return kind(surrogate.scene, surrogate.networks, record, trust)
 
 
-def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
+def _tube(surrogate: Surrogate, training: Samples, validation: Samples) -> Trust:
     """What validity needs of the samples themselves; error levels and shares are still zero."""
     scene, loads = surrogate.scene, training.loads(surrogate.load_names)
     scales = np.maximum(np.ptp(training.poses, axis=0), _LEAST_RANGE) / np.sqrt(12.0)
@@ -108,7 +102,7 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
     low, high = roots.min(axis=0), np.sqrt(_patch_normals(training).max(axis=0) / scene.reference_load)
     boundary_root = float(np.sqrt(scene.boundary_load / scene.reference_load))
     centres, dense = spread_centres(thinned(points, 0.5 * BANDWIDTH), CENTRES), spread_centres(points, DENSE_CENTRES)
-    distance = soft_distance(held_out.poses / scales, centres, BANDWIDTH)
+    distance = soft_distance(validation.poses / scales, centres, BANDWIDTH)
     patches, count = len(surrogate.patch_names), len(surrogate.load_names)
     free = [column for column in state_columns(scene) if column in scene.pose_space.free]
     box = training.poses[:, free]
@@ -127,7 +121,7 @@ def _tube(surrogate: Surrogate, training: Samples, held_out: Samples) -> Trust:
         levels=np.zeros((0, count)),
         dense_centres=dense,
         dense_bandwidth=DENSE_BANDWIDTH,
-        dense_start=float(np.quantile(soft_distance(held_out.poses / scales, dense, DENSE_BANDWIDTH), 0.01)),
+        dense_start=float(np.quantile(soft_distance(validation.poses / scales, dense, DENSE_BANDWIDTH), 0.01)),
         boundary_root=boundary_root,
         shares=np.zeros((count, 3 + patches)),
         usual_loads=np.maximum(np.sqrt(np.mean(loads**2, axis=0)), LEAST_LEVEL * scene.boundary_load),

@@ -38,10 +38,9 @@ from casadi_contact.conventions import load_unit
 from casadi_contact.dataset import DOMAINS, TRAIN, Samples, read_samples
 from casadi_contact.dataset.errors import load_errors
 from casadi_contact.files import writable_folder
-from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
-from casadi_contact.sampling.led_to import poses_led_to
+from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.structures import Surrogate
 from casadi_contact.structures.astray import WRONG
 from casadi_contact.structures.coverage import trust_coverage
@@ -87,8 +86,7 @@ def _others(surrogate: Surrogate, samples: Samples, foundation: WrenchModel) -> 
     """Poses over the range of all samples, and those to which the surrogate leads, with the foundation's loads."""
     known, seed = replace(samples, role=np.full(len(samples), TRAIN, dtype=np.uint8)), _OTHER_SEED
     even = samples_in_range(known, foundation, surrogate.validity, surrogate.trust_roots, count=_OTHERS, seed=seed)
-    led = poses_led_to(surrogate, known, count=_OTHERS, seed=seed)
-    return {EVENLY: even, LED: samples_at(foundation, samples.scene, led, rim=True)}
+    return {EVENLY: even, LED: samples_led_to(surrogate, known, foundation, count=_OTHERS, seed=seed)}
 
 
 @app.command()

@@ -1,6 +1,7 @@
 """The study of a surrogate's whole reach: errors by domain, over valid poses, and coverage."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.dataset import TEST, Samples, write_samples
+from problems.studies import whole_reach
 from problems.studies.whole_reach import app, reach_record
 
 
@@ -40,11 +42,22 @@ def test_errors_and_coverage_are_those_of_the_valid_poses_of_a_domain(samples):
         assert record["all"]["loads"][name]["rms"] == pytest.approx(np.sqrt(np.mean(off[[0, 1, 2], k] ** 2)))
 
 
-def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples, tmp_path):
+def test_astray_are_valid_poses_with_an_error_beyond_ten_tolerances(samples):
+    knee = cc.load_surrogate("knee")
+    wrenches = samples.wrenches.copy()
+    for row, times in ((0, 9.0), (1, 11.0), (3, 11.0)):  # the last is not valid
+        wrenches[row, 0, 1] += times * knee.scene.tolerances["Fy_med"]
+    record = reach_record(knee, replace(samples, wrenches=wrenches))
+    assert [record[domain]["astray"] for domain in ("D1", "D3", "all")] == [1, 0, 1]
+
+
+def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples, tmp_path, monkeypatch):
+    monkeypatch.setattr(whole_reach, "_OTHERS", 2000)
     write_samples(tmp_path / "samples.h5", samples)
     done = CliRunner().invoke(app, ["knee", str(tmp_path / "samples.h5"), "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "foundation" in done.output
     domains = json.loads((tmp_path / "whole_reach.json").read_text())["domains"]
-    assert domains["evenly"]["poses"] > 1000  # drawn between these few, with the foundation's loads
+    assert domains["evenly"]["poses"] > 100  # drawn between these few, with the foundation's loads
     assert domains["evenly"]["loads"]["Fy_med"]["max"] < 100.0
+    assert domains["led to"]["poses"] > 10

@@ -8,7 +8,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling.around import samples_at
-from casadi_contact.sampling.led_to import poses_led_to
+from casadi_contact.sampling.led_to import poses_led_to, samples_led_to
 from casadi_contact.scenes import load_scene
 from casadi_contact.statics import first_touch
 from casadi_contact.structures import load_surrogate, with_trust
@@ -78,6 +78,15 @@ def test_poses_are_not_valid_where_the_surrogate_leads_astray(surrogate, model, 
     assert after[~right].mean() < 0.03
     assert (after & right).sum() > 0.9 * (before & right).sum()
     assert np.mean(doubting.validity(samples.poses) > 0.9) > 0.95
+
+
+def test_a_surrogate_that_knows_no_rim_leads_over_it_and_the_contact_model_is_asked_there(surrogate, model, samples):
+    led = samples_led_to(surrogate, samples, model, count=300)
+    beyond = ~model.on_the_plane(led.poses)
+    assert beyond.sum() > 10
+    assert np.median(surrogate.trust_roots(led.poses[beyond])) > 0.1, "it presses over the rim as elsewhere"
+    assert (led.wrenches[beyond] == 0.0).all()
+    assert len(led) == len(poses_led_to(surrogate, samples, count=300)), "none of them is dropped"
 
 
 def test_the_file_keeps_the_doubt_and_casadi_says_the_same(surrogate, doubting, tmp_path):
