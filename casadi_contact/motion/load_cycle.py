@@ -47,11 +47,9 @@ def check_rising(where: str, time_s: Array) -> None:
 
 
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """Curves (n,) of a cycle by name, time_s [s] among them. Raises ValueError for fewer than 2 frames, other shapes,
-    numbers that are not finite, and a time that does not rise."""
+    """Curves (n,) of a cycle by name, time_s [s] among them. Raises ValueError for other shapes, numbers that are not
+    finite, fewer than 2 frames, and a time that does not rise."""
     count = len(np.atleast_1d(curves["time_s"]))
-    if count < 2:
-        raise ValueError(f"cycle {cycle} has {count} frames, expected at least 2")
     checked = {key: np.asarray(curve, dtype=float) for key, curve in curves.items()}
     for key, curve in checked.items():
         if curve.shape != (count,) or not np.isfinite(curve).all():

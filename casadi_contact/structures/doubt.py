@@ -1,4 +1,4 @@
-"""Where a surrogate leads astray: a small network that was shown where it was found wrong.
+"""Where a surrogate leads astray: a small network that was shown where the surrogate was found wrong.
 
 Samples lie where the contact model was asked for loads. Who settles or optimises on a surrogate goes where *it* carries
 them: over an insert's rim, say, where no sample tells it that nothing bears there. Such poses lie between samples, and
@@ -28,8 +28,9 @@ _FAR = 1e8  # pose parameters and root loads are cut off here, so that every fin
 
 @dataclass(frozen=True)
 class Doubt:
-    """columns (k,) of the pose; a `Network` of k + P inputs and one output, an array for each of its parts; half: its
-    answer where validity is a half."""
+    """columns (k,) of the pose; a `Network` of k + P inputs, hidden layers of m and n neurons and one output, an array
+    for each of its parts: shift and scale (k + P,), weights (m, k + P), (n, m), (1, n), biases (m,), (n,), (1,); half:
+    its answer where validity is a half."""
 
     columns: Array
     shift: Array
@@ -44,7 +45,7 @@ class Doubt:
 
     @classmethod
     def of(cls, columns: Array, network: Network, half: float) -> Doubt:
-        """That of a network of two hidden layers and one output."""
+        """Of a network with two hidden layers and one output, whose scale goes into the last layer."""
         w, b = list(network.weights), list(network.biases)
         w[-1], b[-1] = network.output_scale * w[-1], network.output_scale * b[-1]
         return cls(columns, network.input_shift, network.input_scale, w[0], b[0], w[1], b[1], w[2], b[2], half)

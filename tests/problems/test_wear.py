@@ -139,7 +139,7 @@ def ball(tmp_path):
     return ("--scene", scene, "--poses", tmp_path / "path.csv", "--out", tmp_path / "out"), write
 
 
-def test_the_path_of_a_result_table_is_taken_and_leap_are_said_with_what_is_done(ball, monkeypatch, capsys):
+def test_the_path_of_a_result_table_is_taken_and_a_leap_is_said_with_what_is_done(ball, monkeypatch, capsys):
     arguments, write = ball
     write([0.0, 0.5, 1.0, 0.5])
     assert command(monkeypatch, *arguments) == 0

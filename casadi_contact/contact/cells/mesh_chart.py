@@ -87,7 +87,7 @@ class MeshChart:
         return np.clip(place, 0, self._present.shape[axis] - 1)
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """From the distance field where the four points of the raster around are on it and not on its rim's edge, from
+        """Of the distance field where the four points of the raster around lie on it and not on its rim's edge, of
         quadrics elsewhere."""
         followed, height = self._around(u, v, self._followed)
         jet = np.zeros((len(u), 6))
