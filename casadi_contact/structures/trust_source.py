@@ -35,23 +35,35 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
     """
     _check_shapes(trust, patches, len(load_names))
     known = [load_names.index(load) if load in load_names else None for load in loads]
+    return "\n".join(
+        [
+            *(f"#define {name} ({value!r})" for name, value in _counts(trust).items()),
+            *(f"#define {name} ({float(value)!r})" for name, value in _numbers(trust).items()),
+            *(table(name, np.asarray(values)) for name, values in _tables(trust, known).items()),
+            inputs,
+            c_text("trust.h", __package__),
+        ]
+    )
 
-    def picked(rows: Array) -> Array:
-        return np.stack([np.broadcast_to(np.nan, rows.shape[1:]) if k is None else rows[k] for k in known])
 
-    box, border, confirmation, states = trust.box, trust.border, trust.confirmation, trust.states
-    doubt = trust.doubt
-    counts = {
+def _counts(trust: Trust) -> dict[str, int]:
+    """Sizes of arrays, 0 where a part is missing."""
+    box, border, states, doubt = trust.box, trust.border, trust.states, trust.doubt
+    return {
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
         "BOUND": 0 if trust.off_space is None else len(trust.off_space.columns),
         "BORDER": 0 if border is None else len(border.scale),
         "DOUBT": 0 if doubt is None else len(doubt.shift),
-        "CONFIRMATION": int(confirmation is not None),
+        "CONFIRMATION": int(trust.confirmation is not None),
         "STATES": 0 if states is None else len(states.centres),
         "STATE_SIZE": 0 if states is None else states.centres.shape[1],
     }
+
+
+def _numbers(trust: Trust) -> dict[str, float]:
+    """Constants of the formulas."""
     numbers = {
         "BANDWIDTH": trust.bandwidth,
         "SHARPNESS": trust.sharpness,
@@ -63,6 +75,19 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "STEEPNESS": STEEPNESS,
         "GROWTH_START": trust.growth_start or 0.0,
     }
+    if trust.states is not None:
+        numbers["STATES_BANDWIDTH"] = trust.states.bandwidth
+    if trust.doubt is not None:
+        numbers |= {"DOUBT_STEEPNESS": DOUBT_STEEPNESS, "DOUBT_HALF": trust.doubt.half}
+    return numbers
+
+
+def _tables(trust: Trust, known: Sequence[int | None]) -> dict[str, np.ndarray]:
+    """Arrays; those of loads have the rows that are known, NaN for the others (None)."""
+
+    def picked(rows: Array) -> Array:
+        return np.stack([np.broadcast_to(np.nan, rows.shape[1:]) if k is None else rows[k] for k in known])
+
     tables: dict[str, np.ndarray] = {
         "trust_scales": trust.scales,
         "centres": _by_coordinate(trust.centres),
@@ -72,30 +97,21 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
         "growth_loads": picked(trust.growth_loads),
         **{name: getattr(trust, name) for name in ("root_low", "root_high", "margin_low", "margin_high")},
     }
-    for name, part in (("box", box), ("bound", trust.off_space), ("border", border), ("confirmation", confirmation)):
+    parts = {"box": trust.box, "bound": trust.off_space, "border": trust.border, "confirmation": trust.confirmation}
+    for name, part in parts.items():
         if part is not None:
             kinds = {"columns": int}
             tables |= {f"{name}_{key}": np.asarray(value, kinds.get(key, float)) for key, value in vars(part).items()}
-    if states is not None:
-        numbers["STATES_BANDWIDTH"] = states.bandwidth
+    if (states := trust.states) is not None:
         tables |= {
             "states_columns": np.asarray(states.columns, int),
             "states_scale": states.scale,
             "states_root_scale": states.root_scale,
             "states_centres": _by_coordinate(states.centres),
         }
-    if doubt is not None:
-        numbers |= {"DOUBT_STEEPNESS": DOUBT_STEEPNESS, "DOUBT_HALF": doubt.half}
-        tables["doubt_columns"] = np.asarray(doubt.columns, int)
-    return "\n".join(
-        [
-            *(f"#define {name} ({value!r})" for name, value in counts.items()),
-            *(f"#define {name} ({float(value)!r})" for name, value in numbers.items()),
-            *(table(name, np.asarray(values)) for name, values in tables.items()),
-            inputs,
-            c_text("trust.h", __package__),
-        ]
-    )
+    if trust.doubt is not None:
+        tables["doubt_columns"] = np.asarray(trust.doubt.columns, int)
+    return tables
 
 
 def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
