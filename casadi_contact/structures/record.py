@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-_LARGEST = 1e300
+_LARGEST = 1e300  # JSON holds whole numbers that no float does
 # Key: how many tables lie in each other ("test_errors": domain, load, kind of error), what lies in the innermost, and
 # what it must hold.
 _FORMS: dict[str, tuple[Any, ...]] = {

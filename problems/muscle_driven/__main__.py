@@ -13,6 +13,7 @@ import typer
 import casadi_contact as cc
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.files import writable_folder
+from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
@@ -86,7 +87,7 @@ def doubts(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run]) -> str:
     lost = {name: run.simulation.energy_lost for name, run in runs.items()}
     lost = {name: share for name, share in lost.items() if not share <= LARGEST_ENERGY_LOST}
     if lost:
-        said = ", ".join(f"{100.0 * share:.2g} % on {name}" for name, share in lost.items())
+        said = ", ".join(f"{two_digits(100.0 * share)} % on {name}" for name, share in lost.items())
         return (
             f"the integrator made or lost {said} of the muscles' work, expected at most "
             f"{100.0 * LARGEST_ENERGY_LOST:g} %: give a smaller --tolerance"
@@ -94,7 +95,7 @@ def doubts(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run]) -> str:
     off = {name: differences(driven[name], run)["flexion_deg"] for name, run in runs.items()}
     if all(degrees <= FARTHEST_DEG for degrees in off.values()):
         return ""
-    said = ", ".join(f"{degrees:.2g}° on {name}" for name, degrees in off.items())
+    said = ", ".join(f"{two_digits(degrees)}° on {name}" for name, degrees in off.items())
     walk = next(iter(driven.values())).inverse.walk
     steps_s = np.diff(walk.time_s)
     return (

@@ -9,6 +9,7 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation, SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, Array
 from casadi_contact.motion.pose_file import read_poses
+from casadi_contact.quantities import two_digits
 from problems import knee_simulator
 
 FEWEST_POSES = 4  # so that every other one, which the report compares with, still goes there and back
@@ -52,8 +53,9 @@ def leap(poses: Array) -> str:
     where, cure = "the path's ends", "a whole cycle, or the way back as well"
     if at:
         where, cure = f"poses {at - 1} and {at}", "the poses between them"
+    apart_mm, apart_deg = two_digits(float(np.linalg.norm(gap[:3]))), two_digits(np.degrees(gap[3:].max()))
+    times = two_digits(steps[at] / max(others, np.finfo(float).tiny))
     return (
-        f"{where} are {np.linalg.norm(gap[:3]):.2g} mm and {np.degrees(gap[3:].max()):.2g} degrees apart, "
-        f"{steps[at] / max(others, np.finfo(float).tiny):.2g} times its next largest step: one straight step joins "
-        f"them, and wears too; give {cure}"
+        f"{where} are {apart_mm} mm and {apart_deg} degrees apart, {times} times its next largest step: one straight "
+        f"step joins them, and wears too; give {cure}"
     )

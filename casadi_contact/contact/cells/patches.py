@@ -64,15 +64,17 @@ def patch_charts(scene: Scene) -> list[Chart]:
 def lay_cells(chart: Chart, cells: Cells, cut: int = CUT) -> CellPatch:
     """The cells of the chart's faces that hold some surface, those at their rims cut into cut×cut, block by block."""
     patches = [_lay(face, cells, cut) for face in chart.faces]
-    nodes, rows = (np.cumsum([0, *(len(getattr(patch, of)) for patch in patches)]) for of in ("c", "corners"))
-    found = {field.name: [getattr(patch, field.name) for patch in patches] for field in fields(CellPatch)}
-    found["corners"] = [corners + first for corners, first in zip(found["corners"], nodes, strict=False)]
-    found["blocks"] = [[0], *(blocks[1:] + first for blocks, first in zip(found["blocks"], rows, strict=False))]
-    return CellPatch(**{name: np.concatenate(parts) for name, parts in found.items()})
+    parts = {field.name: [getattr(patch, field.name) for patch in patches] for field in fields(CellPatch)}
+    # Corners are numbers of nodes, blocks those of cells: both count on from the faces before.
+    nodes, rows = (np.cumsum([0, *map(len, parts[name][:-1])]) for name in ("c", "corners"))
+    parts["corners"] = [corners + first for corners, first in zip(parts["corners"], nodes, strict=True)]
+    ends = [blocks[1:] + first for blocks, first in zip(parts["blocks"], rows, strict=True)]
+    parts["blocks"] = [np.zeros(1, dtype=int), *ends]
+    return CellPatch(**{name: np.concatenate(of_faces) for name, of_faces in parts.items()})
 
 
 def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
-    """Of one face."""
+    """The cells of one face."""
     lattices = [_Lattice.laid(chart, cells, parts) for parts in (1, cut)]
     rim = lattices[0].rim
     chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((cut, cut), dtype=bool))]
