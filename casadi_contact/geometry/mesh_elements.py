@@ -43,9 +43,9 @@ def grid_on_mesh(
     u, v = (low[axis] + (np.arange(count) + 0.5) * step[axis] for axis, count in enumerate(grid))
     lines = projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
     up, seen_from, cure = lines.ups, projection.seen_from, _cure(mesh, projection)
-    starts, down = lines.starts + top * up, -up
+    tops, down = lines.starts + top * up, -up
     caster = RayCaster(mesh)
-    distance, face = caster.first_hits(starts, down)
+    distance, face = caster.first_hits(tops, down)
     if not (face >= 0).any():
         raise ValueError(f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {cure}")
     if caster.leaves(down, face).sum() > 0.5 * (face >= 0).sum():
@@ -53,14 +53,10 @@ def grid_on_mesh(
             f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {cure}"
         )
     met = np.flatnonzero(np.isfinite(distance) & ~caster.leaves(down, face))
-    centres, normals, areas = starts.copy(), up.copy(), np.zeros(len(starts))
+    centres, normals, areas = tops.copy(), up.copy(), np.zeros(len(tops))
     h, along = top - distance[met], up[met]
-    on = flat = lines.starts[met] + h[:, None] * along
-    for _ in range(_ITERATIONS):
-        value, slope = field(on)
-        h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
-        on = lines.starts[met] + h[:, None] * along
-    normal = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    flat = lines.starts[met] + h[:, None] * along
+    h, on, normal = _on_field(field, lines.starts[met], along, h)
     bears = np.einsum("nk,nk->n", mesh.normals[face[met]], along) > LEAST_UPWARD
     rounded = _beside_rim(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
     if len(rounded):
@@ -77,6 +73,17 @@ def grid_on_mesh(
     if not kept.any():
         raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {cure}")
     return centres.reshape(*grid, 3), normals.reshape(*grid, 3), areas.reshape(grid)
+
+
+def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tuple[Array, Array, Array]:
+    """How far along unit directions (m, 3) from starts (m, 3) the field is zero, begun at h (m,) [mm], the points there
+    (m, 3) and the field's unit normals (m, 3)."""
+    h, on = h.copy(), starts + h[:, None] * along
+    for _ in range(_ITERATIONS):
+        value, slope = field(on)
+        h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
+        on = starts + h[:, None] * along
+    return h, on, slope / np.linalg.norm(slope, axis=1, keepdims=True)
 
 
 def _beside_rim(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:

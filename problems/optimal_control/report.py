@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,29 +51,16 @@ def report(
     off |= {f"EF {grid} - {kind}": ef[name] - result.loads for name, grid in grids_in_words(models).items()}
     console = PlainConsole()
     print_verdict(console, verdict)
-    table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
-    table.add_column("RMS / max")
-    for what in off:
-        table.add_column(what, justify="right")
-    for column, name in enumerate(problem.model.load_names):
-        cells = [_rms_and_largest(error[:, column]) for error in off.values()]
-        table.add_row(f"{name} ({load_unit(name)})", *cells)
     held = _held_errors(problem, result)
-    for what, error in held.items():
-        table.add_row(what, _rms_and_largest(error))
-    console.print(table)
+    console.print(_table(problem, off, held))
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start, "
         f"{problem.nlp['x'].numel()} variables, {problem.nlp['g'].numel()} constraints",
         highlight=False,
     )
     moved = {} if forward is None else _forward_errors(result, forward)
-    said = "not simulated: not solved, or the integrator gave up"
     strayed = {} if forward is None else forward_load_errors(problem, result, forward)
-    if forward is not None:
-        largest = " and ".join(f"{most:.2g} {unit}" for unit, most in moved.items())
-        loads = ", ".join(f"{name} {two_digits(off)} {load_unit(name)}" for name, off in strayed.items())
-        said = f"poses off by {largest} at most; loads off (RMS): {loads}"
+    said = _forward_text(moved, strayed)
     console.print(f"forward in time under these actuators: {said}", highlight=False, soft_wrap=True)
     reason = reasons(problem.model, result.poses, verdict)
     print_reasons(console, reason, "point")
@@ -95,6 +83,28 @@ def report(
     write_summary(out / "optimal_control.json", summary)
     draw(problem, result, ef.get("fine"), kind, out / "optimal_control.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _table(problem: OptimalControl, off: Mapping[str, Array], held: Mapping[str, Array]) -> Table:
+    """Errors of the loads (n, L) and of what is held (n,), by what they are of."""
+    table = Table(title=f"Optimal control: {problem.intervals} intervals, {len(problem.times)} collocation points")
+    table.add_column("RMS / max")
+    for what in off:
+        table.add_column(what, justify="right")
+    for column, name in enumerate(problem.model.load_names):
+        cells = [_rms_and_largest(error[:, column]) for error in off.values()]
+        table.add_row(f"{name} ({load_unit(name)})", *cells)
+    for what, error in held.items():
+        table.add_row(what, _rms_and_largest(error))
+    return table
+
+
+def _forward_text(moved: Mapping[str, float], strayed: Mapping[str, float]) -> str:
+    if not moved:
+        return "not simulated: not solved, or the integrator gave up"
+    largest = " and ".join(f"{most:.2g} {unit}" for unit, most in moved.items())
+    loads = ", ".join(f"{name} {two_digits(error)} {load_unit(name)}" for name, error in strayed.items())
+    return f"poses off by {largest} at most; loads off (RMS): {loads}"
 
 
 def _forward_errors(result: ControlResult, forward: Array) -> dict[str, float]:
