@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.quantities import three_digits
+from casadi_contact.quantities import three_digits, two_digits
 from problems.muscle_contact.knee_coordinates import coordinate_unit, is_translation
 
 _LONGEST_M = 2.0  # of a muscle with its tendon; sartorius has 0.6 m
@@ -91,7 +91,8 @@ def check_loads(walk: str, loads: Mapping[str, Array]) -> None:
     for unit in ("N", "Nm"):
         curves = {name: float(np.abs(curve).max()) for name, curve in loads.items() if coordinate_unit(name) == unit}
         largest = max(curves.values(), default=0.0)
-        said = f"walk {walk}: inverse dynamics reaches {largest:.2g} in {', '.join(curves)}, expected {unit} of a body"
+        reached = f"{two_digits(largest)} in {', '.join(curves)}"
+        said = f"walk {walk}: inverse dynamics reaches {reached}, expected {unit} of a body"
         if 0.0 < largest < _LEAST_LOAD[unit]:
             raise ValueError(f"{said}: is it over body weight or mass? Multiply by it")
         if largest > _LARGEST_LOAD[unit]:
