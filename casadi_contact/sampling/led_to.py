@@ -52,7 +52,8 @@ def poses_led_to(
 
     Starts lie evenly over the range of the samples that are not test rows. Each patch is to carry its normal load of a
     training sample that presses it, another one for each patch; the scene's sensitive pose parameters settle on the
-    surrogate. No pose is found for a scene with another number of such parameters than of normal loads.
+    surrogate. No pose is found for a scene with another number of such parameters than of normal loads, and for a
+    surrogate that does not give all of these.
     """
     scene, rng = samples.scene, np.random.default_rng(seed)
     training, known = samples.select(role=TRAIN), samples.poses[samples.role != TEST]
@@ -62,7 +63,7 @@ def poses_led_to(
         values = values[(values != 0.0).any(axis=1)]
         if len(values):
             wanted |= zip(load.loads, values[rng.integers(len(values), size=count)].T, strict=True)
-    if len(wanted) != len(scene.sensitive_pose) or not wanted:
+    if len(wanted) != len(scene.sensitive_pose) or not wanted or not set(wanted) <= set(surrogate.load_names):
         return np.empty((0, 6))
     starts = known.min(axis=0) + np.ptp(known, axis=0) * rng.random((count, 6))
     poses, report = settle(
