@@ -80,8 +80,8 @@ def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
     chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((cut, cut), dtype=bool))]
     lattice = np.repeat([0, 1], [of.sum() for of in chosen])
     index = np.concatenate([np.argwhere(of) for of in chosen])
-    side = np.array(_block(np.array([cells.u_mm, cells.v_mm])))
-    order, blocks = _in_blocks(np.column_stack([lattice, index // (side * np.array([[1], [cut]])[lattice])]))
+    sides = np.array([_block(np.array([cells.u_mm, cells.v_mm]) / parts) for parts in (1, cut)])
+    order, blocks = _in_blocks(np.column_stack([lattice, index // sides[lattice]]))
     lattice, index = lattice[order], index[order]
     numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in _ENDS], 1)
     nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)

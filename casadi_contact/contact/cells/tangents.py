@@ -16,7 +16,7 @@ from scipy import ndimage
 from casadi_contact.conventions import Array
 
 STRIDE = 2  # nodes of the field for one of these
-BOW_REACH_MM = 3.2
+BOW_REACH_MM = 5.0  # blocks of the largest cells reach 3 to 4 mm from their middles, and these 0.8 mm from a node
 _FAR_MM = 5.0  # beyond this, and deeper inside than the next, the clearance tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
