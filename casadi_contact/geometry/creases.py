@@ -38,6 +38,16 @@ def creases(mesh: TriangleMesh) -> tuple[Array, np.ndarray]:
     return mesh.vertices_mm[directed_edges(mesh.faces)[sides[:, 0]]], sides % len(mesh.faces)
 
 
+def smooth_regions(mesh: TriangleMesh) -> np.ndarray:
+    """The number (f,) of the region that each triangle lies in: within one, triangles hang together by edges that are
+    no creases. A crease that ends in a region has it on both sides."""
+    first, second = mesh.joined_sides
+    smooth, count = ~_are_creases(mesh, first, second), len(mesh.faces)
+    pairs = first[smooth] % count, second[smooth] % count
+    links = sparse.coo_matrix((np.ones(len(pairs[0])), pairs), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
 def _are_creases(mesh: TriangleMesh, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Which pairs of sides (e,), (e,) are creases."""
     count, normals = len(mesh.faces), mesh.normals

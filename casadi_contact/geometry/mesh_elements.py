@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.creases import creases
+from casadi_contact.geometry.creases import creases, smooth_regions
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
@@ -34,8 +34,8 @@ def grid_on_mesh(
     """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in u and v, inside the box.
 
     A ray along the line of each cell's middle finds the mesh, Newton's method along it the smooth surface, whose normal
-    gives the area dA = du·dv·spread/cos(normal, line). Beside a sharp rim, which a field rounds off, cells lie on the
-    smooth surface itself: `surface` makes it, where there is such a rim. A cell whose ray misses the mesh, or meets a
+    gives the area dA = du·dv·spread/cos(normal, line). Beside a crease, which a field rounds off, cells lie on the
+    smooth surface itself: `surface` makes it, where there is a crease. A cell whose ray misses the mesh, or meets a
     wall, has no area. Raises ValueError if no cell is left.
     """
     low, high, top = projection.bounds(mesh, box)
@@ -58,7 +58,7 @@ def grid_on_mesh(
     flat = lines.starts[met] + h[:, None] * along
     h, on, normal = _on_field(field, lines.starts[met], along, h)
     bears = np.einsum("nk,nk->n", mesh.normals[face[met]], along) > LEAST_UPWARD
-    rounded = _beside_rim(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
+    rounded = _beside_creases(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
     if len(rounded):
         on[rounded], normal[rounded] = surface().along_lines(flat[rounded], along[rounded])
         h = np.einsum("nk,nk->n", on - lines.starts[met], along)
@@ -86,15 +86,17 @@ def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tu
     return h, on, slope / np.linalg.norm(slope, axis=1, keepdims=True)
 
 
-def _beside_rim(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
-    """Numbers of the points (m, 3) within reach of a crease, of which one side is among the triangles (k,) alone."""
+def _beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
+    """Numbers of the points (m, 3) within reach of a crease of which the triangles (k,) hold one side alone, or both as
+    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles."""
     ends, triangles = creases(mesh)
-    rim = ends[np.isin(triangles, face).sum(axis=1) == 1]
-    if not len(rim):
+    held, regions = np.isin(triangles, face), smooth_regions(mesh)[triangles]
+    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (regions[:, 0] != regions[:, 1]))]
+    if not len(ends):
         return np.zeros(0, dtype=int)
-    longest = np.linalg.norm(rim[:, 1] - rim[:, 0], axis=1).max()
+    longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max()
     share = np.linspace(0.0, 1.0, 2 + int(2.0 * longest / reach_mm))[:, None, None]
-    along = ((1.0 - share) * rim[:, 0] + share * rim[:, 1]).reshape(-1, 3)
+    along = ((1.0 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 3)
     return np.flatnonzero(cKDTree(along).query(points, distance_upper_bound=reach_mm)[0] < np.inf)
 
 

@@ -44,7 +44,11 @@ class Chart(Protocol):
 
     @property
     def faces(self) -> Sequence[Chart]:
-        """Charts of its parts, between which there are walls."""
+        """Charts of its parts, between which there are walls and creases."""
+
+    @property
+    def whole(self) -> Chart:
+        """That of a part together with the parts beyond its creases, over which the surface goes on."""
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """True (nu, nv) where the surface has a point, of a grid u (nu,), v (nv,)."""
@@ -69,6 +73,11 @@ class PlaneChart:
     def faces(self) -> list[PlaneChart]:
         """One."""
         return [self]
+
+    @property
+    def whole(self) -> PlaneChart:
+        """Itself."""
+        return self
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Everywhere."""
@@ -100,6 +109,11 @@ class CupChart:
     def faces(self) -> list[CupChart]:
         """One."""
         return [self]
+
+    @property
+    def whole(self) -> CupChart:
+        """Itself."""
+        return self
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Within the rim's circle."""

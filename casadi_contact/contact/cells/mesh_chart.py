@@ -4,7 +4,8 @@ A mesh is seen from where the moving body comes: from above, u = x and v = z, al
 cup's middle. The surface is the zero of its distance field on each line. Beside a sharp edge, which the field rounds
 off, it is the quadric h(u, v) through the points around, which lie on the mesh's own cubic patches. So it goes on
 beyond its edge, where the cells of the rim still need corners, and where the mesh turns over a blunter edge at its rim,
-which cubics cannot follow. Above and below a wall, as of a step, lie faces with rims of their own.
+which cubics cannot follow. Above and below a wall, as of a step, and to both sides of a crease, as of a chamfer, lie
+faces with edges of their own; but the surface ends at the wall alone.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from copy import copy
 from functools import partial
 
 import numpy as np
-from scipy import ndimage, sparse
-from scipy.sparse.csgraph import connected_components
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact.cells.charts import Surface, surface_at
+from casadi_contact.contact.cells.faces import sheets_and_faces
 from casadi_contact.contact.cells.grading import density
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.field_derivatives import field_derivatives
@@ -51,7 +52,7 @@ class MeshChart:
         u, v = (self.low[k] + self._step[k] * (np.arange(count) + 0.5) for k, count in enumerate(counts))
         surface = partial(body_surface, scene.geometry, "fixed")
         grid = (len(u), len(v))
-        points, _, areas = grid_on_mesh(self._mesh, self._field, grid, box, self._projection, surface)
+        points, normals, areas = grid_on_mesh(self._mesh, self._field, grid, box, self._projection, surface)
         self._present = present = areas > 0.0
         lines = self._projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
         heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
@@ -62,8 +63,11 @@ class MeshChart:
         ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
         self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
         self._followed = self._smooth & ~rounded
-        nearest = ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True)
-        self._sheets = _sheets(self._smooth, self._heights, self._step)[tuple(nearest)]
+        self._whole: MeshChart | None = None
+        nearest = tuple(ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True))
+        self._sheets, self._faces = (
+            numbers[nearest] for numbers in sheets_and_faces(self._smooth, self._heights, normals, self._step, _FEWEST)
+        )
         self.densities = self._densities(u[1::2], v[1::2])
 
     def present(self, u: Array, v: Array) -> np.ndarray:
@@ -73,14 +77,26 @@ class MeshChart:
 
     @property
     def faces(self) -> list[MeshChart]:
-        """The surface above a wall, and that below it, each with a rim of its own."""
+        """Above and below walls, and to both sides of creases."""
         found = []
-        for number in range(self._sheets.max() + 1):
-            face, here = copy(self), self._sheets == number
-            face._present, face._smooth = self._present & here, self._smooth & here
-            face._followed = self._followed & here
+        for number in range(self._faces.max() + 1):
+            here = self._faces == number
+            face = self._part(here)
+            face._whole = self._part(self._sheets == np.bincount(self._sheets[here]).argmax())
             found.append(face)
         return found
+
+    @property
+    def whole(self) -> MeshChart:
+        """Of a face, what lies between walls."""
+        return self._whole or self
+
+    def _part(self, here: np.ndarray) -> MeshChart:
+        """What lies at these places (nu, nv) of the raster."""
+        part = copy(self)
+        part._present, part._smooth = self._present & here, self._smooth & here
+        part._followed = self._followed & here
+        return part
 
     def _nearest(self, values: Array, axis: int) -> np.ndarray:
         place = np.floor((values - self.low[axis]) / self._step[axis]).astype(int)
@@ -163,21 +179,3 @@ class MeshChart:
             terms = np.stack([x**0, x, y, 0.5 * x * x, x * y, 0.5 * y * y], 1)
             jets[k] = np.linalg.lstsq(terms, heights[near], rcond=1e-6)[0]
         return jets
-
-
-def _sheets(on: np.ndarray, heights: Array, step: Array) -> np.ndarray:
-    """The number (nu, nv) of the sheet that each point `on` of a raster lies on: neighbours between which the surface
-    is no wall lie on one. Sheets of too few points for a quadric count as the first."""
-    number, links = np.arange(on.size).reshape(on.shape), []
-    for axis in (0, 1):
-        here, there = (np.delete(number, end, axis).ravel() for end in (-1, 0))
-        rise = np.abs(heights.ravel()[here] - heights.ravel()[there])
-        joined = on.ravel()[here] & on.ravel()[there] & (rise < step[axis] / LEAST_UPWARD)
-        links.append(np.stack([here[joined], there[joined]]))
-    first, second = np.concatenate(links, axis=1)
-    graph = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(on.size,) * 2)
-    _, of = connected_components(graph, directed=False)
-    large = np.flatnonzero(np.bincount(of[on.ravel()]) >= _FEWEST)
-    sheets = np.searchsorted(large, of)
-    sheets[~np.isin(of, large)] = 0
-    return sheets.reshape(on.shape)

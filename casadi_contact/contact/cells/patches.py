@@ -76,7 +76,7 @@ def lay_cells(chart: Chart, cells: Cells, cut: int = CUT) -> CellPatch:
 def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
     """The cells of one face."""
     lattices = [_Lattice.laid(chart, cells, parts) for parts in (1, cut)]
-    rim = lattices[0].rim
+    rim, ends = lattices[0].rim, _Lattice.laid(chart.whole, cells, cut).rim
     chosen = [lattices[0].held & ~rim, lattices[1].held & np.kron(rim, np.ones((cut, cut), dtype=bool))]
     lattice = np.repeat([0, 1], [of.sum() for of in chosen])
     index = np.concatenate([np.argwhere(of) for of in chosen])
@@ -104,7 +104,7 @@ def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
         surface.known,
         corners.reshape(-1, 4),
         present,
-        (lattice == 1) & lattices[1].rim[tuple((index * lattice[:, None]).T)],
+        (lattice == 1) & ends[tuple((index * lattice[:, None]).T)],
         blocks,
     )
 
