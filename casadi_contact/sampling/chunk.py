@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -89,68 +89,97 @@ def plan_digest(chunks: list[Chunk]) -> str:
     return digest.hexdigest()
 
 
+@dataclass
+class _Poses:
+    """Poses (n, 6) of a chunk on their way to samples, their role (n,), and those that were lost, counted by reason."""
+
+    poses: Array
+    role: np.ndarray
+    lost: list[Array] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def become(self, poses: Array) -> None:
+        """Take the poses (n·k, 6) that were made of these, k of each."""
+        self.role = np.repeat(self.role, len(poses) // max(len(self.role), 1))
+        self.poses = poses
+
+    def drop(self, stage: str, reasons: np.ndarray) -> None:
+        """Lose the poses whose static analysis failed, counted by the kind of its reason (n,): what precedes its
+        numbers; "" where it did not fail."""
+        self.dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)
+        self.keep(np.asarray(reasons == ""))
+
+    def keep(self, good: np.ndarray) -> None:
+        """Lose the poses that are not good (n,)."""
+        self.lost.append(self.poses[~good])
+        self.poses, self.role = self.poses[good], self.role[good]
+
+
 def draw_chunk(
     settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
-    dropped: Counter[str] = Counter()
-    tolerance = settings.settle_tolerance_n
+    drawn = _settled(settle_model, chunk, settings)
+    wrenches, gaps, edge = evaluated(teacher, drawn.poses, len(settle_model.scene.parts))
+    finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
+    if not finite.all():
+        drawn.dropped[NOT_FINITE] += int((~finite).sum())
+        drawn.keep(finite)
+        wrenches, gaps, edge = wrenches[finite], gaps[finite], edge[finite]
+    pulls, touches = _false_contact(settle_model.scene, chunk, wrenches)
+    drawn.dropped["pulls"] += int(pulls.sum())
+    drawn.dropped["touches though lifted off"] += int(touches.sum())
+    drawn.dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
+    good = ~(pulls | touches | edge)
+    drawn.keep(good)
+    return DrawnChunk(
+        drawn.poses,
+        wrenches[good],
+        gaps[good],
+        np.full(len(drawn.poses), chunk.domain, dtype=np.uint8),
+        drawn.role,
+        np.concatenate(drawn.lost),
+        {reason: count for reason, count in drawn.dropped.items() if count},
+    )
+
+
+def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Poses:
+    """The chunk's poses under their loads; of D4 and D5 lifted off from there, in several steps each."""
     # Of the whole reach no pose of the reference motion is near.
-    starts = first_touch(settle_model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
-    poses, report = settle(settle_model, starts, chunk.free, chunk.loads, tolerance=tolerance)
-    _count(dropped, "not settled", report.reason)
-    kept = report.converged
-    lost = [poses[~kept]]
-    poses, role = poses[kept], chunk.role[kept]
+    starts = first_touch(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
+    poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
+    drawn = _Poses(poses, chunk.role)
+    drawn.drop("not settled", report.reason)
     domain = DOMAINS[chunk.domain - 1]
-    steps = settings.liftoff_steps
     if domain == "D4":
-        lifted_loads = settle_model.scene.normal_loads[chunk.lifted].loads
-        held = {name: load[kept] for name, load in chunk.loads.items() if name not in lifted_loads}
+        lifted_loads = model.scene.normal_loads[chunk.lifted].loads
+        held = {name: load[report.converged] for name, load in chunk.loads.items() if name not in lifted_loads}
         lifted, reason = lift_one(
-            settle_model,
-            poses,
+            model,
+            drawn.poses,
             chunk.lifted,
             chunk.free,
             held,
             liftoff_mm=settings.liftoff_mm,
-            steps=steps,
-            tolerance_n=tolerance,
+            steps=settings.liftoff_steps,
+            tolerance_n=settings.settle_tolerance_n,
         )
-        _count(dropped, "not settled after liftoff", reason.ravel())
-        settled = reason.ravel() == ""
-        lost.append(lifted.reshape(-1, 6)[~settled])
-        poses, role = lifted.reshape(-1, 6)[settled], np.repeat(role, steps)[settled]
+        drawn.become(lifted.reshape(-1, 6))
+        drawn.drop("not settled after liftoff", reason.ravel())
     elif domain == "D5":
-        raised = _raised(settle_model, poses, settings)
+        raised = _raised(model, drawn.poses, settings)
         known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
-        _count(dropped, "not lifted off", np.where(known, "", NOT_FINITE))
-        lost.append(poses[~known])
-        poses, role = raised[known].reshape(-1, 6), np.repeat(role[known], steps)
-    scene = settle_model.scene
-    wrenches, gaps, edge = evaluated(teacher, poses, len(scene.parts))
-    finite = np.isfinite(wrenches).all(axis=(1, 2))
-    if not finite.all():
-        dropped[NOT_FINITE] += int((~finite).sum())
-        lost.append(poses[~finite])
-        poses, role, wrenches, gaps, edge = (kept[finite] for kept in (poses, role, wrenches, gaps, edge))
+        drawn.drop("not lifted off", np.where(known, "", NOT_FINITE))
+        drawn.become(raised[known].reshape(-1, 6))
+    return drawn
+
+
+def _false_contact(scene: Scene, chunk: Chunk, wrenches: Array) -> tuple[np.ndarray, np.ndarray]:
+    """True (n,) where the fixed body pulls, and where a patch touches though it was lifted off."""
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
-    lifted_patches = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(domain, [])
-    touches = touching[:, lifted_patches].any(axis=1) & ~pulls
-    dropped["pulls"] += int(pulls.sum())
-    dropped["touches though lifted off"] += int(touches.sum())
-    dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
-    good = ~(pulls | touches | edge)
-    return DrawnChunk(
-        poses[good],
-        wrenches[good],
-        gaps[good],
-        np.full(int(good.sum()), chunk.domain, dtype=np.uint8),
-        role[good],
-        np.concatenate([*lost, poses[~good]]),
-        {reason: count for reason, count in dropped.items() if count},
-    )
+    lifted = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(DOMAINS[chunk.domain - 1], [])
+    return np.asarray(pulls), np.asarray(touching[:, lifted].any(axis=1) & ~pulls)
 
 
 def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
@@ -180,8 +209,3 @@ def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Ar
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
     edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
     return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses), edge
-
-
-def _count(dropped: Counter[str], stage: str, reasons: np.ndarray) -> None:
-    """Count failed static analyses by the kind of their reason (the part before its numbers)."""
-    dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)
