@@ -67,7 +67,7 @@ def asked(monkeypatch):
 
     monkeypatch.setattr(tolerance, "sample", drawn)
     monkeypatch.setattr(tolerance, "FIRST_GFLOP", 0.1)
-    monkeypatch.setattr("casadi_contact.project.fitting.has_motion", lambda project: False)
+    monkeypatch.setattr("casadi_contact.project.training_record.has_motion", lambda project: False)
     return scales
 
 

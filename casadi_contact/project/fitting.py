@@ -5,16 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from casadi_contact.dataset import DOMAINS, Samples
-from casadi_contact.dataset.errors import domain_errors
 from casadi_contact.dataset.mirror import either_side
-from casadi_contact.machine import machine_record
 from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.project.active import candidates, models_to_ask, worst_samples
 from casadi_contact.project.presets import TOGETHER, Effort, effort_for
@@ -23,24 +21,21 @@ from casadi_contact.project.project import (
     Update,
     alone,
     cycle_files,
-    has_motion,
     in_stage,
-    read_motion,
     surrogates_made,
 )
+from casadi_contact.project.training_record import gone_on, size_text, training_record
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.sampling.chunk import WrenchModel
+from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
-from casadi_contact.structures.info import budget_line, samples_record
+from casadi_contact.structures.info import budget_line
 from casadi_contact.training import TrainingSettings, fit_all, fit_all_parts
 from casadi_contact.training.growth import widen
 from casadi_contact.workers import worker_pool
 
 _log = logging.getLogger(__name__)
-_COURSE_POINTS = 60  # of a fit that the record keeps
-
-
 _AnyRegression = TypeVar("_AnyRegression", Regression, PartsRegression)
 
 
@@ -183,17 +178,11 @@ def fit_surrogate(
     (`Surrogate.starts`). device: as in `train`. onward: a surrogate whose networks go on from their weights, widened to
     the first size of their effort; a fit that stalls does not begin again from random ones. seed: of random weights.
     """
-    kind = STRUCTURES[structure]
-    needed = None if loads is None else kind.networks_for(project.scene, loads)
-    twins = {twin: of for twin, of in kind.twins(project.scene).items() if needed is None or twin in needed}
-    posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
-    twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
-    fitted = set(posed) - set(twins) if needed is None else {twins.get(name, name) for name in needed}
+    kind, scene = STRUCTURES[structure], project.scene
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
+    posed, twins = _regressions_and_twins(kind, samples, scene, loads)
     regressions, settings = [], {}
-    for regression in posed.values():
-        if regression.name not in fitted:
-            continue
+    for regression in posed:
         effort = effort_for(efforts, regression.name)
         regressions.append(_at_most(_asked(regression, effort, weights), effort.max_rows, seed=0))
         settings[regression.name] = TrainingSettings(
@@ -204,86 +193,65 @@ def fit_surrogate(
             restarts=TrainingSettings.restarts if onward is None else 0,
             device=device,
         )
-
-    def progress(name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
-        if update is not None:
-            update(f"{title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
-
     first = {name: chosen.sizes[0] for name, chosen in settings.items()}
     if onward is None:
         starts = kind.starts(first, {structure: one.networks for structure, one in (made or {}).items()})
     else:
         starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
-    fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, progress, starts)}
-    for name, fit in fits.items():
-        if update is not None:
-            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
-            update(f"{title} {name}", fit.gflop, fit.gflop, remark)
+    told = _Told(title, update)
+    fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, told.progress, starts)}
+    told.ends(fits)
     networks = {name: fit.network for name, fit in fits.items()}
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
         whole = [_asked(regression, effort, weights) for regression in kind.parts_regressions(samples)]
-        of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
+        of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, told.progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches
-    networks |= {twin: kind.reflection(twin, networks[of], project.scene) for twin, of in twins.items()}
-    if needed is not None:
-        networks = {name: networks[name] for name in needed}
-    bare = kind(project.scene, networks)
-    record = _record(project, samples, bare, fits, command, device)
-    surrogate = kind(project.scene, networks, record if onward is None else _gone_on(onward.record, record))
+    networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
+    if loads is not None:
+        networks = {name: networks[name] for name in kind.networks_for(scene, loads)}
+    record = training_record(project, samples, kind(scene, networks), fits, command, device)
+    surrogate = kind(scene, networks, record if onward is None else gone_on(onward.record, record))
     if line := budget_line(surrogate.record):
         _log.warning("%s: %s", title, line)
     return surrogate
 
 
+def _regressions_and_twins(
+    kind: type[Surrogate], samples: Samples, scene: Scene, loads: Sequence[str] | None
+) -> tuple[list[Regression], dict[str, str]]:
+    """What is fitted for these loads (None: all of the scene's), and the networks that are mirror images of fitted
+    ones, each with its original, which is fitted on the samples of both sides."""
+    needed = None if loads is None else kind.networks_for(scene, loads)
+    twins = {twin: of for twin, of in kind.twins(scene).items() if needed is None or twin in needed}
+    posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
+    twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
+    fitted = set(posed) - set(twins) if needed is None else {twins.get(name, name) for name in needed}
+    return [regression for name, regression in posed.items() if name in fitted], twins
+
+
+@dataclass(frozen=True)
+class _Told:
+    """How fits go on, told to `update` (see `fit_surrogate`)."""
+
+    title: str
+    update: Update | None
+
+    def progress(self, name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
+        """As `training.fit_all` calls it."""
+        if self.update is not None:
+            self.update(f"{self.title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
+
+    def ends(self, fits: Mapping[str, Any]) -> None:
+        """How each fit ended."""
+        if self.update is None:
+            return
+        for name, fit in fits.items():
+            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+            self.update(f"{self.title} {name}", fit.gflop, fit.gflop, remark)
+
+
 def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
     return network if network.hidden == hidden else widen(network, hidden, seed=0)
-
-
-def _gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
-    """The record of networks that went on from others: work and time are those of both, dropped shares the former's,
-    since of what a round draws only the worst is kept; all else is the later's."""
-    both = {
-        key: {name: round(spent + before[key].get(name, 0.0), 1) for name, spent in record[key].items()}
-        for key in ("gflop", "seconds")
-    }
-    added = sum(record["samples"].values()) - sum(before["samples"].values())
-    return {**record, **both, "dropped": before["dropped"], "active": [*before.get("active", []), added]}
-
-
-def size_text(hidden: Sequence[int]) -> str:
-    """Neurons per hidden layer as people write them: "12-12"."""
-    return "-".join(map(str, hidden))
-
-
-def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Work done [Gflop] and RMS of the fit at up to `_COURSE_POINTS` of its iterations, evenly spaced in log work."""
-    gflop, rms = history["gflop"], history["training_rms"]
-    begun = np.flatnonzero(gflop > 0.0)
-    if not len(begun):
-        return {"gflop": [], "rms": []}
-    wanted = np.geomspace(gflop[begun[0]], gflop[-1], _COURSE_POINTS)
-    chosen = np.unique(np.minimum(np.searchsorted(gflop, wanted), len(gflop) - 1))
-    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}
-
-
-def _record(
-    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str, device: str
-) -> dict[str, Any]:
-    """What the surrogate's file says of how it was made (see `surrogate.info`)."""
-    odd = samples.provenance.get("odd_rows")
-    return {
-        **samples_record(samples),
-        **({} if odd is None else {"odd_rows": odd}),
-        "training_errors": {name: fit.rms for name, fit in fits.items()},
-        "test_errors": domain_errors(surrogate, samples),
-        "command": command,
-        "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
-        "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
-        "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
-        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
-        "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
-        "machine": {**machine_record(), **({} if device == "cpu" else {"device": f"{device}, untested on a GPU"})},
-    }

@@ -18,7 +18,7 @@ class Structure(ABC):
     title: ClassVar[str]
     """What charts call it."""
     budget_shares: ClassVar[Mapping[str, float]] = {}
-    """Share of a network's training time, by the start of its name; 1 for all others."""
+    """Share of a size's budget [Gflop] that a network gets in a chart, by the start of its name; 1 for all others."""
 
     @staticmethod
     def fits(scene: Scene) -> bool:

@@ -1,0 +1,64 @@
+"""What a surrogate's file says of how its networks were made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.dataset import Samples
+from casadi_contact.dataset.errors import domain_errors
+from casadi_contact.machine import machine_record
+from casadi_contact.project.project import Project, has_motion, read_motion
+from casadi_contact.structures import Surrogate
+from casadi_contact.structures.info import samples_record
+
+_COURSE_POINTS = 60  # of a fit that the record keeps
+
+
+def training_record(
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str, device: str
+) -> dict[str, Any]:
+    """The record itself, in plain JSON values; its keys are told of in `casadi_contact.structures.info`."""
+    odd = samples.provenance.get("odd_rows")
+    return {
+        **samples_record(samples),
+        **({} if odd is None else {"odd_rows": odd}),
+        "training_errors": {name: fit.rms for name, fit in fits.items()},
+        "test_errors": domain_errors(surrogate, samples),
+        "command": command,
+        "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
+        "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
+        "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
+        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
+        "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
+        "machine": {**machine_record(), **({} if device == "cpu" else {"device": f"{device}, untested on a GPU"})},
+    }
+
+
+def gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of networks that went on from others: work and time are those of both, dropped shares the former's,
+    since of what a round draws only the worst is kept; all else is the later's."""
+    both = {
+        key: {name: round(spent + before[key].get(name, 0.0), 1) for name, spent in record[key].items()}
+        for key in ("gflop", "seconds")
+    }
+    added = sum(record["samples"].values()) - sum(before["samples"].values())
+    return {**record, **both, "dropped": before["dropped"], "active": [*before.get("active", []), added]}
+
+
+def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Work done [Gflop] and RMS of the fit at up to `_COURSE_POINTS` of its iterations, evenly spaced in log work."""
+    gflop, rms = history["gflop"], history["training_rms"]
+    begun = np.flatnonzero(gflop > 0.0)
+    if not len(begun):
+        return {"gflop": [], "rms": []}
+    wanted = np.geomspace(gflop[begun[0]], gflop[-1], _COURSE_POINTS)
+    chosen = np.unique(np.minimum(np.searchsorted(gflop, wanted), len(gflop) - 1))
+    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}
+
+
+def size_text(hidden: Sequence[int]) -> str:
+    """Neurons per hidden layer as people write them: "12-12"."""
+    return "-".join(map(str, hidden))
