@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from problems.calibration import __main__
 from problems.calibration.measurement import TRUTH, in_fixed_body, in_scene_frame
 from problems.calibration.solve import start_values
 from problems.calibration.uncertainty import reduced_hessian, uncertainty
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -169,14 +169,6 @@ def test_what_cannot_be_estimated_is_refused(knee):
         calibration.synthetic_measurement(knee, {}, motion="running")
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["calibration", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 def test_a_measurement_written_is_read_back(knee, tmp_path):
     problem, _ = made_up(knee)
     write_columns(tmp_path / "measured.csv", problem.measured.columns())
@@ -196,14 +188,14 @@ def test_a_measurement_in_degrees_is_refused(knee, tmp_path):
 
 def test_no_start_reaches_an_estimate_that_the_data_do_not_determine(tmp_path, monkeypatch, capsys):
     options = ("--frames", FRAMES, "--starts", 1, "--parameters", "youngs_modulus,thickness")
-    assert command(monkeypatch, "--out", tmp_path, *options) == 2
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, *options) == 2
     said = capsys.readouterr().out
     assert "not identifiable together: youngs_modulus, thickness" in said
     assert "random starts" not in said
 
 
 def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--out", tmp_path, "--frames", FRAMES, "--starts", 1) == 0
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--frames", FRAMES, "--starts", 1) == 0
     assert "1 of 1 random starts reach it" in capsys.readouterr().out.replace("\n", " ")
     rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
     assert [row["parameter"] for row in rows] == list(calibration.DEFAULT)
@@ -213,7 +205,7 @@ def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, cap
 
 def test_parameters_that_are_not_identifiable_together_end_with_status_2(tmp_path, monkeypatch, capsys):
     arguments = ("--parameters", "youngs_modulus,thickness", "--frames", FRAMES, "--starts", 0, "--out", tmp_path)
-    assert command(monkeypatch, *arguments) == 2
+    assert ended(monkeypatch, __main__.main, *arguments) == 2
     assert "do not tell apart: youngs_modulus and thickness" in capsys.readouterr().err
     rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
     assert [(row["standard_deviation"], row["error_over_deviation"]) for row in rows] == [("inf", "nan")] * 2
@@ -221,7 +213,7 @@ def test_parameters_that_are_not_identifiable_together_end_with_status_2(tmp_pat
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "short.csv").write_text("tx_mm\n1.0\n", "utf-8")
-    said = command(monkeypatch, "--measured", tmp_path / "short.csv", "--out", tmp_path)
+    said = ended(monkeypatch, __main__.main, "--measured", tmp_path / "short.csv", "--out", tmp_path)
     assert said.startswith("calibration: ")
     assert "lacks the columns ty_mm" in said
     assert "\n" not in said

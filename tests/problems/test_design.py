@@ -1,7 +1,6 @@
 """Design of a dish: derivatives by all inputs, an optimum that keeps its bounds, and the EF that finds it again."""
 
 import json
-import sys
 from functools import partial
 
 import numpy as np
@@ -14,6 +13,7 @@ from problems.design import __main__
 from problems.design.problem import BALANCED, at_bounds
 from problems.design.report import agrees
 from problems.design.solve import balanced, on_elements
+from tests.support.command import ended
 
 BOUNDS = design.Bounds((5.0, 8.0), (0.5, 2.0))
 
@@ -107,18 +107,10 @@ def test_bounds_and_laws_that_make_no_problem_are_refused(contact):
         design.build(design.DishContact(cc.load_scene("knee", law="log")), BOUNDS)
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["design", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch, capsys):
     scene = tmp_path / "coarse.toml"
     scene.write_text(cc.load_scene("knee", teacher=(160, 80)).to_toml(), "utf-8")
-    assert command(monkeypatch, "--scene", scene, "--frames", 2, "--out", tmp_path) == 0
+    assert ended(monkeypatch, __main__.main, "--scene", scene, "--frames", 2, "--out", tmp_path) == 0
     assert "the EF agrees" in capsys.readouterr().out.replace("\n", " ")
     summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
     assert summary["best"]["peak_mpa"] < summary["first"]["peak_mpa"]
@@ -127,10 +119,10 @@ def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch,
 
 def test_travel_that_no_dish_allows_ends_with_status_2_and_the_cure(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(__main__, "solve", partial(design.solve, max_iterations=1))
-    assert command(monkeypatch, "--ap", "0,0.5", "--frames", 2, "--out", tmp_path) == 2
+    assert ended(monkeypatch, __main__.main, "--ap", "0,0.5", "--frames", 2, "--out", tmp_path) == 2
     assert "widen --ap and --ml" in capsys.readouterr().err
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
-    said = command(monkeypatch, "--ap", "5", "--out", tmp_path)
+    said = ended(monkeypatch, __main__.main, "--ap", "5", "--out", tmp_path)
     assert said == "design: --ap is '5', expected two numbers separated by a comma"

@@ -1,7 +1,6 @@
 """Forward simulation: rest, energy, convergence, golden poses, and the same motion on the elastic foundation."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from problems.knee_simulator import __main__
 from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
 from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 
@@ -173,16 +173,8 @@ def test_a_ball_carries_the_axial_force_above_its_centre_alone():
     assert still.wrenches[-1, 1] == pytest.approx(-500.0, rel=1e-3)
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["knee_simulator", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypatch):
-    assert command(monkeypatch, "--out", tmp_path, "--cycles", 0.02, "--repeats", 1) == 0
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--cycles", 0.02, "--repeats", 1) == 0
     summary = json.loads((tmp_path / "knee_simulator.json").read_text("utf-8"))
     assert {run["model"] for run in summary["runs"]} == {"surrogate", "EF 80×40", "EF 160×80"}
     assert all(run["off_mm"] < 0.02 for run in summary["runs"])
@@ -200,7 +192,7 @@ def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypa
     ],
 )
 def test_a_mistake_is_one_line(arguments, said, tmp_path, monkeypatch):
-    code = command(monkeypatch, "--out", tmp_path, *arguments)
+    code = ended(monkeypatch, __main__.main, "--out", tmp_path, *arguments)
     assert code.startswith("knee_simulator: ")
     assert said in code
     assert "\n" not in code

@@ -1,6 +1,5 @@
 """The patella in walking: pulled along by the quadriceps, in equilibrium, from any start; mistakes."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from problems import patella
 from problems.muscle_contact.example import example_walk
 from problems.patella import __main__
 from problems.patella.follow import SAME_N
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -76,10 +76,7 @@ def test_a_patella_that_balances_on_a_walk_that_muscles_do_not_is_no_solution(tm
     walk = example_walk(3)
     loads = {**walk.loads, "knee_flexion": walk.loads["knee_flexion"] + 600.0}
     monkeypatch.setattr(__main__, "given_walk", lambda *_: replace(walk, loads=loads))
-    monkeypatch.setattr(sys, "argv", ["patella", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    assert end.value.code == 2
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path) == 2
     said = capsys.readouterr()
     assert "muscles and femur: 0 of 3 solved" in said.out
     assert "patella: not solved: frames 0 to 2" in said.err

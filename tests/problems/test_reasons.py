@@ -1,7 +1,6 @@
 """Frames that are not verified say why: outside the learned range by how much in what, infeasible, or not found."""
 
 import csv
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +20,7 @@ from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.picture import draw
 from problems.muscle_contact.proof import least_overload
 from problems.static_equilibrium import __main__ as equilibrium_command
+from tests.support.command import ended
 
 NO_MODEL = "no contact model at hand"
 
@@ -108,24 +108,17 @@ def test_a_sound_muscle_problem_has_no_reasons(knee):
     assert not diagnosed(knee, 1.0)[2].reason.any()
 
 
-def ended(command, arguments, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["problem", *arguments])
-    with pytest.raises(SystemExit) as exit_info:
-        command.main()
-    return exit_info.value.code
-
-
 def test_loads_beyond_the_samples_are_refused_a_verdict_and_the_table_says_why(tmp_path, monkeypatch, capsys):
-    arguments = ["--flexions", "15", "--fy", "-7000", "--starts", "0", "--out", str(tmp_path)]
-    assert ended(equilibrium_command, arguments, monkeypatch) == 3
+    arguments = ["--flexions", "15", "--fy", "-7000", "--starts", "0", "--out", tmp_path]
+    assert ended(monkeypatch, equilibrium_command.main, *arguments) == 3
     assert capsys.readouterr().out.splitlines()[0].startswith("0 of 1 solved and verified on EF 320×160; 1 solved but")
     (row,) = csv.DictReader((tmp_path / "static_equilibrium.csv").open())
     assert "outside the learned range (med load by" in row["reason"]
 
 
 def test_a_simulated_motion_under_too_much_load_says_where_it_left_what_was_learned(tmp_path, monkeypatch, capsys):
-    arguments = ["--load-scale", "12", "--cycles", "0.02", "--repeats", "1", "--out", str(tmp_path)]
-    assert ended(simulator_command, arguments, monkeypatch) == 3
+    arguments = ["--load-scale", "12", "--cycles", "0.02", "--repeats", "1", "--out", tmp_path]
+    assert ended(monkeypatch, simulator_command.main, *arguments) == 3
     lines = capsys.readouterr().out.splitlines()
     assert "solved but differ" in lines[0]
     assert any(line.startswith("frame") and "outside the learned range" in line for line in lines)

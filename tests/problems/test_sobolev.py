@@ -1,10 +1,11 @@
 """Derivatives as data: the study measures what it says."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
+
+from tests.support.command import ended
 
 pytest.importorskip("torch", reason="the study's network is differentiated by torch")
 
@@ -35,12 +36,9 @@ def test_wrong_slopes_spoil_a_fit():
 
 def test_the_command_writes_every_fit(monkeypatch, tmp_path, capsys):
     arguments = ["50", "--hidden", "4", "--steps", "3", "--seeds", "2", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", ["sobolev", *arguments])
     monkeypatch.setattr(sobolev, "_TEST_POSES", 100)
     monkeypatch.setattr(sobolev, "SHARES", (0.1,))
-    with pytest.raises(SystemExit) as stop:
-        sobolev.main()
-    assert not stop.value.code
+    assert not ended(monkeypatch, sobolev.main, *arguments)
     fits = json.loads((tmp_path / "sobolev.json").read_text())["fits"]
     assert [(fit["poses"], fit["rows"]) for fit in fits] == [(50, 50), (50, 350), (350, 350)]
     assert all(len(fit["errors_N"]) == 2 and fit["error_N"] > 0.0 for fit in fits)

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +29,7 @@ from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, FOUNDATIO
 from problems.studies.stability.peers import KRIGING, PEERS
 from problems.studies.stability.picture import draw
 from problems.studies.stability.table import Line, print_table, write_table
+from tests.support.command import ended
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +275,5 @@ def test_the_picture_shows_the_rows_there_are(tmp_path):
 
 @pytest.mark.parametrize("rows", ["0", "1,x", "10", ","])
 def test_a_mistake_is_one_line(monkeypatch, tmp_path, rows):
-    monkeypatch.setattr(sys, "argv", ["stability", "--rows", rows, "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    assert str(end.value.code).startswith(f"stability: rows is {rows!r}, expected some of 1, 2, 3, 4, 5, 6, 7, 8, 9")
+    said = ended(monkeypatch, __main__.main, "--rows", rows, "--out", tmp_path)
+    assert said.startswith(f"stability: rows is {rows!r}, expected some of 1, 2, 3, 4, 5, 6, 7, 8, 9")

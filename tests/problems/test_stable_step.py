@@ -1,7 +1,5 @@
 """The largest stable step of fixed-step schemes is the one that the linearised motion allows."""
 
-import sys
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ from problems import knee_simulator
 from problems.knee_simulator import start_state
 from problems.knee_simulator.waveforms import Waveforms
 from problems.studies import stable_step
+from tests.support.command import ended
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,5 @@ def test_an_unknown_scheme_is_refused(loaded):
 
 
 def test_a_mistake_is_one_line(monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["stable_step", "--axial", "much"])
-    with pytest.raises(SystemExit) as end:
-        stable_step.main()
-    assert end.value.code == "stable_step: --axial is 'much', expected finite numbers separated by commas"
+    said = ended(monkeypatch, stable_step.main, "--axial", "much")
+    assert said == "stable_step: --axial is 'much', expected finite numbers separated by commas"

@@ -1,8 +1,5 @@
 """Settling under six loads: golden poses, balance, far starts, honest reports, the elastic foundation's own answer."""
 
-import csv
-import json
-import sys
 from dataclasses import replace
 
 import casadi as ca
@@ -15,7 +12,6 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
 from casadi_contact.verification import own_model
 from problems import static_equilibrium
-from problems.static_equilibrium import __main__
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.pulls import passes_beside, pulls
 from problems.static_equilibrium.starts import solve_from_lifts
@@ -145,10 +141,6 @@ def test_rows_left_unsolved_are_sought_from_other_starts_and_impossible_ones_sta
     assert static_equilibrium.search(problem, stopped, 0).reason[0] == stopped.reason[0]
 
 
-def refuse_to_search(*_, **__):
-    raise AssertionError("IPOPT was asked for what contact never carries")
-
-
 @needs_compiler
 @pytest.mark.parametrize("force_n", [-100.0, 0.0])
 def test_a_force_that_presses_no_patch_is_not_sought_for(force_n, monkeypatch):
@@ -157,7 +149,7 @@ def test_a_force_that_presses_no_patch_is_not_sought_for(force_n, monkeypatch):
     loads = np.array([[force_n, -1500.0, 0.0, 0.0, 0.0, 0.0]])
     sprung = static_equilibrium.build(model, loads, stiffness=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert pulls(sprung)[0] == pulls(static_equilibrium.build(model, loads, free=("ty", "tz")))[0] == ""
-    monkeypatch.setattr(ca, "nlpsol", refuse_to_search)
+    monkeypatch.setattr(ca, "nlpsol", lambda *_: pytest.fail("asked IPOPT for what contact never carries"))
     result = static_equilibrium.solve(static_equilibrium.build(model, loads))
     assert not result.converged.any()
     assert result.reason[0].startswith(f"Fx is {force_n:g} N, which does not press the bodies together, expected above")
@@ -257,54 +249,3 @@ def test_wrong_requests_are_refused(knee, given, said):
     arguments = {"loads": np.array([LOADS]), **given}
     with pytest.raises(ValueError, match=said):
         static_equilibrium.build(knee, **arguments)
-
-
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["static_equilibrium", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
-def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--out", tmp_path, "--starts", 1, "--flexions", "10,40") == 0
-    assert "2 of 2 in equilibrium" in capsys.readouterr().out
-    rows = list(csv.DictReader((tmp_path / "static_equilibrium.csv").open(encoding="utf-8")))
-    assert [round(float(row["Fy_contact_N"])) for row in rows] == [-1500, -1500]
-    # Along what is free the contact carries the wanted torques, about the same origin; rz is held.
-    for row in rows:
-        left = [float(row[f"T{axis}_contact_Nmm"]) - float(row[f"T{axis}_wanted_Nmm"]) for axis in "xyz"]
-        turned = angular_velocity_map(np.array([float(row[f"{name}_rad"]) for name in POSE_NAMES[3:]])).T @ left
-        np.testing.assert_allclose(turned[:2], 0.0, atol=1.0)
-        assert abs(float(row["Tx_ef_Nmm"]) - float(row["Tx_contact_Nmm"])) < 100.0
-    assert json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))["converged"] == 2
-    assert (tmp_path / "static_equilibrium.png").read_bytes().startswith(b"\x89PNG")
-
-
-@needs_compiler
-def test_a_patella_under_a_knee_s_loads_ends_without_a_search(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(ca, "nlpsol", refuse_to_search)
-    assert command(monkeypatch, "--out", tmp_path, "--scene", "patellofemoral", "--flexions", "10,40") == 2
-    assert "scene patellofemoral is pressed along +Fx alone" in capsys.readouterr().out
-
-
-def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--out", tmp_path, "--starts", 0, "--flexions", "20", "--fy", "300") == 2
-    assert "static_equilibrium: not solved: frames 0" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--flexions", "ten"), "--flexions is 'ten', expected finite numbers"),
-        (("--flexions", "10,nan"), "--flexions is '10,nan', expected finite numbers"),
-        (("--surrogate", "hip"), "unknown surrogate 'hip'"),
-        (("--out", "/proc/nowhere"), "cannot write in folder /proc/nowhere"),
-    ],
-)
-def test_a_mistake_is_one_line(arguments, said, tmp_path, monkeypatch):
-    code = command(monkeypatch, "--out", tmp_path, *arguments)
-    assert code.startswith("static_equilibrium: ")
-    assert said in code
-    assert "\n" not in code

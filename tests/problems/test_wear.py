@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from problems import wear
 from problems.common.records import pose_columns
 from problems.wear import __main__
 from problems.wear.cycle import leap
+from tests.support.command import ended
 
 DEPTH_MM, SIDE_MM = 0.1, 10.0
 
@@ -96,17 +96,9 @@ def test_what_is_no_cycle_or_no_wear_factor_is_refused(punch, count, factor, sai
         wear.archard_wear(punch, np.zeros((count, 6)), factor)
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["wear", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 def test_a_wrong_factor_is_said_before_a_cycle_is_simulated(tmp_path, monkeypatch):
     monkeypatch.setattr(__main__, "simulated_poses", lambda *_: pytest.fail("simulated"))
-    assert "positive number" in command(monkeypatch, "--wear-factor", "nan", "--out", tmp_path)
+    assert "positive number" in ended(monkeypatch, __main__.main, "--wear-factor", "nan", "--out", tmp_path)
 
 
 def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monkeypatch):
@@ -117,7 +109,7 @@ def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monke
     poses[:, 1], poses[:, 0] = 29.8, [0.0, 0.5, 1.0, 0.5, 0.0]
     write_poses(np.arange(5.0), poses, tmp_path / "cycle.csv")
     arguments = ("--scene", scene, "--poses", tmp_path / "cycle.csv", "--out", tmp_path)
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, __main__.main, *arguments) == 0
     summary = json.loads((tmp_path / "wear.json").read_text("utf-8"))
     assert summary["volume_mm3"] > 0.0
     assert sum(patch["volume_mm3"] for patch in summary["patches"].values()) == pytest.approx(summary["volume_mm3"])
@@ -142,20 +134,20 @@ def ball(tmp_path):
 def test_the_path_of_a_result_table_is_taken_and_a_leap_is_said_with_what_is_done(ball, monkeypatch, capsys):
     arguments, write = ball
     write([0.0, 0.5, 1.0, 0.5])
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, __main__.main, *arguments) == 0
     said = capsys.readouterr()
     assert said.err == ""
     table = " ".join(said.out.split())
     (elements,) = set(re.findall(r"EF \d+×\d+", table))  # the verdict's are those that the wear is summed on
     assert f"k = 1e-07 mm³/(N·m), {elements}" in table
     write([0.0, 0.5, 1.0, 1.5])
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, __main__.main, *arguments) == 0
     said = capsys.readouterr().err
     assert (
         "path.csv: the path's ends are 1.5 mm and 0 degrees apart, 3 times its next largest step: one straight" in said
     )
     write([0.0, 0.25, 0.5, 1.75, 2.0, 1.5, 1.0, 0.5])
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, __main__.main, *arguments) == 0
     said = capsys.readouterr().err
     assert "path.csv: poses 2 and 3 are 1.2 mm and 0 degrees apart, 2.5 times its next" in said
     assert said.strip().endswith("give the poses between them")
@@ -172,7 +164,7 @@ def test_the_path_of_a_result_table_is_taken_and_a_leap_is_said_with_what_is_don
 def test_a_path_in_metres_out_of_contact_or_of_two_poses_is_refused(ball, monkeypatch, path, said):
     arguments, write = ball
     write(**{"x_mm": [0.0, 0.5, 1.0, 0.5], **path})
-    assert said in command(monkeypatch, *arguments)
+    assert said in ended(monkeypatch, __main__.main, *arguments)
 
 
 def test_the_simulated_cycle_is_closed():
@@ -184,5 +176,5 @@ def test_the_simulated_cycle_is_closed():
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
-    said = command(monkeypatch, "--poses", tmp_path / "none.csv", "--out", tmp_path)
+    said = ended(monkeypatch, __main__.main, "--poses", tmp_path / "none.csv", "--out", tmp_path)
     assert said == "wear: --poses needs --scene, and no --surrogate: its elements are what wears"

@@ -2,10 +2,9 @@
 
 import sys
 
-import pytest
-
 from casadi_contact.motion.load_cycle import write_cycle
 from problems.pose_estimation import __main__, estimate
+from tests.support.command import ended
 
 
 def asked_before_solving(cycle, name, folder, monkeypatch, capsys):
@@ -13,7 +12,5 @@ def asked_before_solving(cycle, name, folder, monkeypatch, capsys):
     write_cycle(cycle, folder / f"{name}.csv")
     asked = []
     monkeypatch.setattr(estimate, "solve_and_complete", lambda *_: asked.append(capsys.readouterr().err) or sys.exit(7))
-    monkeypatch.setattr(sys, "argv", ["pose", "--cycle", str(folder / f"{name}.csv"), "--out", str(folder)])
-    with pytest.raises(SystemExit, match="7"):
-        __main__.main()
+    assert ended(monkeypatch, __main__.main, "--cycle", folder / f"{name}.csv", "--out", folder) == 7
     return asked[0]
