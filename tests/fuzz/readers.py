@@ -197,7 +197,7 @@ def _read_mesh_scene(path: Path) -> Any:
 
 def _proposal(path: Path) -> Any:
     """What the command `scene` sees before it settles poses."""
-    from tests.proposal.test_stages import seen
+    from tests.support.joint_meshes import seen
 
     return seen(*(load_mesh(each, "mm") for each in (path, path.with_name("groove.obj"))))[2].kind
 

@@ -1,0 +1,55 @@
+"""Meshes of joints made from formulas, and what a proposal finds in them."""
+
+import numpy as np
+import trimesh
+
+from casadi_contact.geometry.mesh import checked_mesh
+from casadi_contact.proposal.frame import frame_of
+from casadi_contact.proposal.sight import sight_of
+from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
+
+POLE, DOWN = unit(np.array([0.2, 0.8, 0.5])), np.array([0.0, -1.0, 0.0])
+
+
+def seen(moving, fixed, **known):
+    """Meeting, regions, joint and frame of two meshes, as a proposal finds them one after another."""
+    sight = sight_of({"moving": moving, "fixed": fixed}, upright="axes" not in known)
+    return sight.meeting, sight.regions, sight.joint, frame_of(sight, **known)
+
+
+def ball_in_cup(move=lambda points: points):
+    ball, cup = ball_mesh(16.0, 2.5), shell_mesh(16.4, 22.0, 2.0, 1.3, POLE)
+    return [checked_mesh(name, move(v), f) for name, (v, f) in (("ball", ball), ("cup", cup))]
+
+
+def button_on_groove(height=22.0, aside=0.0):
+    (button, faces), valley = cap_mesh(22.0, 1.5, 0.7), sheet_mesh(40.0, 2.0, groove)
+    return checked_mesh("button", button + np.array([0.0, height, aside]), faces), checked_mesh("groove", *valley)
+
+
+def condyles_in_dishes(radius=20.0, dish=32.0, side=22.0):
+    """Two balls as a femur's condyles, the middle of both at the origin, just above dishes that are wider."""
+    (ball, faces), out = cap_mesh(radius, 1.5, 0.8), np.array([0.0, 0.0, side])
+
+    def dishes(x, z):
+        across = np.minimum(x**2 + (np.abs(z) - side) ** 2, 20.0**2)
+        return dish - np.sqrt(dish**2 - across) - radius - 0.05
+
+    condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
+    return condyles, sheet_mesh(76.0, 2.0, dishes)
+
+
+def ball_on_box(triangles_mm=None):
+    """As CAD exports a box: twelve triangles, unless they are divided."""
+    ball, faces = ball_mesh(15.0, 2.0)
+    box = trimesh.creation.box((60.0, 10.0, 60.0))
+    if triangles_mm:
+        box = box.subdivide_to_size(triangles_mm)
+    return checked_mesh("ball", ball + np.array([0.0, 20.0, 0.0]), faces), checked_mesh("box", box.vertices, box.faces)
+
+
+def revolved(radius, half_angle, half_width):
+    """A surface of revolution about the z axis, its middle at the bottom, seen from the axis: vertices, faces."""
+    points, faces = sheet_mesh(2.0, 0.04)
+    angle, z = half_angle * points[:, 0], half_width * points[:, 2]
+    return np.stack([radius(z) * np.sin(angle), -radius(z) * np.cos(angle), z], axis=1), faces
