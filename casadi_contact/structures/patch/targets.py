@@ -78,7 +78,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
     gaps_mm, domain = samples.gaps[rows], samples.domain[rows]
-    selection, components = scene.part_selection(scene.load_names), part_components(scene)
+    components, tolerances = part_components(scene), _tolerances(scene, all_wrenches)
     regressions = []
     for p, part in enumerate(scene.parts):
         patch, pressed = part.name, part.normal
@@ -94,9 +94,7 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
         local = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gaps_mm[:, p], scene)
         contact = normal > 0.0
-        nonempty(f"patch {patch!r} in contact", contact)
-        lever = {k: np.sqrt(np.mean(wrench[contact, k] ** 2) / np.mean(normal[contact] ** 2)) for k in used}
-        root_tolerance, ratio_tolerances = _tolerances(scene, selection, p, lever)
+        root_tolerance, ratio_tolerances = tolerances[p]
         regressions.append(
             Regression(
                 f"root_{patch}",
@@ -137,12 +135,40 @@ def _check_space(poses: Array, scene: Scene) -> None:
         )
 
 
-def _tolerances(scene: Scene, selection: Array, p: int, lever: Mapping[int, float]) -> tuple[float, dict[int, float]]:
+def _tolerances(scene: Scene, wrenches: Array) -> list[tuple[float, dict[int, float]]]:
+    """Of every part, the tolerances of its root [N] and of each ratio [N or N·mm] by the component's index; wrenches
+    (n, parts, 6) tell its levers.
+
+    The sides of a symmetric joint share their networks, and so the closer of their tolerances. Raises ValueError for a
+    part that nowhere is in contact.
+    """
+    selection = scene.part_selection(scene.load_names)
+    found = [_part_tolerances(scene, selection, p, _levers(scene, wrenches, p)) for p in range(len(scene.parts))]
+    if not scene.symmetric:
+        return found
+    root = min(root for root, _ in found)
+    return [(root, {k: min(other[k] for _, other in found if k in other) for k in ratios}) for _, ratios in found]
+
+
+def _levers(scene: Scene, wrenches: Array, p: int) -> dict[int, float]:
+    """ρ (root mean square, weighted by N) of each component that a load needs of part p, by its index."""
+    part, wrench = scene.parts[p], wrenches[:, p]
+    normal = part.normal.of(wrench)
+    contact = normal > 0.0
+    nonempty(f"patch {part.name!r} in contact", contact)
+    used = (WRENCH_NAMES.index(name) for name in part_components(scene)[part.name])
+    size = np.mean(normal[contact] ** 2)
+    return {k: float(np.sqrt(np.mean(wrench[contact, k] ** 2) / size)) for k in used}
+
+
+def _part_tolerances(
+    scene: Scene, selection: Array, p: int, lever: Mapping[int, float]
+) -> tuple[float, dict[int, float]]:
     """Tolerance of the root [N] and of each ratio [N or N·mm] of part p.
 
     A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
-    may be τ/√(2m). Through the lever ρ (root mean square, weighted by N) that also limits δN; a load that is N
-    itself limits it directly; a root that no load needs, the least tolerance of a force or the boundary load.
+    may be τ/√(2m). Through the lever ρ that also limits δN; a load that is N itself limits it directly; a root that no
+    load needs, the least tolerance of a force or the boundary load.
     """
     root = float(np.inf)
     ratios: dict[int, float] = {}
