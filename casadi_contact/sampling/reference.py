@@ -167,8 +167,8 @@ def reference_poses(
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters or loads, a model that cannot be settled
-    on (`try_model`, without a start pose), and a cycle of which no frame converges (every_cycle: False
-    leaves its frames where they ended).
+    on (`try_model`, without a start pose), and a cycle of which no frame converges, such as for more loads than
+    free pose parameters (every_cycle: False leaves its frames where they ended).
     """
     _check_alike(cycles)
     scene, measured = model.scene, tuple(cycles[0].measured_pose())
@@ -189,6 +189,12 @@ def reference_poses(
     poses, settled = press(poses, trust_region=False)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
     report = _report(cycles, settled)
+    if every_cycle and len(wanted) > len(free) and not report.converged.any():  # not sought for minutes in vain
+        raise ValueError(
+            f"cycle {cycles[0].name}: {len(wanted)} loads ({', '.join(wanted)}) are wanted of {len(free)} free pose "
+            f"parameters ({', '.join(free)}), and no frame has such a pose: lock or tie less in the scene's [pose], "
+            "or give cycles of fewer loads"
+        )
     for anew in (_interpolate, partial(_turned, model, begin), _interpolate, _nearest):
         if report.converged.all():
             break

@@ -56,6 +56,15 @@ def test_a_cycle_without_any_pose_is_refused():
         reference_poses(MODEL, [])
 
 
+def test_a_locked_pose_that_leaves_fewer_parameters_than_loads_is_named():
+    """Four equations in three unknowns have a solution by chance alone, and not in frames of a joint that is free."""
+    made, wanted = cycles(MODEL)
+    assert np.abs(wanted[..., 2]).max() < 2.0, "the loads come from poses with tz farther inside"
+    locked = TwoSpheres(Scene.from_tables({**MODEL.scene.tables, "pose": {"locked": {"tz": 3.0}}}))
+    with pytest.raises(ValueError, match=r"4 loads \(.*Tz\) are wanted of 3 free pose parameters \(tx, ty, rx\)"):
+        reference_poses(locked, made, frames=21)
+
+
 def test_cycles_with_different_loads_are_refused():
     made, _ = cycles(MODEL, count=2)
     fewer = replace(made[1], loads={name: load for name, load in made[1].loads.items() if name != "Fy_lat"})
