@@ -22,6 +22,7 @@ from casadi_contact.quantities import quantity
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]  # called as (done, all)
+Update = Callable[[str, float, float, str], None]  # called as (what is worked on, done, all there is to do, remark)
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 POSE_NAMES = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -33,6 +34,11 @@ POSE_DESCRIPTION = "(n, 6): tx ty tz [mm] rx ry rz [rad]"
 LEVER_MM = 25.0  # about what a knee's condyles lie off its middle: turns N·mm into comparable N, rad into comparable mm
 REFLECTION = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])  # of a pose, and of a wrench, in the plane z = 0
 POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
+
+
+def in_stage(update: Update | None, stage: str) -> Progress | None:
+    """What tells an `Update` how far a stage is; None where none listens."""
+    return None if update is None else lambda done, total: update(stage, done, total, "")
 
 
 def load_unit(name: str) -> str:

@@ -93,14 +93,14 @@ def build(
 
 
 @alone
-def calibrate(project: Project) -> list[Path]:
+def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too.
 
     Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
     """
     samples = project.samples()
     model = teacher_of(samples)
-    around = moved_samples(samples, model)
+    around = moved_samples(samples, model, update)
     surrogates = project_surrogates(project)
     for structure, surrogate in surrogates.items():
         if around is None and "around" in surrogate.record.get("coverage", {}):
@@ -109,7 +109,7 @@ def calibrate(project: Project) -> list[Path]:
                 "not here: build again with that model"
             )
     for structure, surrogate in surrogates.items():
-        with_trust(surrogate, samples, around, model).save(project.surrogate_path(structure))
+        with_trust(surrogate, samples, around, model, update).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]
 
 

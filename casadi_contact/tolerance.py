@@ -126,7 +126,7 @@ def train_to_tolerance(
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
     teacher = teacher_of(samples)
-    trusted = with_trust(surrogate, samples, moved_samples(samples, teacher), teacher)
+    trusted = with_trust(surrogate, samples, moved_samples(samples, teacher, update), teacher, update)
     trusted.save(project.surrogate_path(STRUCTURE))
     if missed:
         raise ValueError(

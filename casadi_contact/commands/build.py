@@ -137,7 +137,10 @@ def train(
 
 def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
-    for path in pipeline.calibrate(Project.open(scene, preset, out)):
+    project = Project.open(scene, preset, out)
+    with progress_bars(console) as update:
+        paths = pipeline.calibrate(project, update)
+    for path in paths:
         console.print(f"calibrated {path}", highlight=False)
 
 

@@ -1,13 +1,12 @@
 """A project: its folder of results, how much work it takes, its samples, and its networks."""
 
+from casadi_contact.conventions import Update
 from casadi_contact.project.project import (
     Project,
-    Update,
     alone,
     built_in_motion,
     cycle_files,
     has_motion,
-    in_stage,
     motion_at_hand,
     poses_at_hand,
     project_surrogates,
@@ -27,7 +26,6 @@ __all__ = [
     "built_in_motion",
     "cycle_files",
     "has_motion",
-    "in_stage",
     "motion_at_hand",
     "poses_at_hand",
     "project_surrogates",

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.mirror import either_side
 from casadi_contact.network import Network, PartsRegression, Regression
@@ -18,10 +19,8 @@ from casadi_contact.project.active import candidates, models_to_ask, worst_sampl
 from casadi_contact.project.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project.project import (
     Project,
-    Update,
     alone,
     cycle_files,
-    in_stage,
     surrogates_made,
 )
 from casadi_contact.project.training_record import gone_on, size_text, training_record
@@ -96,7 +95,7 @@ def train(
                 project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device
             )
             surrogate = _active_rounds(project, samples, surrogate, folder, command, update, workers, device)
-        made[name] = with_trust(surrogate, samples, around, model, in_stage(update, f"{name}: poses over the range"))
+        made[name] = with_trust(surrogate, samples, around, model, update)
         made[name].save(path)
         paths.append(path)
     return paths

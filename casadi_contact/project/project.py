@@ -12,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array, Progress
+from casadi_contact.conventions import Array
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
@@ -29,14 +29,6 @@ from casadi_contact.sampling import (
 from casadi_contact.sampling.motion_file import motion_in
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate, ready_surrogates
-
-Update = Callable[[str, float, float, str], None]
-"""Called as (what is worked on, done, all there is to do, remark)."""
-
-
-def in_stage(update: Update | None, stage: str) -> Progress | None:
-    """What tells an `Update` how far a stage is; None where none listens."""
-    return None if update is None else lambda done, total: update(stage, done, total, "")
 
 
 @dataclass(frozen=True)

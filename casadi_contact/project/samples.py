@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Protocol
 
 from casadi_contact.contact import ContactModel
+from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
-from casadi_contact.project.project import Project, Update, alone, in_stage, reference_motion_cycles, surrogates_made
+from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,

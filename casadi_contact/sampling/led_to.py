@@ -31,7 +31,8 @@ def samples_led_to(
     progress: Progress | None = None,
 ) -> Samples:
     """`poses_led_to` with the contact model's loads, those whose contact runs off the elements too: where an insert's
-    rim is passed, the surrogate leads astray. Roles and progress are those of `samples_around`.
+    rim is passed, the surrogate leads astray. Roles are those of `samples_around`. progress(done, all) is called as
+    poses settle, which counts for half, and as the model is evaluated.
 
     validity (n,) of poses (n, 6): a user's own model, which may fail far off, is asked where it is above 0.1 alone.
     count: at most so many; as many as the samples if left out, and no more than 40,000 (2,000 of a user's own model).
@@ -39,10 +40,16 @@ def samples_led_to(
     own = model_name_of(samples) is None
     if count is None:
         count = min(len(samples), _MOST_OF_OWN if own else _MOST)
-    poses = poses_led_to(surrogate, samples, count=count, seed=seed, progress=progress)
+    settling, evaluating = (None if progress is None else _half(progress, number) for number in range(2))
+    poses = poses_led_to(surrogate, samples, count=count, seed=seed, progress=settling)
     if own and validity is not None:
         poses = poses[validity(poses) > LEAST_VALIDITY]
-    return samples_at(model, samples.scene, poses, progress, rim=True)
+    return samples_at(model, samples.scene, poses, evaluating, rim=True)
+
+
+def _half(progress: Progress, number: int) -> Progress:
+    """What tells how far the first (0) or second (1) half of some work is."""
+    return lambda done, total: progress(number * total + done, 2 * total)
 
 
 def poses_led_to(

@@ -4,31 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import VALIDATION, Samples
-from casadi_contact.network import Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.doubt import STEEPNESS, Doubt
 from casadi_contact.structures.states import state_columns
-from casadi_contact.structures.trust import SURE, Trust
+from casadi_contact.structures.trust import KEPT, SURE, Trust
 from casadi_contact.training import TrainingSettings, fit
 
 WRONG = 10.0  # times the scene's tolerance, or the RMS error on validation rows where that is more
 LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses that are wrong: for fewer a doubt costs more right poses
-KEPT = 0.99  # share of right samples that the doubt leaves a validity above 0.9
 _SAMPLES = 20_000  # at most, that are shown as right
-_SETTINGS = TrainingSettings(sizes=((24, 24),), max_iterations=150, restarts=0)
+_ITERATIONS = 150
+_SETTINGS = TrainingSettings(sizes=((24, 24),), max_iterations=_ITERATIONS, restarts=0)
 
 
-def with_doubt(trust: Trust, surrogate: Surrogate, samples: Samples, others: Sequence[Samples]) -> Trust:
+def with_doubt(
+    trust: Trust,
+    surrogate: Surrogate,
+    samples: Samples,
+    others: Sequence[Samples],
+    progress: Progress | None = None,
+) -> Trust:
     """The trust with a `Doubt`, where poses that it calls valid are wrong often enough.
 
     samples: those that the surrogate was trained on, validation rows among them, which stay valid where it is right;
     others: further poses with the contact model's loads, over the rim of the fixed body too. Wrong is an error of any
-    load beyond `WRONG` times its tolerance, or its RMS error on validation rows where that is more.
+    load beyond `WRONG` times its tolerance, or its RMS error on validation rows where that is more. progress: called as
+    (iterations done, all) where a doubt is learned.
     """
     validation = samples.select(role=VALIDATION)
     names = list(surrogate.load_names)
@@ -48,10 +56,20 @@ def with_doubt(trust: Trust, surrogate: Surrogate, samples: Samples, others: Seq
     # Both kinds count alike; a tenth of the rows, evenly, tells when to stop.
     weights = np.sqrt(0.5 / np.where(wrong, wrong.mean(), 1.0 - wrong.mean()))
     stopping = np.arange(len(x)) % 10 == 9
-    network = fit(Regression("doubt", x, np.where(wrong, 1.0, -1.0), weights, stopping, 0.0), _SETTINGS).network
+    network = _learned(Regression("doubt", x, np.where(wrong, 1.0, -1.0), weights, stopping, 0.0), progress)
     known = ~wrong[: len(shown)]
     sure = float(np.quantile(network.value(x[: len(shown)][known]), KEPT))
     return replace(trust, doubt=Doubt.of(columns, network, sure + SURE / STEEPNESS))
+
+
+def _learned(regression: Regression, progress: Progress | None) -> Network:
+    """The regression's network, its bar full where it stops before its last iteration."""
+    if progress is None:
+        return fit(regression, _SETTINGS).network
+    done = count(1)
+    network = fit(regression, _SETTINGS, progress=lambda *_: progress(next(done), _ITERATIONS)).network
+    progress(_ITERATIONS, _ITERATIONS)
+    return network
 
 
 def _beyond(surrogate: Surrogate, part: Samples, names: Sequence[str], limits: Array) -> np.ndarray:

@@ -12,7 +12,7 @@ from functools import reduce
 
 import numpy as np
 
-from casadi_contact.conventions import Array, Progress
+from casadi_contact.conventions import Array, Update, in_stage
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
@@ -26,7 +26,7 @@ from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpa
 from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, with_error_bounds
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
 from casadi_contact.structures.states import state_columns
-from casadi_contact.structures.trust import SURE, Trust
+from casadi_contact.structures.trust import KEPT, SURE, Trust
 
 INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
 DENSE_CENTRES = 64
@@ -35,7 +35,6 @@ SHARPNESS = 1.8
 MARGIN = 0.2  # of the sampled root loads: so far outside their range validity is below 0.06, half as far 0.5
 _LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
 BOX_MARGIN = 0.015  # of the sampled range of an insensitive pose parameter: twice so far beyond it validity is 0.5
-KEPT = 0.99  # share of kept poses that the border to the dropped ones leaves a validity above 0.9
 CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
 _LEAST_DROPPED = 20  # of fewer no border can be learned
 _LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
@@ -46,15 +45,15 @@ def with_trust(
     samples: Samples,
     around: Samples | None = None,
     model: WrenchModel | None = None,
-    progress: Progress | None = None,
+    update: Update | None = None,
 ) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
     around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so
     that the expected error holds off equilibrium too. model: that contact model; it is asked at poses over the whole
     sampled range (`sampling.in_range`), so that the expected error holds wherever validity is high, and at those to
-    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it leads astray. progress:
-    called as (done, all) meanwhile.
+    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it leads astray. update: called
+    as (what, done, all, remark) meanwhile.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate
     without root loads.
@@ -72,13 +71,17 @@ def with_trust(
     tube = _tube(surrogate, training, validation)
     trust = _distrusting(tube, surrogate, known, moved)
     in_range = led = None
+    over_range, leading, astray = (
+        in_stage(update, f"{surrogate.structure}: {what}")
+        for what in ("poses over the range", "poses it leads to", "where it leads astray")
+    )
     if model is not None:
         first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-        in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=progress)
+        in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=over_range)
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
-        led = samples_led_to(surrogate, samples, model, first.validity, progress=progress)
-        trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)])
+        led = samples_led_to(surrogate, samples, model, first.validity, progress=leading)
+        trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)], astray)
         if trust.doubt is not None:  # without, few gross errors at rims would raise what is expected everywhere
             moved.append(led)
     trust = with_error_bounds(trust, surrogate, training, [validation, *(p.select(role=VALIDATION) for p in moved)])

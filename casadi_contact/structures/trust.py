@@ -46,6 +46,7 @@ from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_
 from casadi_contact.structures.states import States
 
 SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at 0.9
+KEPT = 0.99  # share of right poses that a learned cause of distrust, a border or a doubt, leaves a validity above 0.9
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
 _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),

@@ -63,10 +63,16 @@ def other_poses(surrogate, seed, count=4000):
 
 
 @pytest.fixture(scope="module")
-def doubting(surrogate, model, samples):
+def learning():
+    """How far a doubt is learned, as it tells."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def doubting(surrogate, model, samples, learning):
     trusted = with_trust(surrogate, samples)
     shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
-    trust = with_doubt(trusted.trust, surrogate, samples, [shown])
+    trust = with_doubt(trusted.trust, surrogate, samples, [shown], lambda done, total: learning.append(done / total))
     return type(surrogate)(SCENE, surrogate.networks, trusted.record, trust)
 
 
@@ -87,6 +93,21 @@ def test_a_surrogate_that_knows_no_rim_leads_over_it_and_the_contact_model_is_as
     assert np.median(surrogate.trust_roots(led.poses[beyond])) > 0.1, "it presses over the rim as elsewhere"
     assert (led.wrenches[beyond] == 0.0).all()
     assert len(led) == len(poses_led_to(surrogate, samples, count=300)), "none of them is dropped"
+
+
+def test_each_step_of_a_calibration_tells_how_far_it_is(surrogate, model, samples, doubting, learning):
+    told = {"where it leads astray": learning}
+    with_trust(
+        surrogate,
+        samples,
+        model=model,
+        update=lambda what, done, total, remark: told.setdefault(what, []).append(done / total),
+    )
+    assert {"patch: poses over the range", "patch: poses it leads to"} <= set(told)
+    for shares in told.values():
+        assert shares == sorted(shares), "a bar never goes back"
+        assert shares[-1] == 1.0
+    assert len(learning) > 10
 
 
 def test_the_file_keeps_the_doubt_and_casadi_says_the_same(surrogate, doubting, tmp_path):
