@@ -3,6 +3,7 @@
 Run ``python -m problems.optimal_control --help``.
 """
 
+from problems.optimal_control.carried import missed
 from problems.optimal_control.forward import forward_load_errors, forward_poses, strays
 from problems.optimal_control.problem import OptimalControl, build
 from problems.optimal_control.solve import ControlResult, solve, start_values
@@ -16,6 +17,7 @@ __all__ = [
     "cycle_of",
     "forward_load_errors",
     "forward_poses",
+    "missed",
     "own_cycle",
     "simulated_cycle",
     "solve",

@@ -13,6 +13,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
+from problems.optimal_control.carried import missed
 from problems.optimal_control.forward import forward_poses, strays
 from problems.optimal_control.problem import build
 from problems.optimal_control.report import report
@@ -38,8 +39,8 @@ def run(
 
     The cycle is the knee simulator's, for a joint that is pressed otherwise than down that of its scene.
 
-    Exit status 2: not solved, or forward in time the actuators lead elsewhere; 3: solved, but the contact model differs
-    at some collocation points.
+    Exit status 2: not solved, wanted loads are missed, or forward in time the actuators lead elsewhere; 3: solved, but
+    the contact model differs at some collocation points.
     """
     writable_folder(out)
     source = ContactSource.of(surrogate, scene)
@@ -56,12 +57,12 @@ def run(
     )
     result = solve(problem)
     forward = forward_poses(problem, result) if result.converged else None
-    strayed = strays(problem, result, forward) if result.converged else ""
-    solved = np.full(len(result.poses), result.converged and not strayed)
+    unsolved = missed(problem, result) or strays(problem, result, forward)
+    solved = np.full(len(result.poses), not unsolved)
     verdict = judge(model, result.poses, solved, own_model(model.scene))
     report(problem, result, verdict, out, source.kind, forward)
-    if strayed:
-        print(f"{NAME}: not solved: {strayed}; see {out}", file=sys.stderr)
+    if unsolved:
+        print(f"{NAME}: not solved: {unsolved}; see {out}", file=sys.stderr)
         raise typer.Exit(2)
     end_with(verdict, NAME, out)
 

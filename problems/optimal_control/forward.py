@@ -6,17 +6,14 @@ in `problem`, integrated by CVODES with the exact Jacobian, actuator loads betwe
 
 from __future__ import annotations
 
-import math
-
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, load_unit
-from casadi_contact.quantities import three_digits
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
+from problems.optimal_control.carried import furthest_off
 from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl, inertia_of, point_function
 from problems.optimal_control.solve import ControlResult
 
-FOLLOWED = 0.01  # of the largest load: beyond it a motion is the transcription's, not the actuators'
 _TOLERANCE = 1e-7  # of a step, relative and absolute
 
 
@@ -54,28 +51,16 @@ def forward_load_errors(problem: OptimalControl, result: ControlResult, forward:
 
 
 def strays(problem: OptimalControl, result: ControlResult, forward: Array | None) -> str:
-    """Why the found actuators do not bring about the found contact loads forward in time, "" where they do: every force
-    to within `FOLLOWED` of the largest of the cycle (root mean square), and every torque likewise. Named is what is
-    furthest off.
+    """Why the found actuators do not bring about the found contact loads forward in time, "" where they do, as
+    `furthest_off` tells.
 
     Collocation meets the equations of motion at its points alone; how well they hold between them, this tells.
     """
     cure = "give more --intervals or a higher --degree, or springs where nothing holds the motion"
     if forward is None:
         return f"forward in time under these actuators the integrator gives up, expected the motion found: {cure}"
-    errors, largest = forward_load_errors(problem, result, forward), np.abs(result.loads).max(axis=0)
-    said = {}
-    for unit in ("N", "N·mm"):
-        of_unit = {name: most for name, most in zip(errors, largest, strict=True) if load_unit(name) == unit}
-        name, allowed = max(of_unit, key=lambda load: errors[load]), FOLLOWED * max(of_unit.values())
-        if not errors[name] <= allowed:
-            text = (
-                f"forward in time under these actuators {name} is off by {three_digits(errors[name])} {unit} (RMS), "
-                f"expected {three_digits(allowed)} {unit} at most, {100.0 * FOLLOWED:g} % of the cycle's largest: "
-                f"{cure}"
-            )
-            said[text] = errors[name] / allowed if allowed else math.inf
-    return max(said, key=lambda text: said[text], default="")
+    off = furthest_off(problem.model.load_names, problem.model(forward) - result.loads, result.loads)
+    return off and f"forward in time under these actuators {off}: {cure}"
 
 
 def _spline(name: str, times: Array, values: Array) -> ca.Function:

@@ -18,6 +18,7 @@ from problems.optimal_control import (
     cycle_of,
     forward_load_errors,
     forward_poses,
+    missed,
     simulated_cycle,
     strays,
 )
@@ -143,6 +144,21 @@ def test_contact_loads_stray_from_those_found_as_far_as_the_actuators_are_wrong(
     assert rms == pytest.approx(0.05 * np.sqrt(np.mean(medial**2)), rel=0.1)
 
 
+def test_loads_that_steadiness_outweighs_are_missed_and_named_though_ipopt_has_solved(knee, wanted, solved):
+    """The steadiest actuators are constant ones: the least cost is then no motion that carries the wanted loads."""
+    assert missed(*solved) == ""
+    problem = optimal_control.build(knee, wanted, intervals=12, steadiness=100.0)
+    result = optimal_control.solve(problem)
+    assert result.converged
+    rms = np.sqrt(np.mean(result.load_error**2, axis=0))
+    forces = [k for k, name in enumerate(knee.load_names) if name.startswith("F")]
+    worst = max(forces, key=lambda k: rms[k])
+    assert rms[worst] > 50.0  # N
+    assert f"of the wanted loads {knee.load_names[worst]} is off by {rms[worst]:.0f} N (RMS)" in missed(problem, result)
+    stopped = replace(result, converged=False, ipopt_status="Maximum_Iterations_Exceeded")
+    assert "give more --intervals than 12" in missed(problem, stopped)
+
+
 def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
     drifting = replace(wanted, held={"rz": wanted.held["rz"] - 0.05 * wanted.time_s})
     drift = {}
@@ -230,6 +246,13 @@ def test_actuators_of_a_coarse_transcription_that_lead_elsewhere_end_with_status
     summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
     assert summary["ipopt_status"] == "Solve_Succeeded"
     assert summary["forward_largest_error"]["mm"] > 0.5
+
+
+def test_a_cycle_whose_wanted_loads_are_missed_ends_with_status_2(tmp_path, monkeypatch, capsys):
+    assert command(monkeypatch, "--out", tmp_path, "--intervals", 12, "--steadiness", 100) == 2
+    told = capsys.readouterr()
+    assert told.out.startswith("0 of 36 solved")
+    assert "not solved: of the wanted loads " in told.err
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
