@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 import typer
 
 from casadi_contact.files import short
-from casadi_contact.terminal import is_interrupt, printable
+from casadi_contact.interrupts import INTERRUPTED, is_interrupt
+from casadi_contact.terminal import printable
 
-_INTERRUPTED = 130  # exit status of what Ctrl-C ended
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -33,11 +33,11 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
         _refuse_empty(arguments)
         sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
     except typer.Abort:
-        sys.exit(_INTERRUPTED)
+        sys.exit(INTERRUPTED)
     except SystemError as error:
         if not is_interrupt(error):
             raise
-        sys.exit(_INTERRUPTED)
+        sys.exit(INTERRUPTED)
     except _UsageError as error:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:

@@ -10,7 +10,7 @@ from math import ceil
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact.terminal import is_interrupt
+from casadi_contact.interrupts import is_interrupt
 
 _BETWEEN_LINES_S = 60.0  # where nobody watches
 

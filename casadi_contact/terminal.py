@@ -33,15 +33,3 @@ class PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """The text with the style asked for, and none of its own."""
         return super().render_str(printable(text), **{**options, "markup": False, "emoji": False})
-
-
-def is_interrupt(error: BaseException) -> bool:
-    """Whether an error is Ctrl-C, or came of it: in a loop that numba compiled it arrives as a SystemError."""
-    known: list[BaseException] = []
-    cause: BaseException | None = error
-    while cause is not None and cause not in known:
-        if isinstance(cause, KeyboardInterrupt):
-            return True
-        known.append(cause)
-        cause = cause.__cause__ or cause.__context__
-    return False

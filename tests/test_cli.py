@@ -167,6 +167,24 @@ def test_ctrl_c_ends_without_a_traceback_wherever_it_arrives(arrives_as):
     assert ended.value.code == 130
 
 
+@pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
+def test_ctrl_c_while_a_command_still_imports_ends_without_a_traceback(module, tmp_path):
+    (tmp_path / "typer.py").write_text("raise KeyboardInterrupt", "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", module, "--help"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+def test_an_error_while_a_command_still_imports_is_told_as_ever(tmp_path):
+    (tmp_path / "typer.py").write_text("raise ArithmeticError('no typer')", "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", "problems.squat"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.endswith("ArithmeticError: no typer\n")
+
+
 def test_an_error_of_the_system_is_not_taken_for_ctrl_c():
     app = new_app(add_completion=False)
 

@@ -14,8 +14,8 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
-    *("compilation", "files", "page", "workers", "cluster", "terminal", "command_line", "machine", "quantities"),
-    *("conventions", "pressure_laws"),
+    *("compilation", "files", "page", "workers", "cluster", "terminal", "interrupts", "command_line"),
+    *("machine", "quantities", "conventions", "pressure_laws"),
     *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures", "bridges"),
     *("project", "verification", "optimisation", "assembly"),

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+_INTERRUPTED = "User_Requested_Stop"  # what becomes of Ctrl-C in CasADi's IPOPT
 
 
 def ipopt_options(
@@ -35,8 +36,10 @@ class IpoptOutcome:
 
     @classmethod
     def of(cls, solver: ca.Function) -> IpoptOutcome:
-        """What the last call of a solver came to."""
+        """What the last call of a solver came to; raises KeyboardInterrupt for one that Ctrl-C ended."""
         stats = solver.stats()
+        if stats["return_status"] == _INTERRUPTED:
+            raise KeyboardInterrupt
         return cls(str(stats["return_status"]), int(stats["iter_count"]))
 
     @property

@@ -16,8 +16,8 @@ CARRIED = 0.01  # of the cycle's largest load: beyond it loads are others than t
 
 
 def furthest_off(names: Sequence[str], errors: Array, loads: Array) -> str:
-    """Which of the errors (points, L) [N, N·mm] is furthest beyond `CARRIED` of the largest of loads (points, L), by
-    forces and torques apart; "" where none is."""
+    """Which of the errors (points, L) [N, N·mm] is furthest beyond `CARRIED` of the largest load (points, L) in its
+    unit; "" where none is beyond."""
     rms, largest = np.sqrt(np.mean(errors**2, axis=0)), np.abs(loads).max(axis=0)
     said = {}
     for unit in ("N", "N·mm"):

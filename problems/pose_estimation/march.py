@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.optimisation import IpoptOutcome
 
 SOLVED_N = 0.01  # norm of the residuals of a solved frame
 
@@ -29,9 +30,9 @@ class FrameSolver:
     def solve(self, x: Array, wanted: Array) -> tuple[Array | None, int]:
         """From x (f,): the solution, None if there is none to `SOLVED_N`, and IPOPT's iterations."""
         answer = self.solver(x0=np.clip(x, self.lower, self.upper), p=wanted, lbx=self.lower, ubx=self.upper)
-        stats = self.solver.stats()
-        solved = stats["success"] and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N
-        return np.asarray(answer["x"]).ravel() if solved else None, int(stats["iter_count"])
+        outcome = IpoptOutcome.of(self.solver)
+        solved = outcome.solved and np.sqrt(2.0 * float(answer["f"])) < SOLVED_N
+        return np.asarray(answer["x"]).ravel() if solved else None, outcome.iterations
 
 
 def march(frame_solver: FrameSolver, x: Array, wanted: Array, close: np.ndarray) -> int:

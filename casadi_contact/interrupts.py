@@ -1,0 +1,34 @@
+"""Ctrl-C on a command line: it ends with its status and no traceback, while modules are still imported too.
+
+This file imports nothing that takes time.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
+INTERRUPTED = 130  # exit status of what Ctrl-C ended
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an error is Ctrl-C, or came of it: in a loop that numba compiled it arrives as a SystemError."""
+    known: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in known:
+        if isinstance(cause, KeyboardInterrupt):
+            return True
+        known.append(cause)
+        cause = cause.__cause__ or cause.__context__
+    return False
+
+
+def end_on_interrupt() -> None:
+    """From here on an interrupt that nobody catches ends Python with `INTERRUPTED`; all else is told as ever."""
+    sys.excepthook = _end
+
+
+def _end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    if is_interrupt(error):
+        sys.exit(INTERRUPTED)
+    sys.__excepthook__(kind, error, trace)
