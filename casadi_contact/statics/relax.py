@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, rotation
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 from casadi_contact.statics.settle import SettleReport
 
@@ -37,6 +39,75 @@ def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) ->
     return motion
 
 
+@dataclass(frozen=True)
+class _DampedMotion:
+    """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(wanted - loads) - c·q̇.
+
+    A state (2k,) holds the k free pose parameters q [mm, rotations times LEVER_MM] and their rates [mm/s].
+    """
+
+    equations: Equilibrium
+    row: int
+    start: Array
+    damping: float
+
+    @property
+    def _free(self) -> list[int]:
+        return list(self.equations.free)
+
+    @property
+    def _space(self) -> PoseSpace:
+        return self.equations.model.scene.pose_space
+
+    @property
+    def state(self) -> Array:
+        """At rest in the first pose (2k,)."""
+        q = self.start[self._free] / self.equations.free_scales
+        return np.concatenate([q, np.zeros_like(q)])
+
+    def pose(self, state: Array) -> Array:
+        """The pose (6,) of a state."""
+        pose = self.start.copy()
+        pose[self._free] = _halves(state)[0] * self.equations.free_scales
+        return self._space.onto(pose)
+
+    def rate(self, _: float, state: Array) -> Array:
+        """d state/dt (2k,)."""
+        pose, speed = self.pose(state), _halves(state)[1]
+        missing = self.equations.wanted[self.row] - self.equations.model(pose[None])[0, self._loads]
+        return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / _MASS])
+
+    def rate_slope(self, _: float, state: Array) -> Array:
+        """Derivative (2k, 2k) of the rate by the state, where the motion A is taken as constant."""
+        pose, size = self.pose(state), len(self._free)
+        slope = np.zeros((2 * size, 2 * size))
+        by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
+        by_q = self._space.along(by_pose)[:, self._free] * self.equations.free_scales
+        slope[:size, size:] = np.eye(size)
+        slope[size:, :size] = -self._motion(pose).T @ by_q / _MASS
+        slope[size:, size:] = -self.damping / _MASS * np.eye(size)
+        return slope
+
+    def unrest_n(self, state: Array) -> float:
+        """The larger of the loads' misfit and of c·q̇ [N, torques over LEVER_MM]."""
+        misfit = self.equations.misfit(self.equations.model(self.pose(state)[None]), np.array([self.row]))
+        return max(float(self.equations.in_newtons(misfit)[0]), self.damping * float(np.abs(_halves(state)[1]).max()))
+
+    @property
+    def _loads(self) -> list[int]:
+        return [self.equations.model.load_names.index(name) for name in self.equations.names]
+
+    def _motion(self, pose: Array) -> Array:
+        """A (targets, k)."""
+        moved = _conjugate_motion(self.equations.model, self.equations.names, pose)
+        return np.asarray(self._space.along(moved)[:, self._free] * self.equations.free_scales)
+
+
+def _halves(state: Array) -> tuple[Array, Array]:
+    size = len(state) // 2
+    return state[:size], state[size:]
+
+
 def relax(
     model: ContactModel,
     poses: ArrayLike,
@@ -57,52 +128,25 @@ def relax(
 
     Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`.
     """
-    poses, space = start_copy(model, poses), model.scene.pose_space
+    poses = start_copy(model, poses)
     equations = Equilibrium.of(model, len(poses), free, targets)
     model = equations.model
-    columns, scales = list(equations.free), equations.free_scales
-    if len(columns) != len(equations.names):
-        raise ValueError(f"{len(equations.names)} targets for {len(columns)} free pose parameters, expected as many")
-    loads_of = [model.load_names.index(name) for name in equations.names]
-    size = len(columns)
+    if len(equations.free) != len(equations.names):
+        raise ValueError(
+            f"{len(equations.names)} targets for {len(equations.free)} free pose parameters, expected as many"
+        )
     steps, rests = np.zeros(len(poses), dtype=int), np.zeros(len(poses), dtype=bool)
-
     for k in range(len(poses)):
+        motion = _DampedMotion(equations, k, poses[k].copy(), damping)
 
-        def pose_at(state: Array, k: int = k) -> Array:
-            pose = poses[k].copy()
-            pose[columns] = state[:size] * scales
-            return space.onto(pose)
-
-        def motion_of(pose: Array) -> Array:
-            return space.along(_conjugate_motion(model, equations.names, pose))[:, columns] * scales
-
-        def rate(_: float, state: Array, k: int = k) -> Array:
-            pose = pose_at(state)
-            force = motion_of(pose).T @ (equations.wanted[k] - model(pose[None])[0, loads_of])
-            return np.concatenate([state[size:], (force - damping * state[size:]) / _MASS])
-
-        def rate_slope(_: float, state: Array) -> Array:
-            pose, slope = pose_at(state), np.zeros((2 * size, 2 * size))
-            by_q = space.along(model.jacobian(pose[None])[1][0, loads_of])[:, columns] * scales
-            slope[:size, size:] = np.eye(size)
-            slope[size:, :size] = -motion_of(pose).T @ by_q / _MASS
-            slope[size:, size:] = -damping / _MASS * np.eye(size)
-            return slope
-
-        def unrest(_: float, state: Array, k: int = k) -> float:
-            misfit = equations.misfit(model(pose_at(state)[None]), np.array([k]))
-            moving = damping * float(np.abs(state[size:]).max())
-            return float(np.log(max(equations.in_newtons(misfit)[0], moving, 1e-300) / tolerance))
+        def unrest(_: float, state: Array, motion: _DampedMotion = motion) -> float:
+            return float(np.log(max(motion.unrest_n(state), 1e-300) / tolerance))
 
         unrest.terminal = True  # type: ignore[attr-defined]
-        start = np.concatenate([poses[k, columns] / scales, np.zeros(size)])
-        solution = solve_ivp(
-            rate, (0.0, end_time), start, method=method, jac=rate_slope, events=unrest, rtol=1e-8, atol=1e-10
-        )
-        poses[k] = pose_at(solution.y[:, -1])
+        options = {"method": method, "jac": motion.rate_slope, "events": unrest, "rtol": 1e-8, "atol": 1e-10}
+        solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
+        poses[k] = motion.pose(solution.y[:, -1])
         steps[k], rests[k] = len(solution.t) - 1, solution.status == 1
-
     misfit = equations.misfit(model(poses), np.arange(len(poses)))
     residual = equations.in_newtons(misfit)
     converged = rests | (residual <= tolerance)  # at rest the residual is the tolerance, but for rounding
