@@ -17,7 +17,7 @@ from casadi_contact.network.activations import activation_of
 from casadi_contact.training.arrays import TorchArrays
 from casadi_contact.training.mlp import OUTPUT_RIDGE
 from casadi_contact.training.row_loss import RowLoss
-from casadi_contact.training.weights import layer_shapes
+from casadi_contact.training.weights import layer_shapes, split
 
 Columns = tuple[Array, Array, Array, Array | float]  # inputs (rows, k); targets, weights, false loads (rows,)
 
@@ -56,14 +56,6 @@ class BatchMlp:
         """Count products of one operation pair for each row and parameter of these members (True or False, m)."""
         self.flop[members] += 2 * products * self.rows[members] * self.parameter_count
 
-    def split(self, parameters: Any) -> list[Any]:
-        """The layers (m, neurons, inputs + 1) in vectors of parameters, as views of them."""
-        layers, start = [], 0
-        for neurons, width in self.shapes:
-            layers.append(parameters[:, start : start + neurons * width].reshape(-1, neurons, width))
-            start += neurons * width
-        return layers
-
     def _forward(self, layers: list[Any]) -> list[Any]:
         """ã of every layer's input."""
         values = [self._first]
@@ -90,7 +82,7 @@ class BatchMlp:
     def evaluate(self, parameters: Any, members: np.ndarray) -> tuple[Any, Array]:
         """Parameters with the output layers solved as `mlp.Mlp.evaluate` does, and ½Σr² (m,) there; infinite for what
         is not a number. members: who asked (all are evaluated, these are counted)."""
-        layers = self.split(parameters)
+        layers = split(parameters, self.shapes)
         a = self._forward(layers)[-1]
         y = self._outputs(a, layers[-1])
         loss, (weight, residuals) = self._losses(y), self._rows.weight_and_residual(y)
@@ -110,12 +102,12 @@ class BatchMlp:
 
     def losses(self, parameters: Any) -> Array:
         """½Σr² (m,) at any parameters."""
-        layers = self.split(parameters)
+        layers = split(parameters, self.shapes)
         return np.asarray(self.arrays.numpy(self._losses(self._outputs(self._forward(layers)[-1], layers[-1]))))
 
     def accept(self, parameters: Any, members: np.ndarray) -> Any:
         """Make parameters current; returns the gradients Jᵀr (m, parameters). members: whose are new, for counting."""
-        layers = self.split(parameters)
+        layers = split(parameters, self.shapes)
         self._values = self._forward(layers)
         weight, residuals = self._rows.weight_and_residual(self._outputs(self._values[-1], layers[-1]))
         self._delta = [weight[..., None]]
@@ -136,7 +128,7 @@ class BatchMlp:
 
     def gram_product(self, direction: Any, members: np.ndarray) -> Any:
         """JᵀJ·v (m, parameters)."""
-        pairs = zip(self._values, self.split(direction), self._delta, strict=True)
+        pairs = zip(self._values, split(direction, self.shapes), self._delta, strict=True)
         forward = sum(((a @ layer.mT) * delta).sum(-1) for a, layer, delta in pairs)
         self.count(2, members)
         return self._reverse_product(forward)

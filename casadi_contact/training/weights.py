@@ -58,9 +58,9 @@ def unflatten(parameters: Array, like: Network) -> Network:
 
 
 def split(parameters: Any, shapes: tuple[tuple[int, int], ...]) -> list[Any]:
-    """The layers in a vector of parameters, as views of it."""
-    layers, start = [], 0
+    """The layers (..., neurons, inputs + 1) in vectors of parameters (..., parameters), as views of them."""
+    layers, start, several = [], 0, parameters.shape[:-1]
     for neurons, width in shapes:
-        layers.append(parameters[start : start + neurons * width].reshape(neurons, width))
+        layers.append(parameters[..., start : start + neurons * width].reshape(*several, neurons, width))
         start += neurons * width
     return layers
