@@ -52,24 +52,15 @@ def report(
     console.print(_poses_table(problem, result))
     print_outcome(console, result, "in equilibrium", "row")
     solved = result.converged
-    off = {name: np.abs(wrench - result.wrenches)[solved] for name, wrench in ef.items() if solved.any()}
+    off = {name: np.abs(wrench - result.wrenches)[solved].max(axis=0) for name, wrench in ef.items() if solved.any()}
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
-    for name, difference in off.items():
+    for name, largest in off.items():
         found = int(np.isfinite(ef_poses[name][:, 0]).sum())
-        place = (
-            f"found in {found} rows, lies {moved[name][:3].max():.2g} mm, {np.degrees(moved[name][3:].max()):.2g}° away"
-            if found
-            else "was found in no row"
-        )
-        console.print(
-            f"EF {grids[name]} - {kind}, largest: force {two_digits(difference[:, :3].max())} N, "
-            f"torque {two_digits(difference[:, 3:].max())} N·mm; its own equilibrium{',' if found else ''} {place}",
-            highlight=False,
-        )
+        console.print(f"EF {grids[name]} - {kind}, {_difference(largest, moved[name], found)}", highlight=False)
     if starts is not None:
         console.print(str(starts), highlight=False)
     _write_table(out / "static_equilibrium.csv", problem, result, ef.get("fine"), verdict)
-    summary: dict[str, Any] = {
+    summary = {
         "verdict": str(verdict),
         "free": problem.free,
         "about": problem.about,
@@ -77,17 +68,24 @@ def report(
         "converged": int(result.converged.sum()),
         "verified": int(verdict.verified.sum()),
         **solver_record(result),
-        "ef_off_max": {
-            name: dict(zip(WRENCH_NAMES, difference.max(axis=0).tolist(), strict=True))
-            for name, difference in off.items()
-        },
+        "ef_off_max": {name: dict(zip(WRENCH_NAMES, m.tolist(), strict=True)) for name, m in off.items()},
         "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
+        **({} if starts is None else {"random_starts": starts.record()}),
     }
-    if starts is not None:
-        summary["random_starts"] = starts.record()
     write_summary(out / "static_equilibrium.json", summary)
     draw(result, ef_poses.get("fine"), ef.get("fine"), kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _difference(wrench: Array, moved: Array, found: int) -> str:
+    """Largest difference (6,) of the EF's wrench [N, N·mm], and how far [mm, rad] its own equilibrium lies (6,) in the
+    rows in which it was found."""
+    force, torque = two_digits(wrench[:3].max()), two_digits(wrench[3:].max())
+    millimetres, degrees = moved[:3].max(), np.degrees(moved[3:].max())
+    place = (
+        f", found in {found} rows, lies {millimetres:.2g} mm, {degrees:.2g}° away" if found else " was found in no row"
+    )
+    return f"largest: force {force} N, torque {torque} N·mm; its own equilibrium{place}"
 
 
 def _poses_table(problem: StaticEquilibrium, result: EquilibriumResult) -> Table:
