@@ -14,7 +14,7 @@ from casadi_contact.cluster import cluster_workers
 from casadi_contact.dataset import partial_folder
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.training.weights import flatten
-from tests.sampling.test_draw import draw
+from tests.support.drawn_spheres import draw
 from tests.support.regressions import smooth
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
@@ -30,7 +30,9 @@ def forked():
 
     with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
         get_mp_context()  # sets what it imports by itself
-        multiprocessing.set_forkserver_preload(["distributed", "casadi_contact.training", "tests.sampling.test_draw"])
+        multiprocessing.set_forkserver_preload(
+            ["distributed", "casadi_contact.training", "tests.support.drawn_spheres"]
+        )
         yield
 
 

@@ -14,9 +14,9 @@ import pytest
 from casadi_contact.dataset import read_samples
 from casadi_contact.files import replacing, write_bytes
 from casadi_contact.training import fit
-from tests.sampling.test_draw import draw
-from tests.support.regressions import smooth
-from tests.training.test_fit import FIXED
+from tests.support.drawn_spheres import draw
+from tests.support.readable import others_may_read
+from tests.support.regressions import FIXED, smooth
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="limits and rights as POSIX has them")
 BEFORE = b"what an earlier run wrote"
@@ -30,14 +30,9 @@ def failing(fault, folder):
     return json.loads(done.stdout), done.stderr
 
 
-def _others_may_read(path: Path) -> bool:
-    """True where another user reaches the file: the writers run as one where the tests run as root."""
-    return all(part.stat().st_mode & 0o005 == 0o005 for part in path.resolve().parents)
-
-
 @pytest.fixture(scope="module", params=["full", "read-only"])
 def failed(request):
-    if request.param == "read-only" and os.geteuid() == 0 and not _others_may_read(Path(__file__)):
+    if request.param == "read-only" and os.geteuid() == 0 and not others_may_read(Path(__file__)):
         pytest.skip("only root can read this checkout, and root may write in a read-only folder")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -102,6 +103,14 @@ def test_no_module_imports_itself_through_others(folder):
         TopologicalSorter(module_imports(folder)).prepare()
     except CycleError as error:
         pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
+
+
+def test_what_helps_tests_imports_none_of_them():
+    """A test that another file needs would run what it prepares wherever that file is read."""
+    for path in Path(__file__).parent.rglob("*.py"):
+        if not path.name.startswith("test_"):
+            imported = re.findall(r"^ *from (tests\S*) import", path.read_text("utf-8"), re.M)
+            assert not any(".test_" in module for module in imported), f"{path} imports {imported}"
 
 
 def test_only_a_problem_s_command_imports_its_report():

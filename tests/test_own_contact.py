@@ -1,21 +1,20 @@
 """A user's own contact model, as a Python callable or as a table, becomes a surrogate with no elastic foundation."""
 
-import csv
 import shlex
 
 import casadi as ca
-import h5py
 import numpy as np
 import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.benchmark import choose, speed
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
+from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.sampling import model_name_of
 from tests.support import own_contact
+from tests.support.own_contact import table_rows, write_csv, write_hdf5
 
 SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effort(((6, 6),), 6.0)}})
 
@@ -31,32 +30,6 @@ def small():
 def scene_file(tmp_path):
     path = tmp_path / "socket.toml"
     path.write_text(own_contact.SCENE.to_toml())
-    return path
-
-
-def table_rows(count=1200):
-    rng = np.random.default_rng(0)
-    directions = np.array([0.1, 0.9, 0.2]) + rng.uniform(-0.2, 0.2, (count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    size = own_contact.CLEARANCE_MM + rng.uniform(-0.02, 0.08, (count, 1))
-    poses = np.hstack([own_contact.CENTRE_MM + size * directions, rng.uniform(-0.3, 0.3, (count, 3))])
-    columns = dict(zip(POSE_NAMES, poses.T, strict=True))
-    columns |= dict(zip(WRENCH_NAMES, own_contact.wrenches(poses)[:, 0].T, strict=True))
-    return columns | {"gap": own_contact.gaps(poses)[:, 0]}
-
-
-def write_csv(path, columns):
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(np.column_stack(list(columns.values())).tolist())
-    return path
-
-
-def write_hdf5(path, columns):
-    with h5py.File(path, "w") as file:
-        for name, column in columns.items():
-            file[name] = column
     return path
 
 

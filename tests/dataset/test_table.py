@@ -8,8 +8,7 @@ from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, read_sample_table
 from casadi_contact.project.project import Project
 from casadi_contact.project.samples import take_table
-from tests.support.own_contact import SCENE
-from tests.test_own_contact import table_rows, write_csv, write_hdf5
+from tests.support.own_contact import SCENE, table_rows, write_csv, write_hdf5
 
 
 @pytest.mark.parametrize(("name", "write"), [("t.csv", write_csv), ("t.h5", write_hdf5)])

@@ -36,13 +36,12 @@ from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.muscle import force_capacity
 from problems.muscle_contact.walk import read_length_range, read_walk
 from tests.fuzz.mutations import mutated
-from tests.sampling.test_draw import MOTION
+from tests.support.drawn_spheres import sphere_motion
 from tests.support.hdf5_files import unsealed
 from tests.support.muscle_files import write_walk
-from tests.support.own_contact import SCENE
+from tests.support.own_contact import SCENE, table_rows, write_csv, write_hdf5
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples
-from tests.test_own_contact import table_rows, write_csv, write_hdf5
 
 POSES = random_poses(12)
 FRONT = Path(cc.__file__).parent / "benchmark" / "ready" / "knee.csv"
@@ -114,9 +113,8 @@ def _checkpoint(path: Path) -> Any:
 
 
 def _motion(path: Path) -> None:
-    write_npz(
-        path, inputs=np.array(MOTION.point.inputs), cycles=np.array(["one"]), curves=MOTION.curves, poses=MOTION.poses
-    )
+    motion, cycles = sphere_motion(), np.array(["one"])
+    write_npz(path, inputs=np.array(motion.point.inputs), cycles=cycles, curves=motion.curves, poses=motion.poses)
 
 
 def _read_motion(path: Path) -> Any:

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import CellFoundation, CupFoundation
-from casadi_contact.contact.polar.ends import ray_ends
 from casadi_contact.contact.pressure import pressures
-from casadi_contact.conventions import pose_index, rotation
-from casadi_contact.geometry.field_derivatives import distance_slopes
+from casadi_contact.conventions import pose_index
 from casadi_contact.live import write_joint_page
 from casadi_contact.live.contact_model import page_contact
 from casadi_contact.live.fixed_surface import fixed_surfaces
@@ -20,6 +17,7 @@ from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, until
+from tests.support.depths import depths, law_of
 from tests.support.shared_data import shared_file
 from tests.support.triangle_areas import point_areas_mm2
 
@@ -129,33 +127,6 @@ def test_pressures_in_the_page_are_those_of_python_s_formulas(live):
         )
         assert expected.any()
         agree(live.of_poses(f"Array.from(m.contact.pressures(pose, {p}))", poses).T, expected.T, size=expected.max())
-
-
-def law_of(model):
-    return model.patches[0].law if isinstance(model, CellFoundation) else model.law
-
-
-def depths(model, p, surface, pose):
-    """Depths (m,) at a patch's points by NumPy."""
-    R, t = rotation(pose[3:]), pose[:3]
-    if isinstance(model, CupFoundation):
-        b, radius = t - model.cup.centre, model.cup.ball_radius
-        s = surface.places @ b
-        return np.maximum(s + np.sqrt(np.maximum(radius**2 - b @ b + s * s, 0.0)) - model.cup.radius, 0.0)
-    if isinstance(model, CellFoundation):
-        c, n = surface.places[:, :3], surface.places[:, 3:]
-        depth = np.zeros(len(c))
-        outside = distance_slopes(model.patches[p].body, (c - t) @ R)[0] >= 0.0
-        for _ in range(3):
-            g, slope = distance_slopes(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
-            along = np.einsum("ij,ij->i", slope, n @ R)
-            depth -= g / np.maximum(-along, 0.05)  # a distance that is level, or falls the other way, tells no depth
-        return np.where(outside, 0.0, np.maximum(depth, 0.0))
-    count = len(surface.places)
-    ends = ray_ends(
-        model.patches[p], np.broadcast_to(R, (count, 3, 3)), np.broadcast_to(t, (count, 3)), *surface.places.T
-    )
-    return np.maximum(ends.depth, 0.0)
 
 
 def test_areas_peaks_and_centres_in_the_page_are_those_of_python(live):

@@ -18,7 +18,7 @@ from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.regressions import smooth
-from tests.transcription.test_consistency import second_derivatives
+from tests.support.second_derivatives import second_derivatives
 
 torch = pytest.importorskip("torch", reason="its autograd is the oracle")
 

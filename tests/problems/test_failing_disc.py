@@ -11,7 +11,7 @@ import pytest
 
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
-from tests.test_failing_disc import _others_may_read
+from tests.support.readable import others_may_read
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="limits and rights as POSIX has them")
 ROOT = Path(__file__).parents[2]
@@ -70,7 +70,7 @@ def test_a_full_disc_is_one_line(tmp_path):
 
 
 def test_a_read_only_folder_is_one_line_before_any_work():
-    if os.geteuid() == 0 and not _others_may_read(Path(__file__)):
+    if os.geteuid() == 0 and not others_may_read(Path(__file__)):
         pytest.skip("only root can read this checkout, and root may write in a read-only folder")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -12,27 +12,11 @@ from casadi_contact.sampling import (
     ReferenceMotion,
     SamplingSettings,
     draw_samples,
-    reference_motion,
 )
 from casadi_contact.scenes import load_scene
 from tests.support import two_spheres
+from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
 from tests.support.two_spheres import TwoSpheres, knee
-
-SETTINGS = SamplingSettings(scale=0.003, frames=21, chunk_size=20, seed=5)
-
-
-def sphere_motion():
-    model = TwoSpheres(knee())
-    return reference_motion(model, two_spheres.cycles(model)[0], SETTINGS)[0]
-
-
-MOTION = sphere_motion()
-
-
-def draw(path, executor, settings=SETTINGS, **options):
-    return draw_samples(
-        knee(), MOTION, path, settings=settings, executor=executor, models=two_spheres.models, **options
-    )
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +79,7 @@ def test_d4_goes_off_in_equal_steps_with_the_other_force_kept(samples):
 
 def test_the_inputs_of_d3_fill_their_box(samples):
     d3 = samples.select(domain=3)
-    box = MOTION.envelopes.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(knee().normal_loads, 5.0)
+    box = sphere_motion().envelopes.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(knee().normal_loads, 5.0)
     loads = d3.loads(["Fy_med", "Fy_lat"])
     inputs = np.column_stack([d3.poses[:, 0], loads[:, 0], d3.poses[:, 2], loads[:, 1], d3.poses[:, 4], d3.poses[:, 5]])
     slack = 1e-2
@@ -139,9 +123,9 @@ def test_progress_counts_chunks(tmp_path):
 
 def test_what_does_not_settle_is_dropped_and_counted(tmp_path):
     """A motion 3 m off: within 60 steps of at most 5 mm none of its start poses finds contact."""
-    lost = MOTION.poses.copy()
+    lost = sphere_motion().poses.copy()
     lost[..., 1] += 3000.0
-    motion = ReferenceMotion(MOTION.point, MOTION.curves, lost)
+    motion = ReferenceMotion(sphere_motion().point, sphere_motion().curves, lost)
     settings = SamplingSettings(counts={"D1": 30, "D4": 30}, frames=21)
     with ThreadPoolExecutor(1) as executor:
         samples = draw_samples(
@@ -170,7 +154,7 @@ def test_a_model_that_pulls_has_those_samples_dropped(tmp_path):
     settings = SamplingSettings(counts={"D1": 20, "D5": 30}, frames=21)
     with ThreadPoolExecutor(1) as executor:
         samples = draw_samples(
-            knee(), MOTION, tmp_path / "s.h5", settings=settings, executor=executor, models=sticky_models
+            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=sticky_models
         )
     assert samples.provenance["dropped"] == {"D5": {"pulls": 30}}
     assert len(samples) == 20
@@ -192,7 +176,7 @@ def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(sample
     with ThreadPoolExecutor(1) as executor:
         kept = draw_samples(
             knee(),
-            MOTION,
+            sphere_motion(),
             tmp_path / "s.h5",
             settings=replace(SETTINGS, most_dropped=1.0),
             executor=executor,
@@ -236,7 +220,9 @@ def gapless_models(scene, settings):
 def test_a_users_own_model_goes_the_same_way(models, tmp_path):
     settings = SamplingSettings(counts={"D1": 20, "D3": 20, "D4": 30, "D5": 30}, frames=21)
     with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(knee(), MOTION, tmp_path / "s.h5", settings=settings, executor=executor, models=models)
+        samples = draw_samples(
+            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=models
+        )
     assert len(samples) == 100
     assert np.isnan(samples.gaps).all() == (models is gapless_models)
     lifted = TwoSpheres(knee()).gaps(samples.select(domain=4).poses).max(axis=1).reshape(-1, 3)

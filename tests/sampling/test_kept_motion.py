@@ -199,7 +199,7 @@ def test_a_plan_of_which_nothing_was_drawn_yields_to_another_model(project):
 
 
 def test_a_table_leaves_no_motion_of_a_draw_behind(project, tmp_path):
-    from tests.test_own_contact import table_rows, write_csv
+    from tests.support.own_contact import table_rows, write_csv
 
     stopped(project, model(project))
     pipeline.take_table(project, write_csv(tmp_path / "table.csv", table_rows(60)))

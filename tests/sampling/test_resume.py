@@ -11,15 +11,15 @@ import pytest
 
 from casadi_contact.dataset import partial_folder, read_samples
 from casadi_contact.sampling import ReferenceMotion, draw_samples, foundations
-from tests.sampling.test_draw import MOTION, SETTINGS, draw
 from tests.support import two_spheres
+from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
 from tests.support.two_spheres import knee
 
 KILLED_DRAW = """
 import os, signal, sys
 from concurrent.futures import ThreadPoolExecutor
 sys.path.insert(0, sys.argv[2])
-from tests.sampling.test_draw import draw
+from tests.support.drawn_spheres import draw
 with ThreadPoolExecutor(1) as executor:
     draw(sys.argv[1], executor, progress=lambda done, total: done < 4 or os.kill(os.getpid(), signal.SIGKILL))
 """
@@ -100,7 +100,7 @@ def other_models(scene, settings):
 
 
 def begun_with_other_things():
-    moved = ReferenceMotion(MOTION.point, MOTION.curves, MOTION.poses + 1e-9)
+    moved = ReferenceMotion(sphere_motion().point, sphere_motion().curves, sphere_motion().poses + 1e-9)
     return {
         "seed = 5, now 6": {"settings": replace(SETTINGS, seed=6)},
         "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
@@ -114,7 +114,7 @@ def begun_with_other_things():
 def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path, whole):
     complete = tmp_path / "complete.h5"
     complete.write_bytes(whole)
-    asked = {"scene": knee(), "motion": MOTION, "settings": SETTINGS, "models": two_spheres.models}
+    asked = {"scene": knee(), "motion": sphere_motion(), "settings": SETTINGS, "models": two_spheres.models}
     asked |= begun_with_other_things()[message]
     scene, motion = asked.pop("scene"), asked.pop("motion")
     for path in (stopped, complete):
@@ -137,7 +137,13 @@ def test_samples_of_a_foundation_go_on_for_no_smaller_tolerances(tmp_path, monke
     def go_on(scene, progress=None):
         with ThreadPoolExecutor(1) as executor:
             return draw_samples(
-                scene, MOTION, path, settings=settings, executor=executor, models=foundations, progress=progress
+                scene,
+                sphere_motion(),
+                path,
+                settings=settings,
+                executor=executor,
+                models=foundations,
+                progress=progress,
             )
 
     def stop(done, total):

@@ -15,7 +15,7 @@ from tests.structures.direct.surrogate import DirectSurrogate
 from tests.support import two_spheres
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.transcription.test_consistency import second_derivatives
+from tests.support.second_derivatives import second_derivatives
 
 PRESET = Preset(0.004, {"direct": {"": Effort(((5,),), 0.3)}})
 

@@ -28,12 +28,11 @@ from casadi_contact.show import figure as show_figure
 from casadi_contact.training import checkpoint, fit
 from casadi_contact.transcription import save_function
 from tests.fuzz.readers import FRONT
-from tests.sampling.test_draw import draw
+from tests.support.drawn_spheres import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate
-from tests.support.regressions import smooth
+from tests.support.regressions import FIXED, smooth
 from tests.support.smooth_samples import smooth_samples
-from tests.training.test_fit import FIXED
 
 POSES = random_poses(40)
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full

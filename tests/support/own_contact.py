@@ -3,9 +3,13 @@
 With the ball's centre displaced by e from the socket's: F = k·max(|e| - c, 0)²·e/|e|, T = centre × F.
 """
 
+import csv
+
+import h5py
 import numpy as np
 
 import casadi_contact as cc
+from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.scenes import Scene
 
 CLEARANCE_MM, STIFFNESS = 0.4, 2.0e5  # N/mm²
@@ -71,3 +75,30 @@ def models(scene, settings):
     """A pair of models for draw_samples, importable by worker processes."""
     model = cc.CallableModel(scene, wrenches, gaps)
     return model, model
+
+
+def table_rows(count=1200):
+    """Columns of a table of samples, each (count,): the ball touches the socket, or nearly does."""
+    rng = np.random.default_rng(0)
+    directions = np.array([0.1, 0.9, 0.2]) + rng.uniform(-0.2, 0.2, (count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    size = CLEARANCE_MM + rng.uniform(-0.02, 0.08, (count, 1))
+    poses = np.hstack([CENTRE_MM + size * directions, rng.uniform(-0.3, 0.3, (count, 3))])
+    columns = dict(zip(POSE_NAMES, poses.T, strict=True))
+    columns |= dict(zip(WRENCH_NAMES, wrenches(poses)[:, 0].T, strict=True))
+    return columns | {"gap": gaps(poses)[:, 0]}
+
+
+def write_csv(path, columns):
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(np.column_stack(list(columns.values())).tolist())
+    return path
+
+
+def write_hdf5(path, columns):
+    with h5py.File(path, "w") as file:
+        for name, column in columns.items():
+            file[name] = column
+    return path

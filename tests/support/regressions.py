@@ -3,6 +3,9 @@
 import numpy as np
 
 from casadi_contact.network import Regression
+from casadi_contact.training import TrainingSettings
+
+FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)  # ends by iterations, the same on any machine
 
 
 def smooth(rows=400, seed=0, tolerance=0.0, name="smooth") -> Regression:

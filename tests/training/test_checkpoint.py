@@ -8,9 +8,8 @@ import pytest
 
 from casadi_contact.training import TrainingSettings, fit, search
 from casadi_contact.training.weights import flatten
-from tests.support.regressions import smooth
+from tests.support.regressions import FIXED, smooth
 
-FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)
 GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 
 

@@ -10,9 +10,8 @@ from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.arrays import arrays_for
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import flatten, initial_network
-from tests.support.regressions import smooth
+from tests.support.regressions import FIXED, smooth
 
-FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)
 GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 
 

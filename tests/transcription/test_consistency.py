@@ -8,31 +8,13 @@ from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from tests.support.agreement import agree
 from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called
+from tests.support.second_derivatives import evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
 CASES += [("hip", "trunk"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
-
-
-def second_derivatives(function: ca.Function) -> ca.Function:
-    """pose, λ -> Hessian of λᵀ·output, the way nlpsol builds it."""
-    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
-    lagrangian = ca.dot(weights, function(pose))
-    return ca.Function("lagrangian_hessian", [pose, weights], [ca.hessian(lagrangian, pose)[0]])
-
-
-def evaluated(function: ca.Function, poses: np.ndarray, weights: np.ndarray) -> list[np.ndarray]:
-    """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of weights·value, called as nlpsol calls them."""
-    jacobian, hessian = function.jacobian(), second_derivatives(function)
-    found = [
-        np.stack([function(pose).full().ravel() for pose in poses]),
-        np.stack([jacobian(pose, 0).full() for pose in poses]),
-        np.stack([[hessian(pose, w).full()] for pose, w in zip(poses, weights, strict=True)]),
-    ]
-    np.testing.assert_array_equal(found[2], found[2].swapaxes(2, 3))
-    return found
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)

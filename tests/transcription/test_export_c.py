@@ -14,7 +14,7 @@ from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import IN_SPOTS, random_poses, random_surrogate
-from tests.transcription.test_consistency import second_derivatives
+from tests.support.second_derivatives import second_derivatives
 
 
 @needs_compiler

@@ -18,8 +18,7 @@ from tests.support.random_surrogates import (
     random_surrogate,
     scene_called,
 )
-from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian
-from tests.transcription.test_consistency import evaluated
+from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian, evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 pytestmark = needs_compiler

@@ -14,7 +14,9 @@ from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_mot
 from casadi_contact.sampling.chunk import draw_chunk
 from casadi_contact.structures.load import ready_surrogates
 from tests.support.agreement import CANCELLED, agree
-from tests.transcription.test_consistency import evaluated, torch_oracle
+from tests.support.second_derivatives import evaluated
+
+torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 
 @pytest.fixture(scope="module")
