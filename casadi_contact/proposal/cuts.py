@@ -27,7 +27,7 @@ from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.patch.local_pose import local_poses
-from casadi_contact.structures.patch.targets import GAP_WEIGHT, root_target, root_weight
+from casadi_contact.structures.patch.targets import root_target, root_weight
 from casadi_contact.structures.sample_rows import fitted_rows
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.workers import cancelled_if_left, worker_pool
@@ -159,7 +159,7 @@ def mean_square_error(scene: Scene, local: Array, loads_n: Array, gaps_mm: Array
     if (contact & ~validation).sum() < _FEWEST:
         return _without_outliers(loads_n[validation] ** 2)
     target = root_target(loads_n, gaps_mm, scene)
-    weight, false_load = root_weight(target, scene, GAP_WEIGHT), np.where(contact, 0.0, scene.reference_load)
+    weight, false_load = root_weight(target, scene), np.where(contact, 0.0, scene.reference_load)
     part = Regression("part", local, target, weight, validation, tolerance=0.0, false_load=false_load)
     network = fit(part, TrainingSettings(sizes=(_HIDDEN,), max_gflop=_GFLOP, restarts=0)).network
     found_n = scene.reference_load * np.maximum(network.value(local[validation]), 0.0) ** 2

@@ -120,7 +120,7 @@ def test_samples_off_the_locked_pose_are_refused():
         role=np.zeros(count, np.uint8),
     )
     with pytest.raises(ValueError, match="is off its locked or tied value by up to"):
-        patch_regressions(samples, gap_weight=0.02)
+        patch_regressions(samples)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from casadi_contact.network import Regression
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.structures.patch.targets import root_weight
 from tests.support.random_surrogates import random_poses, random_surrogate
 
 KNEE = load_scene("knee")
@@ -148,17 +149,18 @@ def test_targets_are_roots_gaps_and_ratios():
 
 def test_root_residuals_are_newtons_in_contact_and_fade_out_of_it():
     drawn = samples()
-    root = next(r for r in PatchSurrogate.regressions(drawn, gap_weight=0.02) if r.name == "root_med")
+    root = next(r for r in PatchSurrogate.regressions(drawn) if r.name == "root_med")
     normal = KNEE.reference_load * np.maximum(root.targets, 0.0) ** 2
     loaded = normal > KNEE.boundary_load
     small = 1e-6
     change = KNEE.reference_load * (root.targets[loaded] + small) ** 2 - normal[loaded]
     np.testing.assert_allclose(root.weights[loaded] * small, change, rtol=1e-4)
-    boundary = root.weights[loaded].min()
+    boundary = 2.0 * np.sqrt(KNEE.boundary_load * KNEE.reference_load)
+    assert root.weights[loaded].min() >= boundary * (1 - 1e-12)
     lifted = root.targets < 0.0
     assert (root.weights[lifted] <= boundary * (1 + 1e-12)).all()
-    deep = root.targets < -KNEE.gap_slope * 0.5
-    assert not deep.any() or (root.weights[deep] >= 0.02 * np.sqrt(KNEE.boundary_load * KNEE.reference_load)).all()
+    far = root_weight(np.array([-KNEE.gap_slope * 20.0]), KNEE)  # 20 mm
+    np.testing.assert_allclose(far, 0.02 * boundary, rtol=1e-12)
     order = np.argsort(root.targets[lifted])
     assert (np.diff(root.weights[lifted][order]) >= 0.0).all(), "the nearer to contact, the more an error counts"
 
@@ -196,8 +198,6 @@ def test_samples_that_cannot_be_fitted_are_refused():
     lifted = int(np.flatnonzero((samples(50).gaps[:, 0] > 0) & (samples(50).role == TRAIN))[0])
     with pytest.raises(ValueError, match=f"gap of patch 'med' is unknown at row {lifted}"):
         PatchSurrogate.regressions(changed(gaps=((lifted, 0), np.nan)))
-    with pytest.raises(ValueError, match="gap_weight"):
-        PatchSurrogate.regressions(samples(50), gap_weight=0.0)
 
 
 def test_networks_that_fit_their_targets_give_back_the_loads():

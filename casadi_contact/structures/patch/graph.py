@@ -1,4 +1,4 @@
-"""The patch structure (README) as CasADi expressions of the pose, with both derivatives written out.
+"""The patch structure (docs/method.md) as CasADi expressions of the pose, with both derivatives written out.
 
     N = N0·Σ max(s, 0)²,  dN = 2·N0·Σ max(s, 0)·ds,  d²N = 2·N0·Σ ([s > 0]·dsᵀds + max(s, 0)·d²s)    over spots
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
@@ -92,7 +92,7 @@ def patch_expressions(
     reference_load: float,
     pose: ca.MX,
     order: int,
-    space: PoseSpace | None = None,
+    space: PoseSpace,
 ) -> Expressions:
     """Root loads and loads = Σ S·wrench with derivatives up to order 0, 1 or 2.
 
@@ -100,7 +100,6 @@ def patch_expressions(
     free columns of the local poses.
     """
     roots, loads = [], []
-    space = PoseSpace() if space is None else space
     held = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
     tangent = None if space.whole else ca.MX(ca.DM.eye(6)[list(space.free), :])
     at_patches = local_pose_expressions(held, np.array([patch.anchor_mm for patch in patches]))

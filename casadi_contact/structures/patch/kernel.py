@@ -238,12 +238,9 @@ def _held(space: PoseSpace) -> tuple[str, str]:
     return "given" if space.whole else f"(const double[6]){{{', '.join(entries)}}}", by_free
 
 
-def patch_kernel(
-    patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace | None = None
-) -> Kernel:
+def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace) -> Kernel:
     """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root loads of every patch's spots;
     networks take the local poses' free columns."""
-    space = PoseSpace() if space is None else space
     held, by_free = _held(space)
     first = [0, *itertools.accumulate(patch.root.outputs for patch in patches)]
     made = [_patch(patch, first[p], selection[:, p], reference_load, space) for p, patch in enumerate(patches)]

@@ -1,4 +1,4 @@
-"""The patch surrogate, the default (README).
+"""The patch surrogate (docs/method.md).
 
 Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p):
 
@@ -34,7 +34,7 @@ from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
-from casadi_contact.structures.patch.targets import GAP_WEIGHT, patch_regressions
+from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.structures.patch.together import parts_regressions
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
@@ -77,14 +77,14 @@ class PatchSurrogate(Surrogate):
         return name.startswith("root_")
 
     @staticmethod
-    def regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
+    def regressions(samples: Samples) -> list[Regression]:
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
-        return patch_regressions(samples, gap_weight=gap_weight)
+        return patch_regressions(samples)
 
     @staticmethod
     def parts_regressions(samples: Samples) -> list[PartsRegression]:
         """Root loads of the parts of each patch that is cut; see `together.parts_regressions`."""
-        known = patch_regressions(samples, gap_weight=GAP_WEIGHT)
+        known = patch_regressions(samples)
         roots = {root.name.removeprefix("root_"): root for root in known if root.name.startswith("root_")}
         return parts_regressions(samples, roots)
 

@@ -1,4 +1,4 @@
-"""Training targets of the patch surrogate (README).
+"""Training targets of the patch surrogate (docs/method.md).
 
 Which samples take part: training and validation rows (the test rows are held back [EF15 §3.3]); all of them for a root
 load, those in contact (N > 0) for a ratio, which has no meaning where there is no load.
@@ -20,7 +20,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
 
-GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
+_GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
 _ON_SPACE = 1e-9  # [mm, rad]: rounding
 
 
@@ -30,23 +30,23 @@ def root_target(normal: Array, gap_mm: Array, scene: Scene) -> Array:
     return np.where(normal > 0.0, np.sqrt(np.maximum(normal, 0.0) / scene.reference_load), outside)
 
 
-def root_weight(target: Array, scene: Scene, gap_weight: float) -> Array:
+def root_weight(target: Array, scene: Scene) -> Array:
     """Residual weight in newtons per unit of s.
 
     In contact dN/ds = 2·N0·max(s, s_b), with s_b the root of the boundary load, so that a light touch still counts.
-    Outside 2·N0·s_b·max(gap_weight, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
+    Outside 2·N0·s_b·max(_GAP_WEIGHT, min(1, s_b/|s|)): continuous at liftoff, where an error would be a false
     contact, and small (2 %) where only the direction back into contact matters: there a load that is predicted counts
     by itself (`Regression.false_load`).
     """
     floor = np.sqrt(scene.boundary_load / scene.reference_load)
     fade = floor / np.maximum(np.abs(target), floor)
-    relative = np.where(target > 0.0, np.maximum(target, floor) / floor, np.maximum(gap_weight, fade))
+    relative = np.where(target > 0.0, np.maximum(target, floor) / floor, np.maximum(_GAP_WEIGHT, fade))
     return 2.0 * scene.reference_load * floor * relative
 
 
 def root_regressions(samples: Samples) -> list[Regression]:
     """Those of `patch_regressions` that are of root loads, as of one spot each."""
-    roots = (r for r in patch_regressions(samples, gap_weight=GAP_WEIGHT) if r.name.startswith("root_"))
+    roots = (r for r in patch_regressions(samples) if r.name.startswith("root_"))
     return [replace(root, spots=1) for root in roots]
 
 
@@ -61,7 +61,7 @@ def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
     }
 
 
-def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
+def patch_regressions(samples: Samples) -> list[Regression]:
     """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
     scene's loads need.
 
@@ -69,8 +69,6 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     N, so that residuals are in N or N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that
     pulls, for an unknown gap out of contact, or without samples.
     """
-    if not 0.0 < gap_weight <= 1.0:
-        raise ValueError(f"gap_weight is {gap_weight}, expected a number above 0 and up to 1")
     scene = samples.scene
     refuse_pulling(samples, "samples")
     rows, validation = fitted_rows(samples)
@@ -81,44 +79,34 @@ def patch_regressions(samples: Samples, *, gap_weight: float) -> list[Regression
     components, tolerances = part_components(scene), _tolerances(scene, all_wrenches)
     regressions = []
     for p, part in enumerate(scene.parts):
-        patch, pressed = part.name, part.normal
-        used = [WRENCH_NAMES.index(name) for name in components[patch]]
-        wrench = all_wrenches[:, p]
-        normal = pressed.of(wrench)
-        lost = (normal <= 0.0) & ~np.isfinite(gaps_mm[:, p])
+        wrench, gap_mm = all_wrenches[:, p], gaps_mm[:, p]
+        normal = part.normal.of(wrench)
+        contact = normal > 0.0
+        lost = ~contact & ~np.isfinite(gap_mm)
         if lost.any():
             raise ValueError(
-                f"samples: gap of patch {patch!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out of "
-                "contact; expected a contact model with gaps, or the two_stage structure"
+                f"samples: gap of patch {part.name!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out "
+                "of contact; expected a contact model with gaps, or the two_stage structure"
             )
-        local = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
-        target = root_target(normal, gaps_mm[:, p], scene)
-        contact = normal > 0.0
         root_tolerance, ratio_tolerances = tolerances[p]
-        regressions.append(
-            Regression(
-                f"root_{patch}",
-                local,
-                target,
-                root_weight(target, scene, gap_weight),
-                validation,
-                root_tolerance,
-                part.spots,
-                # Not of several spots, which would all be driven out of contact before one learns to bear.
-                np.where(contact | (part.spots > 1), 0.0, scene.reference_load),
-                domain,
-            )
-        )
-        for k in used:
+        inputs = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
+        target = root_target(normal, gap_mm, scene)
+        # Not of several spots, which would all be driven out of contact before one learns to bear.
+        false_load = np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
+        columns = (inputs, target, root_weight(target, scene), validation)
+        root = Regression(f"root_{part.name}", *columns, root_tolerance, part.spots, false_load, domain)
+        regressions.append(root)
+        touching = root.of_rows(contact)
+        for k in (WRENCH_NAMES.index(name) for name in components[part.name]):
             regressions.append(
-                Regression(
-                    f"ratio_{patch}_{WRENCH_NAMES[k]}",
-                    local[contact],
-                    wrench[contact, k] / normal[contact],
-                    normal[contact],
-                    validation[contact],
-                    ratio_tolerances[k],
-                    domain=domain[contact],
+                replace(
+                    touching,
+                    name=f"ratio_{part.name}_{WRENCH_NAMES[k]}",
+                    targets=wrench[contact, k] / normal[contact],
+                    weights=normal[contact],
+                    tolerance=ratio_tolerances[k],
+                    spots=1,
+                    false_load=0.0,
                 )
             )
     return regressions

@@ -18,7 +18,6 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
-from casadi_contact.structures.patch.targets import GAP_WEIGHT
 from casadi_contact.structures.trunk.targets import trunk_name, trunk_outputs, trunk_regressions
 from casadi_contact.training.growth import widen
 
@@ -44,9 +43,9 @@ class TrunkSurrogate(PatchSurrogate):
         return {name: ratios.get(name, 1) for name in cls.network_inputs(scene)}
 
     @staticmethod
-    def regressions(samples: Samples, *, gap_weight: float = GAP_WEIGHT) -> list[Regression]:
+    def regressions(samples: Samples) -> list[Regression]:
         """See `trunk_regressions`."""
-        return trunk_regressions(samples, gap_weight=gap_weight)
+        return trunk_regressions(samples)
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:

@@ -21,13 +21,13 @@ def trunk_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
     return {trunk_name(part): names for part, names in components.items() if names}
 
 
-def trunk_regressions(samples: Samples, *, gap_weight: float) -> list[Regression]:
+def trunk_regressions(samples: Samples) -> list[Regression]:
     """The regressions of root loads, and one of all ratios for each part, its residuals in shares of what is wanted.
 
     With the residuals r_k = N·(ρ_k - W_k/N) [N, N·mm] and the tolerances τ_k of `patch_regressions`, the squares of a
     row's m outputs add up to (1/m)·Σ (r_k/τ_k)²: the root mean square is 1 where all are as wrong as they may be.
     """
-    alone = {regression.name: regression for regression in patch_regressions(samples, gap_weight=gap_weight)}
+    alone = {regression.name: regression for regression in patch_regressions(samples)}
     regressions = []
     for part, components in part_components(samples.scene).items():
         regressions.append(alone[f"root_{part}"])

@@ -1,4 +1,4 @@
-"""Compiled kernels: one small C file per surrogate, with structured first and second derivatives (README)."""
+"""Compiled kernels: one small C file per surrogate, with structured first and second derivatives."""
 
 from __future__ import annotations
 
