@@ -12,7 +12,6 @@ many seconds of a core they took. Errors and times stand beside those of the sce
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -43,9 +42,7 @@ app = new_app()
 
 
 @alone
-def train_with_work(
-    project: Project, gflop: Sequence[float], update: Update | None = None, executor: Executor | None = None
-) -> dict[str, Surrogate]:
+def train_with_work(project: Project, gflop: Sequence[float], update: Update | None = None) -> dict[str, Surrogate]:
     """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads; that of the largest
     budget bears the size alone. Those on disk are not trained again, interrupted ones go on.
 
@@ -59,7 +56,7 @@ def train_with_work(
     samples, efforts = project.samples(), project.preset.efforts[STRUCTURE]
     model = f"{STRUCTURE} {size_text(efforts[''].sizes[-1])}"
     made: dict[str, Surrogate] = {}
-    with worker_pool(executor) as workers:
+    with worker_pool() as workers:
         for budget in gflop:
             name = model if budget == max(gflop) else f"{model} ({budget:g} Gflop)"
             folder = project.folder / NAME / f"{budget:g}_gflop"
