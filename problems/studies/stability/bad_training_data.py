@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from casadi_contact.network import Regression
+from casadi_contact.quantities import two_digits
 from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
 from casadi_contact.training import TrainingSettings, fit
 from problems.studies.stability.methods import EF_ANALYTIC, METHODS, PATCH, SURROGATES, TWO_STAGE, Bench
@@ -88,11 +89,11 @@ def measure(bench: Bench, count: int = 1500, iterations: int = 150) -> tuple[lis
     for method, structure in STRUCTURES.items():
         clean = structure.regressions(samples)[0]
         usual, said, stop = outcome(clean, clean, settings)
-        cells["clean"][method] = f"{usual:.2g} N / {said:.2g} N; {stop}"
+        cells["clean"][method] = f"{two_digits(usual)} N / {two_digits(said)} N; {stop}"
         for case, spoil in CASES.items():
             truth = constant_output(clean) if case == "constant output" else clean
             error, said, stop = outcome(spoil(clean), truth, settings)
-            known = f"{error / usual:.2g} / {said / usual:.2g}; " if np.isfinite(error) else ""
+            known = f"{two_digits(error / usual)} / {two_digits(said / usual)}; " if np.isfinite(error) else ""
             cells[case][method] = known + stop
     quantities = {"clean": "error on clean rows / reported; stop"}
     return [Line(8, case, quantities.get(case, QUANTITY), row, untrained) for case, row in cells.items()], None

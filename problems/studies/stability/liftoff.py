@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, wrench_function
+from casadi_contact.quantities import three_digits
 from casadi_contact.statics import settle
 from problems.static_equilibrium.problem import residual_function
 from problems.studies.stability.methods import PATCH, Bench
@@ -108,7 +109,7 @@ def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], dict[str, Any]]
             continue
         edge = one_sided(model, pose, height)
         for label, key in (("N [N]", "N"), ("dN/dty [N/mm]", "dN"), ("d²N/dty² [N/mm²]", "ddN")):
-            cells[method][f"{label}, in contact → out"] = f"{edge[key][0]:.3g} → {edge[key][1]:.3g}"
+            cells[method][f"{label}, in contact → out"] = " → ".join(three_digits(slope) for slope in edge[key][:2])
     lines = []
     for quantity in cells[PATCH]:
         edge_of = "→" in quantity
