@@ -4,6 +4,7 @@ from casadi_contact.optimisation.contact_frames import ContactFrames, pose_in_sp
 from casadi_contact.optimisation.contact_in_opti import ContactInOpti
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, generalised_forces
+from casadi_contact.optimisation.leaps import leaps, leaps_in_words
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import KNEE_STEPS, pose_steps
 from casadi_contact.optimisation.starts import (
@@ -23,6 +24,8 @@ __all__ = [
     "angular_velocity_map",
     "generalised_forces",
     "ipopt_options",
+    "leaps",
+    "leaps_in_words",
     "middle_pose",
     "pose_bounds",
     "pose_in_space",

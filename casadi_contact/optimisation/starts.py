@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.optimisation.leaps import leaps
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import first_touch, settle
@@ -121,7 +122,8 @@ def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
 
 def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
-    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does.
+    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does. On a convex tibia there are several, and
+    frames that find none from the middle, or another than their neighbours (`leaps`), follow these.
 
     Raises ValueError where rotations lie outside what the surrogate learned, no such pose is found, or the scene locks
     or ties pose parameters.
@@ -138,15 +140,23 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
     alone, found, reason = _without_shear(model, poses)
-    if found.all():
+    leaping = _leaping(alone) if found.all() else np.inf
+    if not leaping:
         return alone
     firsts = np.flatnonzero(found)
     for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
         followed = _followed(model, poses, alone[first], first)
-        if followed is not None:
+        if followed is not None and _leaping(followed) < leaping:
             return followed
+    if found.all():
+        return alone
     frame = int(np.argmin(found))
     raise ValueError(f"no pose without shear is found at frame {frame}: {reason[frame]}")
+
+
+def _leaping(poses: Array) -> int:
+    """How often what is not prescribed of poses (n, 6) leaps."""
+    return int(leaps(poses)[:, :4].sum())
 
 
 def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, np.ndarray, np.ndarray]:
@@ -160,8 +170,7 @@ def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, np.ndar
 
 def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> Array | None:
     """Poses without shear (n, 6) at the rotations of poses (n, 6), each begun at its neighbour's, outwards from the one
-    (6,) of the first frame; None where one is not found. On a convex tibia there are several, and some frames find none
-    from the middle."""
+    (6,) of the first frame; None where one is not found."""
     poses = poses.copy()
     poses[first] = pose
     for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):

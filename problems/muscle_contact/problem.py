@@ -52,7 +52,7 @@ RESERVE_SIZES = {
 HELD_N = 0.01  # on the patella for each move from where it began that a load of 30 N would make
 MARGIN_MM = 20.0  # two standard deviations of where the load passes the knee from step to step (see docs)
 LEAST_SQUARES: dict[str, Any] = {"exponent": 2.0, "margin_mm": 0.0, "share_heads": False, "ankle": False}
-_MAY_MOVE = ("tx", "ty", "tz", "rx")
+MAY_MOVE = ("tx", "ty", "tz", "rx")  # ry and rz are prescribed
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ def _check(
     walk.check_has(tuple(dict.fromkeys(("knee_ty", *balanced))))  # knee_ty says what keeps the sides closed
     if not balanced or len(set(balanced)) != len(balanced):
         raise ValueError(f"balanced is {balanced}, expected coordinates, each named once")
-    if not set(FREE) <= set(free) <= set(_MAY_MOVE) or len(set(free)) != len(free):
+    if not set(FREE) <= set(free) <= set(MAY_MOVE) or len(set(free)) != len(free):
         raise ValueError(f"free is {free}, expected ty and rx, and by choice tx and tz, each named once")
     needed = {COORDINATES[name] for name in balanced}
     if not set(free) <= needed:

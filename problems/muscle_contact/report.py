@@ -12,6 +12,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
+from casadi_contact.optimisation import leaps_in_words
 from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
@@ -30,7 +31,7 @@ from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.extensor import PatellaResult
 from problems.muscle_contact.knee_coordinates import coordinate_unit
 from problems.muscle_contact.picture import draw
-from problems.muscle_contact.problem import MuscleContact
+from problems.muscle_contact.problem import MAY_MOVE, MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 
 
@@ -105,6 +106,9 @@ def _print(
     )
     console.print(f"largest reserves: {largest}; largest activation: {result.activations.max():.2f}", highlight=False)
     print_outcome(console, result)
+    if leaping := leaps_in_words(result.poses, MAY_MOVE):
+        said = f"the femur leaps: {leaping}; neighbours may stand in different equilibria, do not compare their poses"
+        console.print(said, highlight=False, soft_wrap=True)
 
 
 def _patella_line(patella: PatellaResult) -> str:
