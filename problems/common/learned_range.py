@@ -14,6 +14,8 @@ from casadi_contact.structures import Surrogate
 from casadi_contact.verification import Verdict
 from casadi_contact.verification.verify import LEAST_VALIDITY
 
+_ROUNDED = 1e-6  # mm, rad: IPOPT lets bounds slip by a hundredth of that
+
 
 def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
     """By how much, in which pose parameters or else in which patch's normal load, each pose (n, 6) lies outside of what
@@ -22,7 +24,7 @@ def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
     if not isinstance(model, Surrogate):
         return words
     low, high = pose_bounds(model)
-    excess = np.maximum(low - poses, poses - high)
+    excess = np.maximum(low - poses, poses - high) - _ROUNDED
     validity = model.validity(poses)
     for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
         # Beyond its range a surrogate extrapolates loads, by the hundredfold a radian away.
@@ -37,7 +39,7 @@ def held_beyond(model: SymbolicContact, poses: Array, free: Sequence[int]) -> np
     surrogate has learned (n,); "" inside, and for a model that learned nothing."""
     words = np.full(len(poses), "", dtype=object)
     low, high = pose_bounds(model)
-    excess = np.maximum(low - poses, poses - high)
+    excess = np.maximum(low - poses, poses - high) - _ROUNDED
     excess[:, free] = 0.0
     for k in np.flatnonzero((excess > 0.0).any(axis=1)):
         words[k] = f"held outside the learned range ({', '.join(_parameters_beyond(excess[k]))})"

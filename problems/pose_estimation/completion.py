@@ -43,15 +43,17 @@ def solve_and_complete(problem: PoseEstimation, start: Array | None, model: Cont
 
 
 def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
-    """The result with every unsolved frame solved again, solved on the contact model, or said to be infeasible.
+    """The result with every unsolved frame solved again, solved on the contact model, or said to be infeasible: so are
+    frames that a surrogate solves by loads that no contact has, far outside of what it learned.
 
     With smoothness, which couples frames, the result stays as it is.
     """
-    if problem.smoothness > 0.0 or result.converged.all():
-        return result
     began = time.perf_counter()
     wanted = problem.wanted
     reach = beyond_reach_mm(model, wanted)
+    result = _without_impossible(problem, result, model, reach > COP_TOLERANCE_MM)
+    if problem.smoothness > 0.0 or result.converged.all():
+        return result
     # Without load there is no centre of pressure to look for.
     left = ~result.converged & (reach <= COP_TOLERANCE_MM) & wanted.loaded
     found = _searched(problem, result, model, left)
@@ -95,6 +97,16 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
         iterations=result.iterations + iterations,
         seconds=result.seconds + time.perf_counter() - began,
     )
+
+
+def _without_impossible(
+    problem: PoseEstimation, result: PoseResult, model: ContactModel, beyond: np.ndarray
+) -> PoseResult:
+    """The result, frames wanted beyond (n,) any centre of pressure unsolved where the contact model differs."""
+    if problem.smoothness > 0.0 or not (result.converged & beyond).any():
+        return result
+    verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names)
+    return replace(result, converged=result.converged & ~(beyond & verdict.differs))
 
 
 def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:

@@ -67,6 +67,21 @@ def test_a_swing_phase_ends_frame_by_frame_on_the_insert_on_its_rim_or_without_e
     assert np.abs(problem.cycle.cop_ap_mm - 29.0)[~result.converged].max() < 4.0, "only far behind is there none"
 
 
+def test_centres_of_pressure_that_no_contact_has_are_infeasible_though_a_surrogate_extrapolates_to_them(foundation):
+    """40 mm behind the middle pressure on the insert of any size has none: loads there are a network's alone."""
+    reach, cycle = cc.load_surrogate("knee_reach"), reference_cycle()
+    frames = np.arange(30, 60, 5)
+    kept = {key: getattr(cycle, key)[frames] for key in ("time_s", "rz", "ry", "fy_med", "fy_lat", "cop_ml_mm")}
+    behind = np.arange(len(frames)) >= 3
+    problem = pose_estimation.build(
+        reach, replace(cycle, **kept, cop_ap_mm=np.where(behind, 40.0, cycle.cop_ap_mm[frames]))
+    )
+    assert pose_estimation.solve(problem).converged[behind].any(), "no frame is extrapolated: this test tells nothing"
+    result = solve_and_complete(problem, None, foundation)
+    np.testing.assert_array_equal(result.converged, ~behind)
+    assert all("infeasible: " in reason for reason in result.reason[behind])
+
+
 def test_frames_on_the_contact_model_carry_the_measured_loads_there(completed, foundation):
     problem, result = completed
     on = result.on_model

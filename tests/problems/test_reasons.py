@@ -1,17 +1,19 @@
 """Frames that are not verified say why: outside the learned range by how much in what, infeasible, or not found."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.optimisation import pose_bounds
 from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge
 from problems import muscle_contact
-from problems.common.learned_range import beyond_learned
+from problems.common.learned_range import beyond_learned, held_beyond
 from problems.common.outcome import print_reasons, rows_in_words
 from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.compared import Compared
@@ -52,6 +54,16 @@ def test_a_pose_outside_names_the_parameter_and_the_load_that_are_and_by_how_muc
     for patch, most in zip(("med", "lat"), learned, strict=True):
         assert f"{patch} load by {two_digits(2600.0 + most)} N" in said
     assert "validity" in said
+
+
+def test_a_pose_on_the_bound_of_a_range_is_not_outside_by_what_rounding_leaves(knee):
+    """Far enough from all samples for a validity that is low, and beyond bounds by as little as IPOPT lets slip."""
+    _, high = pose_bounds(knee)
+    corner = high + 1e-8
+    assert knee.validity(corner[None])[0] < 0.5
+    assert not re.search(r"\b[tr][xyz] by", beyond_learned(knee, corner[None])[0])
+    assert held_beyond(knee, corner[None], ()) == [""]
+    assert "tx by 0.3 mm" in beyond_learned(knee, corner[None] + np.array([0.3, 0, 0, 0, 0, 0]))[0]
 
 
 def scaled_walk(scale):
