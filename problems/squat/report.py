@@ -52,7 +52,9 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
             said = f"weight {r.weight:g}: not solved, {r.ipopt_status}{weak if r.exhausted else ''}"
             console.print(said, highlight=False, soft_wrap=True)
         if r.at_bounds:
-            beyond = "the cost could be lower beyond them" if r.solved else "a squat may need to go beyond them"
+            why = ", and muscles may have no force left because of them" if r.exhausted else ""
+            beyond = f"a squat may need to go beyond them{why}: give a smaller --depth"
+            beyond = "the cost could be lower beyond them" if r.solved else beyond
             held = f"weight {r.weight:g}: the search's bounds hold {r.at_bounds}; {beyond}"
             console.print(held, highlight=False, soft_wrap=True)
     write_columns(out / "squat.csv", columns, digits=DIGITS)

@@ -179,6 +179,18 @@ def test_the_table_and_its_file_say_which_bounds_hold(small, results, tmp_path, 
 
 
 @needs_compiler
+def test_muscles_that_pull_a_femur_against_the_search_s_bounds_are_not_blamed_alone(small, results, tmp_path, capsys):
+    """On a flat tibia the femur slides; held by a bound it asks more of muscles than where it would come to rest."""
+    poses, activations = results[0].poses.copy(), results[0].activations.copy()
+    poses[4, 0], activations[4, 0] = -15.0, 1.0
+    held = [replace(results[0], poses=poses, activations=activations, solved=False)]
+    model = cc.ElasticFoundation(small.model.scene, (40, 20))
+    report(small, held, judge(small.model, poses, np.zeros(len(poses), dtype=bool), model), model, tmp_path)
+    said = capsys.readouterr().out
+    assert "hold tx at -15 mm (1 of 18 moments); a squat may need to go beyond them, and muscles" in said
+
+
+@needs_compiler
 def test_a_body_too_heavy_for_its_muscles_is_not_solved_and_says_which_have_no_force_left(small, tmp_path, capsys):
     """Ten vasti of 7 kN at an arm of 42 mm could not hold half of 50 t, whatever the contact."""
     heavy = squat.build(small.model, squat.Body(mass_kg=50_000.0), intervals=4)
