@@ -26,6 +26,7 @@ from problems.muscle_contact.knee_coordinates import (
     in_newtons,
 )
 from problems.muscle_contact.problem import BALANCED, LEAST_SQUARES, MARGIN_MM, RESERVE_SIZES
+from tests.support.command import ended
 
 ROOT = Path(__file__).parents[2]
 SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx"), **LEAST_SQUARES}
@@ -281,9 +282,6 @@ def test_the_command_writes_table_csv_opensim_files_summary_and_picture(tmp_path
 )
 def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, monkeypatch, tmp_path):
     out = () if "--out" in arguments else ("--out", str(tmp_path))
-    monkeypatch.setattr(sys, "argv", ["muscle_contact", *arguments, *out])
-    with pytest.raises(SystemExit) as exit_info:
-        __main__.main()
-    message = str(exit_info.value)  # Python prints it on stderr and exits with status 1
+    message = ended(monkeypatch, __main__.main, *arguments, *out)  # Python prints it on stderr, and exits with status 1
     assert said in message
     assert len(message.splitlines()) == 1

@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import sys
 from dataclasses import replace
 
 import casadi as ca
@@ -17,6 +16,7 @@ from problems.muscle_contact.example import example_walk
 from problems.muscle_driven import __main__
 from problems.muscle_driven.problem import POWERS
 from problems.muscle_driven.report import Run, differences, report
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 MOVING = [1, 3, 5]
@@ -140,11 +140,7 @@ def test_an_inverse_solution_that_muscles_do_not_carry_is_refused(driven):
 def test_a_motion_that_makes_energy_is_no_solution(tmp_path, monkeypatch, capsys):
     """At steps so coarse that more energy appears than the muscles give, contact still looks right pose by pose."""
     monkeypatch.setattr(__main__, "given_walk", lambda *_: example_walk(frames=21))
-    arguments = ["--tolerance", "0.1", "--repeats", "1", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", ["muscle_driven", *arguments])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    assert end.value.code == 2
+    assert ended(monkeypatch, __main__.main, "--tolerance", 0.1, "--repeats", 1, "--out", tmp_path) == 2
     said = capsys.readouterr()
     assert said.out.startswith("0 of 21 solved")
     assert "% on surrogate" in said.err
@@ -162,10 +158,7 @@ def test_a_motion_that_leaves_the_walk_in_a_gap_of_time_is_no_solution(tmp_path,
         arms={name: table[kept] for name, table in walk.arms.items()},
     )
     monkeypatch.setattr(__main__, "given_walk", lambda *_: cut)
-    monkeypatch.setattr(sys, "argv", ["muscle_driven", "--repeats", "1", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    assert end.value.code == 2
+    assert ended(monkeypatch, __main__.main, "--repeats", 1, "--out", tmp_path) == 2
     said = capsys.readouterr()
     assert said.out.startswith("0 of 91 solved")
     assert re.search(r"leaves the flexion of walk built-in walk by \d+° on surrogate", said.err)
@@ -187,9 +180,6 @@ def test_reserves_that_would_be_missing_forward_are_named_with_their_frames(driv
     ],
 )
 def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, monkeypatch, tmp_path):
-    monkeypatch.setattr(sys, "argv", ["muscle_driven", *arguments, "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as exit_info:
-        __main__.main()
-    message = str(exit_info.value)
+    message = ended(monkeypatch, __main__.main, *arguments, "--out", tmp_path)
     assert said in message
     assert len(message.splitlines()) == 1

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import casadi as ca
@@ -23,6 +22,7 @@ from problems.muscle_contact.knee_coordinates import in_newtons
 from problems.muscle_contact.picture import draw
 from problems.muscle_contact.report import report
 from problems.muscle_contact.with_patella import patella_verdict
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -175,8 +175,6 @@ def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
 
 
 def test_an_unknown_assembly_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["muscle_contact", "--patella", "elbow", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    assert "unknown assembly 'elbow', expected one of knee_with_patella" in str(end.value)
-    assert "\n" not in str(end.value)
+    said = ended(monkeypatch, __main__.main, "--patella", "elbow", "--out", tmp_path)
+    assert "unknown assembly 'elbow', expected one of knee_with_patella" in said
+    assert "\n" not in said

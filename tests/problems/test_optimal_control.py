@@ -1,7 +1,6 @@
 """Optimal control of the simulated cycle: the known motion and loads are found again, to the transcription's order."""
 
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from problems.optimal_control import (
     simulated_cycle,
     strays,
 )
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 
@@ -221,16 +221,8 @@ def test_a_scene_without_a_cycle_is_told_so():
         cycle_of(cc.foundation(bare))
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["optimal_control", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch):
-    assert command(monkeypatch, "--out", tmp_path, "--intervals", 25, "--no-periodic") == 0
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--intervals", 25, "--no-periodic") == 0
     summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
     assert summary["ipopt_status"] == "Solve_Succeeded"
     assert summary["forward_largest_error"]["mm"] < 0.2
@@ -241,7 +233,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch)
 
 def test_actuators_of_a_coarse_transcription_that_lead_elsewhere_end_with_status_2(tmp_path, monkeypatch, capsys):
     """All of its points are solved and right by themselves: between them the equations of motion do not hold."""
-    assert command(monkeypatch, "--out", tmp_path, "--intervals", 10) == 2
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--intervals", 10) == 2
     assert "not solved: forward in time under these actuators " in capsys.readouterr().err
     summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
     assert summary["ipopt_status"] == "Solve_Succeeded"
@@ -249,12 +241,12 @@ def test_actuators_of_a_coarse_transcription_that_lead_elsewhere_end_with_status
 
 
 def test_a_cycle_whose_wanted_loads_are_missed_ends_with_status_2(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--out", tmp_path, "--intervals", 12, "--steadiness", 100) == 2
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--intervals", 12, "--steadiness", 100) == 2
     told = capsys.readouterr()
     assert told.out.startswith("0 of 36 solved")
     assert "not solved: of the wanted loads " in told.err
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
-    code = command(monkeypatch, "--out", tmp_path, "--scheme", "euler")
+    code = ended(monkeypatch, __main__.main, "--out", tmp_path, "--scheme", "euler")
     assert code == "optimal_control: scheme is 'euler', expected one of radau, legendre"

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import casadi as ca
@@ -20,6 +19,7 @@ from problems.squat.muscles import MUSCLES, column
 from problems.squat.problem import LEAST_ACTIVATION, flexion_rad
 from problems.squat.report import report
 from problems.squat.solve import start_values
+from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 BODY = squat.Body()
@@ -228,17 +228,9 @@ def test_wrong_requests_are_refused(small, given, said):
         squat.build(small.model, squat.Body(**given.pop("body", {})), **given)
 
 
-def command(monkeypatch, *arguments):
-    """Exit status (text where a mistake is reported) of the command line."""
-    monkeypatch.setattr(sys, "argv", ["squat", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        __main__.main()
-    return end.value.code
-
-
 @needs_compiler
 def test_the_command_writes_the_trade_off_and_its_picture(tmp_path, monkeypatch, capsys):
-    assert command(monkeypatch, "--intervals", 6, "--weights", "0.03,0.3", "--out", tmp_path) == 0
+    assert ended(monkeypatch, __main__.main, "--intervals", 6, "--weights", "0.03,0.3", "--out", tmp_path) == 0
     assert "36 of 36 solved and verified on EF 320×160" in capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "squat.csv").open(encoding="utf-8")))
     assert [float(row["weight"]) for row in rows] == [0.03, 0.3]
@@ -247,6 +239,6 @@ def test_the_command_writes_the_trade_off_and_its_picture(tmp_path, monkeypatch,
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
-    said = command(monkeypatch, "--scene", "hip", "--out", tmp_path)
+    said = ended(monkeypatch, __main__.main, "--scene", "hip", "--out", tmp_path)
     assert said.startswith("squat: ")
     assert "\n" not in said
