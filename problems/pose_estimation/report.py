@@ -29,6 +29,7 @@ from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
+from problems.pose_estimation.elsewhere import elsewhere_in_words
 from problems.pose_estimation.estimate import Estimate
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult
@@ -140,7 +141,8 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     tracked = Tracked.of(problem, result)
     ef, errors = tracked.ef, tracked.errors()
     _print(problem, estimate, errors, ef, kind)
-    for words in tracked.doubts(verdict):
+    untold = elsewhere_in_words(problem, result.poses, result.converged)
+    for words in [*tracked.doubts(verdict), *filter(None, [untold])]:
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")

@@ -1,0 +1,62 @@
+"""Loads that do not tell a pose: on a plane forces are the same everywhere, in a dish they turn with the place."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.motion.joint_cycle import JointCycle
+from casadi_contact.verification import own_model
+from problems import pose_estimation
+from problems.common.contact import ContactSource
+from problems.pose_estimation.elsewhere import elsewhere, elsewhere_in_words
+from problems.pose_estimation.estimate import estimated
+from problems.pose_estimation.report import report
+from tests.support.compiler import needs_compiler
+
+POSES = np.array([[0.0, 29.9, 0.0, 0.0, 0.1, 0.2], [2.0, 29.8, -1.0, 0.1, 0.0, 0.0]])
+FORCES, ALL = ("Fx", "Fy", "Fz"), ("Fx", "Fy", "Fz", "Tx", "Tz")
+
+
+def problem_of(scene, names, poses):
+    model = PolarFoundation(cc.load_scene(scene), Rays(16, 3))
+    loads = dict(zip(names, model(poses, names).T, strict=True))
+    pose = {name: poses[:, 3 + k] for k, name in enumerate(("rx", "ry", "rz"))}
+    return pose_estimation.build(model, JointCycle("cycle", np.array([0.0, 1.0]), pose, loads))
+
+
+@needs_compiler
+@pytest.mark.parametrize(("names", "told"), [(FORCES, False), (ALL, True)])
+def test_forces_do_not_tell_where_on_a_plane_a_ball_lies_and_torques_do(names, told):
+    problem = problem_of("sphere_on_plane", names, POSES)
+    found, along = elsewhere(problem, POSES)
+    np.testing.assert_array_equal(found, not told)
+    if not told:
+        assert np.abs(along[:, 1]).max() < 0.01  # never into the plane
+
+
+@needs_compiler
+def test_forces_tell_where_in_a_dish_a_ball_lies():
+    scene = cc.load_scene("sphere_in_dish")
+    poses = np.array([scene.start_pose, scene.start_pose]) - [0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
+    problem = problem_of("sphere_in_dish", FORCES, poses)
+    assert not elsewhere(problem, poses)[0].any()
+    assert elsewhere_in_words(problem, poses, np.ones(2, dtype=bool)) == ""
+
+
+@needs_compiler
+def test_only_frames_that_are_solved_are_named():
+    problem = problem_of("sphere_on_plane", FORCES, POSES)
+    said = elsewhere_in_words(problem, POSES, np.array([False, True]))
+    assert "in 1 of 2 frames" in said
+    assert said.endswith("frames 1")
+
+
+@needs_compiler
+def test_the_report_tells_beside_its_verdict_that_a_verified_pose_is_one_of_many(tmp_path, capsys):
+    problem = problem_of("sphere_on_plane", FORCES, POSES)
+    source, model = ContactSource(scene="sphere_on_plane"), own_model(problem.model.scene)
+    report(problem, estimated(source, problem, None, model, 0), tmp_path, "foundation")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 of 2 solved and verified" in said
+    assert "the wanted loads hardly tell the pose in 2 of 2 frames: 1 mm away" in said
