@@ -38,13 +38,14 @@ def elsewhere(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray, Array]
 
 def elsewhere_in_words(problem: PoseEstimation, poses: Array, solved: np.ndarray) -> str:
     """How many of the solved frames (n,) of poses (n, 6) are carried elsewhere, which, and along what; "" for none."""
-    found, weakest = elsewhere(problem, poses)
-    found &= solved & problem.wanted.loaded
-    if not found.any():
+    found = solved & problem.wanted.loaded
+    there, weakest = elsewhere(problem, poses[found])
+    found[found] = there
+    if not there.any():
         return ""
-    names = " and ".join(problem.free[k] for k in np.unique(np.abs(weakest[found]).argmax(axis=1)))
+    names = " and ".join(problem.free[k] for k in np.unique(np.abs(weakest[there]).argmax(axis=1)))
     return (
-        f"the wanted loads hardly tell the pose in {found.sum()} of {len(poses)} frames: {AWAY_MM:g} mm away, along "
+        f"the wanted loads hardly tell the pose in {there.sum()} of {len(poses)} frames: {AWAY_MM:g} mm away, along "
         f"{names}, contact carries them within tolerance as well; measure {names}, or more loads: frames "
         f"{rows_in_words(found)}"
     )
