@@ -18,7 +18,7 @@ from casadi_contact.shapes.checks import grid_size
 MOST_SAMPLES = 10_000_000  # of a domain: hundreds of times the paper's
 PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
 ALONE_COUNTS = {"D5": 6000, "D7": 3000}
-"""Of joints that have no patch beside another, and so no D4 and D6: all that tells what is out of contact."""
+"""Of joints of which no patch is lifted off alone, without D4 and D6: all that tells what is out of contact."""
 
 
 @dataclass(frozen=True)
@@ -107,15 +107,15 @@ class SamplingSettings:
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
-        """The paper's settings, with more of D5 and D7 for one patch (`ALONE_COUNTS`), the scene's grids, the scene's
-        ``[sampling]`` table, then keyword overrides.
+        """The paper's settings, with more of D5 and D7 where no patch is lifted off alone (`ALONE_COUNTS`), the scene's
+        grids, the scene's ``[sampling]`` table, then keyword overrides.
 
         A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming
         an unknown key or a bad value.
         """
         grids = {"settle_grid": "settle", "teacher_grid": "teacher"}
         values: dict[str, Any] = {key: scene.grids[grid] for key, grid in grids.items() if grid in scene.grids}
-        base = cls(counts={**PAPER_COUNTS, **(ALONE_COUNTS if len(scene.patch_names) == 1 else {})})
+        base = cls(counts={**PAPER_COUNTS, **(ALONE_COUNTS if len(scene.pressed) == 1 else {})})
         values["counts"] = base.counts
         known = [f.name for f in fields(cls)]
         for origin, table in (("sampling.", scene.sampling), ("", overrides)):
