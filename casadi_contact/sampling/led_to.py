@@ -57,15 +57,15 @@ def poses_led_to(
 ) -> Array:
     """Poses (m, 6), m <= count, at which the surrogate carries normal loads of training samples.
 
-    Starts lie evenly over the range of the samples that are not test rows. Each patch is to carry its normal load of a
-    training sample that presses it, another one for each patch; the scene's sensitive pose parameters settle on the
-    surrogate. No pose is found for a scene with another number of such parameters than of normal loads, and for a
-    surrogate that does not give all of these.
+    Starts lie evenly over the range of the samples that are not test rows. Each patch (all together, where they share
+    one sensitive pose parameter) is to carry its normal load of a training sample that presses it, another one for each
+    patch; the scene's sensitive pose parameters settle on the surrogate. No pose is found for a surrogate that does not
+    give all of these loads.
     """
     scene, rng = samples.scene, np.random.default_rng(seed)
     training, known = samples.select(role=TRAIN), samples.poses[samples.role != TEST]
     wanted: dict[str, Array] = {}
-    for load in scene.normal_loads:
+    for load in scene.pressed:
         values = training.loads(load.loads)
         values = values[(values != 0.0).any(axis=1)]
         if len(values):

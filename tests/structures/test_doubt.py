@@ -143,3 +143,16 @@ def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
         assert np.abs(carried[:, None] - sampled).min(axis=1).max() < 0.02
     for column in (0, 2, 4, 5):
         assert np.ptp(found[:, column]) > 0.9 * np.ptp(drawn[:, column])
+
+
+def test_sides_that_share_one_sensitive_pose_parameter_are_led_by_their_total_load():
+    model = cc.foundation(cc.load_scene("planar_knee"))
+    rng = np.random.default_rng(1)
+    drawn = first_touch(model, rng.uniform(-1.0, 1.0, (200, 6)) * [2.0, 0.0, 0.0, 0.0, 0.0, 0.3], {})
+    drawn[:, 1] -= rng.uniform(0.1, 0.3, 200)
+    known = samples_at(model, model.scene, drawn, rim=True)
+    role, domain = np.full(len(known), TRAIN, dtype=np.uint8), np.ones(len(known), dtype=np.uint8)
+    found = poses_led_to(model, replace(known, role=role, domain=domain), count=100)
+    assert len(found) > 70
+    carried, sampled = model(found, ["Fy"])[:, 0], known.loads(["Fy"])[:, 0]
+    assert np.abs(carried[:, None] - sampled).min(axis=1).max() < 0.02
