@@ -165,7 +165,7 @@ PRESETS: dict[str, Preset] = {
                     "trunk": {
                         "root": Effort(((20, 20, 20),), 1.0, tolerance_share=0.2),  # only made wider
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 20_000.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 25_000.0, tolerance_share=0.2),
                     }
                 },
             ),
