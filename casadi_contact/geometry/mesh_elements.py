@@ -88,10 +88,13 @@ def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tu
 
 def _beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
     """Numbers of the points (m, 3) within reach of a crease of which the triangles (k,) hold one side alone, or both as
-    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles."""
+    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles, and the edge of
+    a region smaller than the reach for noise."""
     ends, triangles = creases(mesh)
-    held, regions = np.isin(triangles, face), smooth_regions(mesh)[triangles]
-    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (regions[:, 0] != regions[:, 1]))]
+    regions = smooth_regions(mesh)
+    large = np.bincount(regions, mesh.areas_mm2)[regions] > reach_mm**2
+    held, parted = np.isin(triangles, face), np.diff(regions[triangles])[:, 0] != 0
+    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (parted & large[triangles].all(axis=1)))]
     if not len(ends):
         return np.zeros(0, dtype=int)
     longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max()
