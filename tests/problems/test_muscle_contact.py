@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,9 +24,8 @@ from problems.muscle_contact.knee_coordinates import (
     in_newtons,
 )
 from problems.muscle_contact.problem import BALANCED, LEAST_SQUARES, MARGIN_MM, RESERVE_SIZES
-from tests.support.command import ended
+from tests.support.command import ended, ran
 
-ROOT = Path(__file__).parents[2]
 SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx"), **LEAST_SQUARES}
 
 
@@ -254,8 +251,7 @@ def test_rotations_outside_the_learned_range_are_refused(knee):
 
 
 def test_the_command_writes_table_csv_opensim_files_summary_and_picture(tmp_path, cocontracting):
-    arguments = [sys.executable, "-m", "problems.muscle_contact", "--out", str(tmp_path / "results")]
-    done = subprocess.run(arguments, capture_output=True, text=True, cwd=ROOT, check=False)
+    done = ran("problems.muscle_contact", "--out", tmp_path / "results")
     assert done.returncode == 0, done.stderr
     assert "101 of 101 frames converged" in done.stdout
     _, result = cocontracting

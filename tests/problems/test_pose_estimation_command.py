@@ -3,10 +3,7 @@
 import csv
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,20 +15,7 @@ from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
 from problems.pose_estimation import __main__
 from problems.pose_estimation.starts import start_from_file
-from tests.support.command import ended
-
-ROOT = Path(__file__).parents[2]
-
-
-def command(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "problems.pose_estimation", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-        env=None,
-    )
+from tests.support.command import ended, ran
 
 
 def check_pressures(rows, table):
@@ -56,7 +40,7 @@ def check_pressures(rows, table):
 
 
 def test_the_command_writes_files_and_its_poses_serve_as_a_start(tmp_path):
-    done = command("--out", tmp_path / "results", cwd=tmp_path)
+    done = ran("problems.pose_estimation", "--out", tmp_path / "results")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("101 of 101 solved and verified on EF 320×160\n")
     assert "101 of 101 frames converged" in done.stdout
@@ -147,7 +131,7 @@ def test_one_frame_without_load_leaves_a_cycle_its_errors(tmp_path, monkeypatch,
     ],
 )
 def test_a_mistake_is_one_line_and_a_nonzero_exit(arguments, said, tmp_path):
-    done = command(*arguments, cwd=tmp_path)
+    done = ran("problems.pose_estimation", *arguments)
     assert done.returncode != 0
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

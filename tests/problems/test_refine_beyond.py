@@ -2,9 +2,6 @@
 mistake. Refinement itself is tested in tests/verification."""
 
 import csv
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +11,7 @@ from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
 from problems.studies import refine_beyond
-
-ROOT = Path(__file__).parents[2]
+from tests.support.command import ran
 
 
 @pytest.fixture(scope="module")
@@ -33,16 +29,6 @@ def project(tmp_path_factory):
     return folder
 
 
-def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "problems.studies.refine_beyond", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
-
-
 def test_the_cycle_is_heavier_and_more_flexed():
     cycle = reference_cycle(11)
     more = refine_beyond.beyond(cycle, 1.5, 20.0)
@@ -52,7 +38,19 @@ def test_the_cycle_is_heavier_and_more_flexed():
 
 
 def test_one_and_a_half_times_the_loads_and_20_degrees_need_no_refinement(project, tmp_path):
-    done = command("--project", project, "--loads", 1.5, "--flexion", 20, "--frames", 21, "--out", tmp_path)
+    done = ran(
+        "problems.studies.refine_beyond",
+        "--project",
+        project,
+        "--loads",
+        1.5,
+        "--flexion",
+        20,
+        "--frames",
+        21,
+        "--out",
+        tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     assert "0 rounds, 0 samples" in done.stdout
     (row,) = csv.DictReader((tmp_path / "refine_beyond.csv").open(encoding="utf-8"))
@@ -64,7 +62,7 @@ def test_one_and_a_half_times_the_loads_and_20_degrees_need_no_refinement(projec
 
 
 def test_twice_the_loads_and_40_degrees_are_seen_to_be_beyond(project, tmp_path):
-    done = command("--project", project, "--rounds", 0, "--frames", 21, "--out", tmp_path)
+    done = ran("problems.studies.refine_beyond", "--project", project, "--rounds", 0, "--frames", 21, "--out", tmp_path)
     assert done.returncode == 2
     assert "not within tolerance after 0 rounds" in done.stderr
     (row,) = csv.DictReader((tmp_path / "refine_beyond.csv").open(encoding="utf-8"))
@@ -88,7 +86,7 @@ def test_walking_alone_teaches_nothing_of_other_domains():
 
 
 def test_a_missing_project_is_one_line(tmp_path):
-    done = command("--project", tmp_path / "none", "--out", tmp_path)
+    done = ran("problems.studies.refine_beyond", "--project", tmp_path / "none", "--out", tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("refine_beyond: samples file")
     assert done.stderr.count("\n") == 1
