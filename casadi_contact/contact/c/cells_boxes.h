@@ -19,6 +19,13 @@ typedef struct {
   float r[3][3], from[3];
 } Place;
 
+/* The boxes' middles in axes of the body, from the nodes of the tangents' grid nearest to them, and the square of how far
+ * they are from these within that grid */
+typedef struct {
+  Eight away[3], square_within;
+  int nodes[BOXES];
+} Nearest;
+
 #ifdef FIELD_TANGENTS
 #if defined(__clang__)
 #define MIXED(x, y, ...) __builtin_shufflevector(x, y, __VA_ARGS__)
@@ -91,21 +98,21 @@ INLINE Choice nearest_nodes(const Boxes *boxes, const Place *place, Eight away[3
   return __builtin_convertvector(node, Choice);
 }
 
-INLINE void find_tangents(const Boxes *boxes, const Place *place, int nodes[BOXES]) {
-  Eight away[3], away_within[3];
-  const Choice nearest = nearest_nodes(boxes, place, away, away_within);
-  memcpy(nodes, &nearest, sizeof nearest);
+INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found) {
+  Eight within[3];
+  const Choice nodes = nearest_nodes(boxes, place, found->away, within);
+  found->square_within = sum3(within, within);
+  memcpy(found->nodes, &nodes, sizeof nodes);
 }
 
 /* One bit for each box that the body may come within TOUCH of: by value, slope and bow of the field at the node nearest
- * to its middle, or by what is clear around that (see contact/cells/tangents.py), without a look at the spline. nodes:
+ * to its middle, or by what is clear around that (see contact/cells/tangents.py), without a look at the spline. nearest:
  * what `find_tangents` found. */
 INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
-                          const int nodes[BOXES]) {
-  const Eight size = boxes->size;
-  Eight away[3], away_within[3], slope[3], row[8], tangent[8], least, square;
-  nearest_nodes(boxes, place, away, away_within);
-  for (int l = 0; l < BOXES; l++) memcpy(row + l, FIELD_TANGENTS + FIELD_INDEX[nodes[l]], sizeof(Eight));
+                          const Nearest *nearest) {
+  const Eight size = boxes->size, *away = nearest->away;
+  Eight slope[3], row[8], tangent[8], least, square;
+  for (int l = 0; l < BOXES; l++) memcpy(row + l, FIELD_TANGENTS + FIELD_INDEX[nearest->nodes[l]], sizeof(Eight));
   turn_rows(row, tangent);
   square = sum3(away, away);
   least = tangent[0] + sum3(tangent + 1, away) - 0.5f * tangent[4] * (square + size * size);
@@ -117,7 +124,7 @@ INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *f
   for (int side = 0; side < 2; side++) least -= absolute(sum3(slope, boxes->half[side]));
   (void)pose, (void)frame;
   return choice_bits((is_beyond(square, (float)BOW_REACH - size) | (least <= (float)TOUCH)) &
-                     ~is_below(sum3(away_within, away_within), tangent[5] - size) & (size >= 0.0f));
+                     ~is_below(nearest->square_within, tangent[5] - size) & (size >= 0.0f));
 }
 #else
 INLINE Place place_of(const double *pose, const Frame *frame) {
@@ -125,10 +132,10 @@ INLINE Place place_of(const double *pose, const Frame *frame) {
   return (Place){{{0.0f}}, {0.0f}};
 }
 
-INLINE void find_tangents(const Boxes *boxes, const Place *place, int nodes[BOXES]) { (void)boxes, (void)place, (void)nodes; }
+INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found) { (void)boxes, (void)place, (void)found; }
 
 INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
-                          const int nodes[BOXES]) {
+                          const Nearest *nearest) {
   unsigned bits = 0;
   for (int first = 0; first < BOXES; first += BLOCK) {
     const Lanes size = singles_at((const float *)&boxes->size + first);
@@ -139,7 +146,7 @@ INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *f
     distance_at(q, 1, &found);
     bits |= bits_of((found.g - (BODY_FIELD ? STEEPEST : 1.0) * size <= TOUCH) & (size >= 0.0)) << first;
   }
-  (void)place, (void)nodes;
+  (void)place, (void)nearest;
   return bits;
 }
 #endif

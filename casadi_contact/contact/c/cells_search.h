@@ -34,7 +34,8 @@ typedef struct {
   int searched, filled;
   int nodes, ids[MOST_NODES + BLOCK]; /* looked at: a slot each in what follows */
   unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */
-  int groups[MOST_GROUPS], nearest[MOST_GROUPS + MOST_BLOCKS][BOXES];
+  int groups[MOST_GROUPS];
+  Nearest nearest[MOST_GROUPS + MOST_BLOCKS];
   unsigned touched[MOST_GROUPS + MOST_BLOCKS];
   int near, near_cells[MOST_CELLS + BLOCK]; /* cells that may touch, */
   int corners[MOST_CELLS + BLOCK][4];          /* the slots of their corners, */
@@ -94,9 +95,9 @@ INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
 FUNCTION void look_at_boxes(const Boxes *boxes, const int *chosen, int count, const double *pose, const Frame *frame,
                             Scratch *s) {
   const Place place = place_of(pose, frame);
-  KEEP_LOOP for (int k = 0; k < count; k++) find_tangents(boxes + (chosen ? chosen[k] : k), &place, s->nearest[k]);
+  KEEP_LOOP for (int k = 0; k < count; k++) find_tangents(boxes + (chosen ? chosen[k] : k), &place, s->nearest + k);
   KEEP_LOOP for (int k = 0; k < count; k++) {
-    s->touched[k] = may_touch(boxes + (chosen ? chosen[k] : k), pose, frame, &place, s->nearest[k]);
+    s->touched[k] = may_touch(boxes + (chosen ? chosen[k] : k), pose, frame, &place, s->nearest + k);
   }
 }
 
