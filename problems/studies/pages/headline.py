@@ -38,7 +38,8 @@ def headline(data: Path) -> str:
         ],
         ["poses of a walking cycle in one IPOPT problem", solved, "`python -m problems.pose_estimation`"],
     ]
-    return f"{table(['what', 'measured', 'command'], rows)}\n\n{machine(speed['machine'])}"
+    numbers = table(["what", "measured", "command"], rows, texts=["command"])
+    return f"{numbers}\n\n{machine(speed['machine'])}"
 
 
 def _front_of_the_knee() -> Front:

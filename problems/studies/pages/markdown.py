@@ -13,9 +13,10 @@ def page(title: str, *parts: str) -> str:
     return "\n\n".join((f"# {title}", "<!-- written by python -m problems.studies.pages -->", *parts)) + "\n"
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table; all columns but the first hold numbers."""
-    head = [" | ".join(columns), " | ".join(("---", *("---:",) * (len(columns) - 1)))]
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, texts: Sequence[str] = ()) -> str:
+    """A table; all columns but the first, and those named texts, hold numbers and are aligned right."""
+    marks = ("---" if column in (columns[0], *texts) else "---:" for column in columns)
+    head = [" | ".join(columns), " | ".join(marks)]
     return "\n".join(f"| {line} |" for line in (*head, *(" | ".join(row) for row in rows)))
 
 
