@@ -105,12 +105,11 @@ def test_no_module_imports_itself_through_others(folder):
         pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
 
 
-def test_what_helps_tests_imports_none_of_them():
-    """A test that another file needs would run what it prepares wherever that file is read."""
+def test_no_file_imports_a_test():
+    """What several tests need lies apart from them: reading one file must not prepare another one's models."""
     for path in Path(__file__).parent.rglob("*.py"):
-        if not path.name.startswith("test_"):
-            imported = re.findall(r"^ *from (tests\S*) import", path.read_text("utf-8"), re.M)
-            assert not any(".test_" in module for module in imported), f"{path} imports {imported}"
+        imported = re.findall(r"^ *from (tests\S*) import", path.read_text("utf-8"), re.M)
+        assert not any(".test_" in module for module in imported), f"{path} imports {imported}"
 
 
 def test_only_a_problem_s_command_imports_its_report():

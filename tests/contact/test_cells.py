@@ -11,10 +11,9 @@ from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
 from casadi_contact.contact.kernels import point_distances
 from casadi_contact.conventions import rotation
 from casadi_contact.geometry.projection import grid_frame
-from tests.contact.test_elastic_foundation import CASES, at
-from tests.contact.test_mesh_foundation import scene_of
-from tests.contact.test_polar import check_jacobian
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.derivative_checks import check_jacobian
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
+from tests.support.ready_poses import CASES, at
 
 ON_PLANE = [case for case in CASES if case[0].endswith("on_plane")]
 RADIUS_MM = 30.0

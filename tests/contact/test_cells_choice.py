@@ -9,8 +9,7 @@ from casadi_contact.contact.cells import choice
 from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.contact.convergence import Errors
 from casadi_contact.conventions import rotation
-from tests.contact.test_mesh_foundation import scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 RADIUS_MM = 30.0
 

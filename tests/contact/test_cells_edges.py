@@ -5,11 +5,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Cells
-from tests.contact.test_mesh_foundation import scene_of
-from tests.contact.test_polar import check_jacobian
-from tests.contact.test_polar_kernel import check_hessians
 from tests.support.compiler import needs_compiler
-from tests.support.meshes import sheet_mesh, wheel_mesh
+from tests.support.derivative_checks import check_hessians, check_jacobian
+from tests.support.meshes import scene_of, sheet_mesh, wheel_mesh
 
 RADIUS_MM, HALF_WIDTH_MM = 15.0, 6.0
 SIZES = (Cells(2.4, 0.85, 8, 3), Cells(1.2, 1.2, 4, 4), Cells(0.6, 0.6, 3, 3))

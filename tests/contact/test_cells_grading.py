@@ -7,8 +7,7 @@ import casadi_contact as cc
 from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.grading import density, lay_lines
 from casadi_contact.contact.cells.patches import patch_charts
-from tests.contact.test_mesh_foundation import scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 RADIUS_MM, SLOPE, RIDGE_RADIUS_MM = 12.0, 0.7, 1.0
 

@@ -10,11 +10,14 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Cells
-from tests.contact.test_mesh_foundation import scene_of
-from tests.contact.test_polar import check_jacobian
-from tests.contact.test_polar_kernel import check_hessians, check_same_formulas, check_second_derivatives
 from tests.support.compiler import flags_of_the_library, needs_compiler
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.derivative_checks import (
+    check_hessians,
+    check_jacobian,
+    check_same_formulas,
+    check_second_derivatives,
+)
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 SIZE = Cells(1.1, 0.9)
 RADIUS_MM = 30.0

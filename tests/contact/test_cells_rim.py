@@ -5,8 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Cells
-from tests.contact.test_mesh_foundation import STIFFNESS, scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh, slab_mesh
+from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 RADIUS_MM, SIDE_MM, TURN = 12.0, 12.0, 0.4  # of the ball, of a square sheet, and its turn about y
 DOME_MM, OVERLAP_MM = 10.0, 0.2

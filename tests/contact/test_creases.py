@@ -8,8 +8,7 @@ from casadi_contact.contact import Cells
 from casadi_contact.geometry.creases import smooth_regions
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.shapes.mesh_bodies import body_field
-from tests.contact.test_mesh_foundation import STIFFNESS, scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh, slab_mesh
+from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 RADIUS_MM, OVERLAP_MM, TURN = 12.0, 0.2, 0.4  # of the ball; turn of the slab about y
 EDGE_MM, OUTER_MM = 6.0, 8.0  # half the width of the slab's top, and of all of it

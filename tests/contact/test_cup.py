@@ -5,24 +5,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.contact.test_joints import in_cup, pole
-from tests.contact.test_polar import check_jacobian
 from tests.support.compiler import needs_compiler
-
-# Displacements of the ball along the pole and across it [mm]: deep, cut by the rim, pressed on the rim from beyond it,
-# and free.
-PLACES = {
-    "hip": ([0.45, 0.02], [0.2, 0.44], [-0.05, 0.52], [0.1, -0.2]),
-    "glenohumeral": ([6.1, 0.4], [5.6, 2.6], [5.1, 3.9], [5.5, 0.3]),
-}
-
-
-def placed(scene, displacements):
-    along = pole(scene)
-    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
-    across /= np.linalg.norm(across)
-    aside = np.cross(along, across)
-    return in_cup(scene, [a * along + b * (0.8 * across + 0.6 * aside) for a, b in displacements])
+from tests.support.derivative_checks import check_jacobian
+from tests.support.ready_poses import PLACES, in_cup, placed, pole
 
 
 @pytest.fixture(scope="module", params=PLACES)

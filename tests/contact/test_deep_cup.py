@@ -5,8 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Cells
-from tests.shapes.test_mesh_refusals import scene_of
-from tests.support.meshes import ELASTIC, ball_mesh, shell_mesh
+from tests.support.meshes import ELASTIC, ball_mesh, scene_of, shell_mesh
 
 POLE = np.array([0.36, 0.8, 0.48])
 ACROSS = np.array([0.8, -0.36, 0.0]) / np.hypot(0.8, 0.36)
@@ -21,7 +20,7 @@ def deep_cup(tmp_path_factory):
     """In a patch of elements and cells on rays from its middle."""
     cup = shell_mesh(CUP_MM, 22.0, 1.5, np.deg2rad(HALF_ANGLE_DEG), POLE)
     said = f"pressing = {POLE.tolist()}\ncup_centre = [0.0, 0.0, 0.0]"
-    return scene_of(tmp_path_factory.mktemp("cup"), ball_mesh(BALL_MM, 1.5), cup, said, grid=(60, 60))
+    return scene_of(tmp_path_factory.mktemp("cup"), ball_mesh(BALL_MM, 1.5), cup, extra=said, grid=(60, 60))
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +54,6 @@ def test_contact_that_reaches_a_cup_s_open_edge_is_said_to_and_at_the_rim_of_a_c
     points, faces = shell_mesh(CUP_MM, 22.0, 1.5, np.deg2rad(HALF_ANGLE_DEG), POLE)
     inside = faces[(faces < len(points) // 2).all(axis=1)]
     said = f"pressing = {POLE.tolist()}\ncup_centre = [0.0, 0.0, 0.0]"
-    open_cup = scene_of(tmp_path, ball_mesh(BALL_MM, 1.5), (points, inside), said, grid=(60, 60))
+    open_cup = scene_of(tmp_path, ball_mesh(BALL_MM, 1.5), (points, inside), extra=said, grid=(60, 60))
     assert cc.ElasticFoundation(open_cup).at_edge(poses).all()
     assert not cc.ElasticFoundation(deep_cup).at_edge(poses).any()

@@ -9,7 +9,7 @@ from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.conventions import rotation
-from tests.contact.test_polar import KNEE
+from tests.support.ready_poses import KNEE
 
 RAYS = Rays(48, 5)
 STEP_MM = 1e-3

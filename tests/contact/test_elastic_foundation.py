@@ -4,26 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-
-CASES = [  # scene, overrides, overlap [mm], vertical force [N] (closed form), pose ty at that overlap
-    ("sphere_on_plane", {}, 0.05, 63.0103),
-    ("sphere_on_plane", {}, 0.1, 251.9012),
-    ("sphere_on_plane", {}, 0.2, 1006.4840),
-    ("sphere_on_plane", {}, 0.5, 6269.5098),
-    ("sphere_on_plane", {"law": "log"}, 0.05, 63.1420),
-    ("sphere_on_plane", {"law": "log"}, 0.1, 252.9577),
-    ("sphere_on_plane", {"law": "log"}, 0.2, 1014.9826),
-    ("sphere_on_plane", {"law": "log"}, 0.5, 6404.5580),
-    ("sphere_in_dish", {}, 0.1, 749.0413),
-    ("sphere_in_dish", {}, 0.2, 2966.6461),
-    ("sphere_in_dish", {"dish_radius": 33.0}, 0.1, 2652.6872),
-    ("cylinder_on_plane", {}, 0.1, 873.4519),
-]
-
-
-def at(ty, **others):
-    pose = {"tx": 0.0, "ty": ty, "tz": 0.0, "rx": 0.0, "ry": 0.0, "rz": 0.0} | others
-    return np.array([list(pose.values())])
+from tests.support.ready_poses import CASES, at
 
 
 @pytest.mark.parametrize(("name", "overrides", "overlap", "force"), CASES)

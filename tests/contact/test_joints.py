@@ -6,6 +6,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
+from tests.support.ready_poses import in_cup, pole
 
 
 @pytest.fixture(scope="module")
@@ -16,15 +17,6 @@ def hip():
 @pytest.fixture(scope="module")
 def patella():
     return cc.ElasticFoundation(cc.load_scene("patellofemoral"), (100, 40))
-
-
-def in_cup(scene, displacements):
-    """Poses (n, 6) of the ball displaced (n, 3) from the cup's centre."""
-    return np.pad(scene.geometry["cup_centre"] + np.atleast_2d(displacements), ((0, 0), (0, 3)))
-
-
-def pole(scene):
-    return np.array(scene.geometry["cup_pole"]) / np.linalg.norm(scene.geometry["cup_pole"])
 
 
 @pytest.mark.parametrize(

@@ -5,17 +5,17 @@ import pytest
 
 import casadi_contact as cc
 import casadi_contact.geometry.elements as elements
-from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, slab_mesh, torus_mesh, write_obj
+from tests.support.meshes import (
+    STIFFNESS,
+    cap_mesh,
+    scene_of,
+    sheet_mesh,
+    slab_mesh,
+    torus_mesh,
+)
 
-OVERLAP_MM, STIFFNESS = 0.1, 267.5728  # K/h of the material [N/mm³]
+OVERLAP_MM = 0.1
 EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0
-
-
-def scene_of(folder, moving, fixed, **settings):
-    for name, mesh in (("moving.obj", moving), ("fixed.obj", fixed)):
-        write_obj(folder / name, *mesh)
-    (folder / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", **settings))
-    return cc.load_scene(folder / "scene.toml")
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Rays
 from casadi_contact.conventions import rotation
-from tests.contact.test_polar import KNEE
 from tests.support.compiler import needs_compiler
+from tests.support.ready_poses import KNEE
 
 PLACEMENT = [f"fixed_{name}" for name in ("tx", "ty", "tz", "rx", "ry", "rz")]
 MATERIAL = {"youngs_modulus": 800.0, "poissons_ratio": 0.4, "thickness": 6.0}

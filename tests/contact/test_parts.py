@@ -10,10 +10,10 @@ from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.training import TrainingSettings, fit_all
-from tests.contact.test_mesh_foundation import EDGE_MM, RADIUS_MM, scene_of
 from tests.support.compiler import needs_compiler
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
+EDGE_MM, RADIUS_MM = 1.2, 30.0
 TWO_PATCHES = """[geometry.patches.med]
 z = [0.0, 7.0]
 {med}

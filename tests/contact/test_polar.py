@@ -6,10 +6,10 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Rays
 from casadi_contact.conventions import rotation
-from tests.contact.test_elastic_foundation import CASES, at
+from tests.support.derivative_checks import check_jacobian
+from tests.support.ready_poses import CASES, KNEE, at
 
 SMOOTH = [case for case in CASES if case[0].startswith("sphere")]
-KNEE = [2.0, 27.256, 0.3, -0.0007, 0.02, -0.3]  # about 900 N medial, 600 N lateral
 
 
 def polar(name, rays=Rays(12, 3), **overrides):  # noqa: B008
@@ -123,15 +123,3 @@ def test_a_shape_without_a_smooth_spot_is_refused_with_the_cure():
 def test_the_jacobian_is_the_derivative_of_the_value():
     model = polar("knee", Rays(16, 3))
     check_jacobian(model, np.array([KNEE]), 1e-5)
-
-
-def check_jacobian(model, poses, tolerance):
-    """Of loads and root loads, against central differences; an angle counts 25 mm to the radian."""
-    scales = np.repeat([1.0, 25.0], 3)
-    steps = 1e-5 / scales
-    for evaluate in (model.jacobian, model.root_loads):
-        slopes = evaluate(poses)[1] / scales
-        moves = np.diag(steps)
-        ends = [(evaluate(poses + move)[0], evaluate(poses - move)[0]) for move in moves]
-        differences = np.stack([(a - b) / 2e-5 for a, b in ends], -1)
-        np.testing.assert_allclose(slopes, differences, atol=tolerance * np.abs(slopes).max())

@@ -10,11 +10,10 @@ from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.reach import pressed_poses
 from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import rotation
-from tests.contact.test_polar import check_jacobian, polar
-from tests.contact.test_polar_kernel import RAYS, check_hessians, check_same_formulas
 from tests.support.compiler import needs_compiler
+from tests.support.derivative_checks import check_hessians, check_jacobian, check_same_formulas
 
-FINE = Rays(32, 4)
+RAYS, FINE = Rays(16, 3), Rays(32, 4)
 TILT_RAD = np.pi / 4.0
 # Least and largest place, with flexion of the knee apart: its condyles end where a tilted and deeply flexed one would
 # touch with its back side.
@@ -65,7 +64,7 @@ def far_poses(name, elements, count, seed=4):
 def test_contact_is_found_wherever_elements_find_it(name):
     """The patch holds its elements, so its gap is no larger than theirs, and smaller by half an element at most: the
     distance from a body changes no faster than the place."""
-    model = polar(name, FINE)
+    model = cc.PolarFoundation(cc.load_scene(name), FINE, compiled=False)
     elements = cc.ElasticFoundation(model.scene, (120, 80))
     poses = far_poses(name, cc.ElasticFoundation(model.scene, (24, 16)), 60)
     theirs, ours = elements.gaps(poses), model.gaps(poses)

@@ -7,10 +7,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import Cells, Rays
 from casadi_contact.contact.pressure import layer_modulus
-from tests.contact.test_cup import PLACES, placed
-from tests.contact.test_elastic_foundation import at
-from tests.contact.test_polar import KNEE
 from tests.support.compiler import needs_compiler
+from tests.support.ready_poses import KNEE, PLACES, at, placed
 
 GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
 ON_PLANE = [1.0, 29.8, -2.0, 0.1, 0.2, 0.3]

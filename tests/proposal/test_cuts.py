@@ -14,8 +14,7 @@ from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.proposal import cuts as cuts_module
 from casadi_contact.proposal.cuts import best_cuts, cut_scene, find_cuts, worthwhile
 from casadi_contact.proposal.text import cut_lines, cut_text
-from tests.contact.test_mesh_foundation import scene_of
-from tests.support.meshes import cap_mesh, sheet_mesh
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 RADIUS_MM, APART_MM = 12.0, 7.0
 

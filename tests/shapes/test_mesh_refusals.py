@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from tests.support import meshes
 from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, shell_mesh, slab_mesh, write_obj
 
 POLE = [0.0, 1.0, 0.0]
 
 
 def scene_of(folder, moving, fixed, extra="", grid=(30, 30)):
-    write_obj(folder / "moving.obj", *moving)
-    write_obj(folder / "fixed.obj", *fixed)
-    (folder / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", extra=extra, grid=grid))
-    return cc.load_scene(folder / "scene.toml")
+    return meshes.scene_of(folder, moving, fixed, extra=extra, grid=grid)
 
 
 def plate(side=14.0, thickness=4.0):

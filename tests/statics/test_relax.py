@@ -6,9 +6,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.conventions import rotation
 from casadi_contact.statics.relax import _conjugate_motion
-from tests.contact.test_elastic_foundation import at
-from tests.statics.test_settle import walking
 from tests.support import two_spheres
+from tests.support.ready_poses import at, walking
 from tests.support.two_spheres import TwoSpheres
 
 PRESSED = ("ty",), {"Fy_med": -400.0}

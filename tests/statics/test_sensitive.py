@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.project import Project, reference_motion_cycles
 from casadi_contact.sampling import SamplePoint, found_sensitive_pose
-from tests.contact.test_elastic_foundation import at
+from tests.support.ready_poses import at
 
 
 def test_a_sphere_on_a_plane_feels_its_height_and_nothing_else_as_much():

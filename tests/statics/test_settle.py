@@ -8,8 +8,8 @@ from casadi_contact.contact import CupFoundation
 from casadi_contact.contact.cup.choice import CANDIDATES
 from casadi_contact.conventions import LEVER_MM
 from casadi_contact.scenes import Scene
-from tests.contact.test_elastic_foundation import at
 from tests.support import two_spheres
+from tests.support.ready_poses import at, walking
 from tests.support.two_spheres import TwoSpheres
 
 PRESSED = ("ty",), {"Fy_med": -400.0}
@@ -18,19 +18,6 @@ PRESSED = ("ty",), {"Fy_med": -400.0}
 @pytest.fixture(scope="module")
 def knee():
     return cc.ElasticFoundation(cc.load_scene("knee"), (40, 20))
-
-
-def walking(n, seed=3):
-    rng = np.random.default_rng(seed)
-    poses = np.c_[
-        rng.uniform(-3, 5, n),
-        np.full(n, 27.8),
-        rng.uniform(-0.5, 0.5, n),
-        rng.uniform(-0.02, 0.02, n),
-        rng.uniform(-0.1, 0.1, n),
-        rng.uniform(-1.2, 0.15, n),
-    ]
-    return poses, {"Fy_med": -rng.uniform(30, 1500, n), "Fy_lat": -rng.uniform(30, 1500, n)}
 
 
 @pytest.mark.parametrize("lift_mm", [-2.0, 0.5, 3.0, 10.0])

@@ -10,6 +10,7 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.targets import root_weight
+from tests.support.invented_samples import invented_samples
 from tests.support.random_surrogates import random_poses, random_surrogate
 
 KNEE = load_scene("knee")
@@ -118,19 +119,8 @@ def test_bad_input_gets_one_clear_line(surrogate):
         PatchSurrogate(KNEE, {})
 
 
-def samples(count=300, seed=0) -> Samples:
-    """Invented samples: each side 40 % lifted, ratios that are simple functions of the pose."""
-    rng = np.random.default_rng(seed)
-    poses, gaps = random_poses(count, seed), rng.uniform(-0.1, 0.15, (count, 2))
-    normal = np.where(gaps < 0.0, 8e4 * gaps**2, 0.0)
-    ratios = np.array([0.05, -1.0, 0.03, 22.0, 1.0, -4.0])
-    wrenches = normal[:, :, None] * np.stack([ratios, ratios * [1, 1, -1, -1, 1, 1]])
-    role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
-    return Samples(KNEE, poses, wrenches, gaps, np.ones(count, dtype=np.uint8), role)
-
-
 def test_targets_are_roots_gaps_and_ratios():
-    drawn = samples()
+    drawn = invented_samples()
     regressions = {r.name: r for r in PatchSurrogate.regressions(drawn)}
     assert list(regressions) == list(PatchSurrogate.network_inputs(KNEE))
     fitted = drawn.role != TEST
@@ -148,7 +138,7 @@ def test_targets_are_roots_gaps_and_ratios():
 
 
 def test_root_residuals_are_newtons_in_contact_and_fade_out_of_it():
-    drawn = samples()
+    drawn = invented_samples()
     root = next(r for r in PatchSurrogate.regressions(drawn) if r.name == "root_med")
     normal = KNEE.reference_load * np.maximum(root.targets, 0.0) ** 2
     loaded = normal > KNEE.boundary_load
@@ -167,7 +157,7 @@ def test_root_residuals_are_newtons_in_contact_and_fade_out_of_it():
 
 def test_tolerances_add_up_to_the_loads_tolerance():
     """Both sides' errors of N·δρ and ρ·δN, independent, give at most the tolerance of each load."""
-    drawn = samples()
+    drawn = invented_samples()
     tolerance = {r.name: r.tolerance for r in PatchSurrogate.regressions(drawn)}
     for load in ("Fx", "Fz", "Tx", "Ty", "Tz"):
         square = 0.0
@@ -183,7 +173,7 @@ def test_tolerances_add_up_to_the_loads_tolerance():
 
 def test_samples_that_cannot_be_fitted_are_refused():
     def changed(**columns) -> Samples:
-        good = samples(50)
+        good = invented_samples(50)
         fields = {name: getattr(good, name).copy() for name in ("poses", "wrenches", "gaps", "domain", "role")}
         for name, (index, value) in columns.items():
             fields[name][index] = value
@@ -195,14 +185,14 @@ def test_samples_that_cannot_be_fitted_are_refused():
         PatchSurrogate.regressions(changed(wrenches=((4, 0, 1), 3.0), role=(4, TRAIN)))
     with pytest.raises(ValueError, match="no row for training"):
         PatchSurrogate.regressions(changed(role=(slice(None), TEST)))
-    lifted = int(np.flatnonzero((samples(50).gaps[:, 0] > 0) & (samples(50).role == TRAIN))[0])
+    lifted = int(np.flatnonzero((invented_samples(50).gaps[:, 0] > 0) & (invented_samples(50).role == TRAIN))[0])
     with pytest.raises(ValueError, match=f"gap of patch 'med' is unknown at row {lifted}"):
         PatchSurrogate.regressions(changed(gaps=((lifted, 0), np.nan)))
 
 
 def test_networks_that_fit_their_targets_give_back_the_loads():
     """Constant-ratio samples: networks built to hit the targets exactly reproduce the contact model's loads."""
-    drawn = samples(60)
+    drawn = invented_samples(60)
     networks = {}
     for regression in PatchSurrogate.regressions(drawn):
         assert isinstance(regression, Regression)

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.dataset import TEST, TRAIN
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
-from tests.structures.test_patch import samples
+from tests.support.invented_samples import invented_samples
 from tests.support.random_surrogates import random_poses, random_surrogate
 
 KNEE = load_scene("knee")
@@ -69,7 +69,7 @@ def test_missing_first_stage_takes_the_second_with_it(surrogate):
 
 
 def test_regressions_are_raw_loads_on_all_fitted_samples():
-    drawn = samples(200)
+    drawn = invented_samples(200)
     fitted = drawn.role != TEST
     regressions = {r.name: r for r in TwoStageSurrogate.regressions(drawn)}
     assert list(regressions) == [*KNEE.load_names, "root_med", "root_lat"]
@@ -85,7 +85,7 @@ def test_regressions_are_raw_loads_on_all_fitted_samples():
 
 def test_root_loads_that_only_confirm_are_those_of_the_patch_structure():
     """Where no gap is known there is nothing to confirm with."""
-    drawn = samples(200)
+    drawn = invented_samples(200)
     of_patch = {r.name: r for r in PatchSurrogate.regressions(drawn)}
     confirming = [r for r in TwoStageSurrogate.regressions(drawn) if r.name.startswith("root")]
     for regression in confirming:

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+import casadi_contact as cc
+
 for library in ("trimesh", "embreex", "igl"):
     pytest.importorskip(library, reason="meshes need the extra: pip install casadi_contact[mesh]")
 
 ELASTIC = {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": '"linear"'}
+STIFFNESS = 267.5728  # K/h of it [N/mm³]
 
 
 def cap_mesh(radius, edge, angle):
@@ -114,6 +117,14 @@ boundary_load = 5.0
 [tolerances]
 {tolerances}
 """
+
+
+def scene_of(folder, moving, fixed, **settings):
+    """The scene of two meshes (vertices, faces), whose files are written to a folder; settings as `mesh_scene_text`."""
+    for name, mesh in (("moving.obj", moving), ("fixed.obj", fixed)):
+        write_obj(folder / name, *mesh)
+    (folder / "scene.toml").write_text(mesh_scene_text("moving.obj", "fixed.obj", **settings))
+    return cc.load_scene(folder / "scene.toml")
 
 
 def shell_mesh(inner, outer, edge, angle, pole):
