@@ -9,7 +9,7 @@ with σ the network's activation (see `casadi_contact.network.activations`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -200,3 +200,8 @@ def _domain_weights(domain: np.ndarray | None, by_domain: Mapping[int, float]) -
     for number, factor in by_domain.items():
         factors[domain == number] = factor
     return np.asarray(factors / np.sqrt(np.mean(factors**2)))
+
+
+def size_text(hidden: Sequence[int]) -> str:
+    """Neurons per hidden layer as people write them: "12-12"."""
+    return "-".join(map(str, hidden))

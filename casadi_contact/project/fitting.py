@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,7 +14,7 @@ import numpy as np
 from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.mirror import either_side
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network, PartsRegression, Regression, size_text
 from casadi_contact.project.active import candidates, models_to_ask, worst_samples
 from casadi_contact.project.presets import TOGETHER, Effort, effort_for
 from casadi_contact.project.project import (
@@ -23,14 +23,14 @@ from casadi_contact.project.project import (
     cycle_files,
     surrogates_made,
 )
-from casadi_contact.project.training_record import gone_on, size_text, training_record
+from casadi_contact.project.training_record import gone_on, training_record
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.structures.info import budget_line
-from casadi_contact.training import TrainingSettings, fit_all, fit_all_parts
+from casadi_contact.training import Fit, TrainingSettings, fit_all, fit_all_parts
 from casadi_contact.training.growth import widen
 from casadi_contact.workers import worker_pool
 
@@ -197,15 +197,17 @@ def fit_surrogate(
         starts = kind.starts(first, {structure: one.networks for structure, one in (made or {}).items()})
     else:
         starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
-    told = _Told(title, update)
-    fits: dict[str, Any] = {**fit_all(regressions, settings, executor, checkpoints, told.progress, starts)}
-    told.ends(fits)
+    progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
+    single = fit_all(regressions, settings, executor, checkpoints, progress, starts)
+    if progress is not None:
+        _tell_ends(single, progress)
+    fits: dict[str, Any] = {**single}
     networks = {name: fit.network for name, fit in fits.items()}
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
         whole = [_asked(regression, effort, weights) for regression in kind.parts_regressions(samples)]
-        of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, told.progress)
+        of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
@@ -231,25 +233,11 @@ def _regressions_and_twins(
     return [regression for name, regression in posed.items() if name in fitted], twins
 
 
-@dataclass(frozen=True)
-class _Told:
-    """How fits go on, told to `update` (see `fit_surrogate`)."""
-
-    title: str
-    update: Update | None
-
-    def progress(self, name: str, used: float, allotted: float, rms: float, hidden: Any) -> None:
-        """As `training.fit_all` calls it."""
-        if self.update is not None:
-            self.update(f"{self.title} {name}", used, allotted, f"Gflop, {size_text(hidden)} RMS {rms:.3g}")
-
-    def ends(self, fits: Mapping[str, Any]) -> None:
-        """How each fit ended."""
-        if self.update is None:
-            return
-        for name, fit in fits.items():
-            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
-            self.update(f"{self.title} {name}", fit.gflop, fit.gflop, remark)
+def _tell_ends(fits: Mapping[str, Fit], progress: Update) -> None:
+    """How each fit ended."""
+    for name, fit in fits.items():
+        remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+        progress(name, fit.gflop, fit.gflop, remark)
 
 
 def _widened(network: Network, hidden: tuple[int, ...]) -> Network:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -57,8 +57,3 @@ def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:
     wanted = np.geomspace(gflop[begun[0]], gflop[-1], _COURSE_POINTS)
     chosen = np.unique(np.minimum(np.searchsorted(gflop, wanted), len(gflop) - 1))
     return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}
-
-
-def size_text(hidden: Sequence[int]) -> str:
-    """Neurons per hidden layer as people write them: "12-12"."""
-    return "-".join(map(str, hidden))

@@ -8,10 +8,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from casadi_contact.conventions import Update
 from casadi_contact.network import Network, Regression
 from casadi_contact.training.arrays import torch_arrays
 from casadi_contact.training.batch import Batch, Member
-from casadi_contact.training.fit import Fit, Progress, Run
+from casadi_contact.training.fit import Fit, Run
 from casadi_contact.training.levenberg_marquardt import State
 from casadi_contact.training.search import Search
 from casadi_contact.training.settings import TrainingSettings
@@ -44,7 +45,7 @@ def fit_batches(
     settings: Mapping[str, TrainingSettings],
     device: str,
     checkpoints: Mapping[str, Path | None],
-    progress: Progress | None = None,
+    progress: Update | None = None,
     starts: Mapping[str, Network] | None = None,
 ) -> dict[str, Fit]:
     """`fit.fit` of every regression of one output, those whose networks have one shape side by side on a torch device.

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from casadi_contact.conventions import Array
-from casadi_contact.network import Network, Regression
+from casadi_contact.conventions import Array, Update
+from casadi_contact.network import Network, Regression, size_text
 from casadi_contact.training import checkpoint as checkpoint_file
 from casadi_contact.training.search import Search
 from casadi_contact.training.settings import TrainingSettings
-
-# name, Gflop used, Gflop allotted, training RMS, hidden layers
-Progress = Callable[[str, float, float, float, tuple[int, ...]], None]
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,13 @@ def fit(
     regression: Regression,
     settings: TrainingSettings | None = None,
     checkpoint: Path | None = None,
-    progress: Progress | None = None,
+    progress: Update | None = None,
     start: Network | None = None,
 ) -> Fit:
     """Fit a network within the settings' limits; the best found is returned, whatever the reason to stop.
 
-    start: a network to go on from instead of random weights, of the settings' first size and activation.
+    start: a network to go on from instead of random weights, of the settings' first size and activation. progress: is
+    called after each iteration with the regression's name, Gflop used, Gflop allotted, and `course_text`.
 
     With a ``checkpoint`` path the state is written there every ``checkpoint_every_s`` and on Ctrl-C; a later call
     with the same regression and settings goes on from it (its budget too), or returns a finished fit at once.
@@ -120,7 +118,7 @@ class Run:
         regression: Regression,
         settings: TrainingSettings,
         checkpoint: Path | None,
-        progress: Progress | None,
+        progress: Update | None,
         start: Network | None,
         kind: type[Search] = Search,
     ) -> None:
@@ -150,8 +148,8 @@ class Run:
         if time.monotonic() - self._written >= settings.checkpoint_every_s:
             self._write()
         if self._progress:
-            hidden = settings.sizes[search.level]
-            self._progress(search.regression.name, search.gflop, settings.max_gflop, search.training_rms, hidden)
+            remark = course_text(settings.sizes[search.level], search.training_rms)
+            self._progress(search.regression.name, search.gflop, settings.max_gflop, remark)
 
     def _write(self) -> None:
         if self._checkpoint:
@@ -162,6 +160,11 @@ class Run:
     def result(self) -> Fit:
         """The best network so far, and its course."""
         return _result(self.search.regression, self.search, self._cpu_s)
+
+
+def course_text(hidden: Sequence[int], rms: float) -> str:
+    """What an `Update` is told beside the work of a fit: its unit, hidden layers and training RMS."""
+    return f"Gflop, {size_text(hidden)} RMS {rms:.3g}"
 
 
 def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:

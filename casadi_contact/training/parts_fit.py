@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Update
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training import checkpoint as checkpoint_file
 from casadi_contact.training import stopping
-from casadi_contact.training.fit import FitOutcome, Progress
+from casadi_contact.training.fit import FitOutcome, course_text
 from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten_parts
@@ -39,7 +39,7 @@ def fit_parts(
     regression: PartsRegression,
     settings: TrainingSettings,
     checkpoint: Path | None,
-    progress: Progress | None,
+    progress: Update | None,
     start: Sequence[Network],
 ) -> PartsFit:
     """Go on from the parts' own networks within ``settings.max_gflop``; the networks of the least validation error (of
@@ -55,7 +55,9 @@ def fit_parts(
                     checkpoint_file.write(checkpoint, identity, course.kept)
                     written = time.monotonic()
                 if progress:
-                    progress(regression.name, course.gflop, settings.max_gflop, course.rms, start[0].hidden)
+                    progress(
+                        regression.name, course.gflop, settings.max_gflop, course_text(start[0].hidden, course.rms)
+                    )
         finally:
             if checkpoint:
                 checkpoint_file.write(checkpoint, identity, course.kept)

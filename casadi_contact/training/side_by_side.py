@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import quote
 
+from casadi_contact.conventions import Update
 from casadi_contact.files import replacing
 from casadi_contact.network import Network, PartsRegression, Regression
-from casadi_contact.training.fit import Fit, Progress, check, fit
+from casadi_contact.training.fit import Fit, check, course_text, fit
 from casadi_contact.training.parts_fit import PartsFit, fit_parts
 from casadi_contact.training.settings import TrainingSettings
 from casadi_contact.workers import cancelled_if_left
@@ -34,7 +35,7 @@ def fit_all(
     settings: SettingsOf,
     executor: Executor | None = None,
     checkpoint_folder: Path | None = None,
-    progress: Progress | None = None,
+    progress: Update | None = None,
     starts: Mapping[str, Network] | None = None,
 ) -> dict[str, Fit]:
     """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
@@ -43,8 +44,8 @@ def fit_all(
     after the other here; on another device than "cpu" all are fitted in this process (`batch_fit`).
     checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
     starts: networks to go on from instead of random weights, by the regression's name.
-    progress: called here as ``progress(name, gflop_used, gflop_allotted, rms, hidden)``; of a fit that an executor has
-    ended, at once, with what it used as what was allotted.
+    progress: called here as by `fit`; of a fit that an executor has ended, at once, with what it used as what was
+    allotted.
 
     Raises ValueError for duplicate names, missing settings, several devices, and for what `fit` refuses; the fits
     still waiting are then cancelled, those running go on in their workers until the executor is shut down.
@@ -88,7 +89,7 @@ def _fit_on_device(
     settings: Mapping[str, TrainingSettings],
     device: str,
     checkpoints: Mapping[str, Path | None],
-    progress: Progress | None,
+    progress: Update | None,
     starts: Mapping[str, Network],
 ) -> dict[str, Fit]:
     """In this process: networks of one output in batches, others one after the other."""
@@ -133,18 +134,18 @@ def _fit_and_tell(
 
 
 @contextmanager
-def _telling(report: Path) -> Iterator[Progress]:
+def _telling(report: Path) -> Iterator[Update]:
     """What writes the progress file now and then, which is gone at the end."""
     told = -_TELL_EVERY_S
 
-    def tell(name: str, used: float, allotted: float, rms: float, hidden: tuple[int, ...]) -> None:
+    def tell(name: str, used: float, allotted: float, remark: str) -> None:
         nonlocal told
         if time.monotonic() - told < _TELL_EVERY_S:
             return
         told = time.monotonic()
         # Progress is a courtesy: a full or unreachable disc must not end hours of training.
         with suppress(OSError), replacing(report, durable=False) as beside:
-            beside.write_text(json.dumps([name, used, allotted, rms, hidden]), "utf-8")
+            beside.write_text(json.dumps([name, used, allotted, remark]), "utf-8")
 
     try:
         yield tell
@@ -153,7 +154,7 @@ def _telling(report: Path) -> Iterator[Progress]:
             report.unlink(missing_ok=True)
 
 
-def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: Progress | None) -> dict[str, F]:
+def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: Update | None) -> dict[str, F]:
     waiting = set(futures.values())
     told: dict[str, object] = {}
     while waiting:
@@ -162,21 +163,21 @@ def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: 
             if future in done:
                 ended = future.result()
                 if progress:
-                    progress(name, ended.gflop, ended.gflop, ended.rms, ended.hidden)
-        for name, report in reports.items() if progress else ():
+                    progress(name, ended.gflop, ended.gflop, course_text(ended.hidden, ended.rms))
+        for name, report in reports.items():
             line = _last_report(report)
-            if line and told.get(name) != line:
+            if progress and line and told.get(name) != line:
                 told[name] = line
-                progress(*line)  # type: ignore[misc]
+                progress(*line)
     return {name: future.result() for name, future in futures.items()}
 
 
-def _last_report(report: Path) -> tuple[str, float, float, float, tuple[int, ...]] | None:
+def _last_report(report: Path) -> tuple[str, float, float, str] | None:
     try:
-        name, used, allotted, rms, hidden = json.loads(report.read_text("utf-8"))
+        name, used, allotted, remark = json.loads(report.read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    return name, used, allotted, rms, tuple(hidden)
+    return name, used, allotted, remark
 
 
 def fit_all_parts(
@@ -185,7 +186,7 @@ def fit_all_parts(
     starts: Mapping[str, Network],
     executor: Executor | None = None,
     checkpoint_folder: Path | None = None,
-    progress: Progress | None = None,
+    progress: Update | None = None,
 ) -> dict[str, PartsFit]:
     """`fit_parts` of each patch, side by side, from the networks of all parts by name; otherwise as `fit_all`."""
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
