@@ -1,4 +1,4 @@
-"""The elastic foundation's elements in torch, for many poses at once on a GPU: as `contact.kernels`, in arrays.
+"""The elastic foundation's elements in torch, for many poses at once on a GPU: as `contact.elements.loops`, in arrays.
 
 Three steps, each on fewer numbers than the one before: blocks of elements that may touch (by the tangent at their
 middle: the surfaces are convex), their elements that do (g < 0), and Newton's method for the depth of these. Sums over
@@ -17,7 +17,7 @@ import torch
 
 from casadi_contact.bridges.torch_surfaces import FAMILIES, LAWS, Vector, signed_distance
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.contact.kernels import NEAREST_SURFACE, RAY_ITERATIONS, RAY_TOLERANCE_MM, STEEPEST_RAY_SLOPE
+from casadi_contact.contact.elements.loops import NEAREST_SURFACE, RAY_ITERATIONS, RAY_TOLERANCE_MM, STEEPEST_RAY_SLOPE
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, pose_or_poses, rotation

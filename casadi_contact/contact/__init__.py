@@ -4,7 +4,7 @@ from casadi_contact.contact.cells import CellFoundation, Cells
 from casadi_contact.contact.choice import foundation, foundation_ladder
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.cup import CupFoundation
-from casadi_contact.contact.elastic_foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.elements import ElasticFoundation, grid_text
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.polar import PolarFoundation, Rays
 from casadi_contact.contact.pressure_summary import PressureSummary

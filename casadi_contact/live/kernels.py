@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi_contact.contact import CellFoundation, CupFoundation, PolarFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.live.webassembly import webassembly
 from casadi_contact.structures import Surrogate
 from casadi_contact.transcription import ExportedModel

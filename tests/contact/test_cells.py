@@ -8,7 +8,7 @@ from casadi_contact.contact import Cells
 from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
 from casadi_contact.contact.cells.patches import BOXES
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
-from casadi_contact.contact.kernels import point_distances
+from casadi_contact.contact.elements.loops import point_distances
 from casadi_contact.conventions import rotation
 from casadi_contact.geometry.projection import grid_frame
 from tests.support.derivative_checks import check_jacobian

@@ -1,5 +1,5 @@
-/* The elastic foundation's elements under swept arcs, BLOCK at once: the formulas of contact/kernels.py, element for
- * element. surface: arcs, tube radius, centre z, then axis x, y, tube offset and end tangent x, y of each arc.
+/* The elastic foundation's elements under swept arcs, BLOCK at once: the formulas of contact/elements/loops.py, element
+ * for element. surface: arcs, tube radius, centre z, then axis x, y, tube offset and end tangent x, y of each arc.
  * boxes: middle and the three half axes (vectors) of a box about each block's elements, BLOCK blocks together; members:
  * of each block c, n and area of its GROUP elements, one quantity after the other, filled up with elements of no area. */
 #if defined(_WIN32)

@@ -15,7 +15,7 @@ from casadi_contact.contact.cells.patches import patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
-from casadi_contact.contact.elastic_foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.elements import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 

@@ -13,8 +13,8 @@ from casadi_contact.contact.cells.patches import lay_cells, patch_charts
 from casadi_contact.contact.cells.pressures import cell_moments
 from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
-from casadi_contact.contact.compiled_pressures import CompiledPressures
-from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.contact.compiled import CompiledPressures
+from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.pressure import law_of
 from casadi_contact.contact.pressure_map import PressureMap
 from casadi_contact.conventions import Array, as_poses, pose_or_poses, rotation

@@ -20,8 +20,8 @@ import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
-from casadi_contact.contact.culling import STEEPEST_FIELD
-from casadi_contact.contact.kernels import point_distances
+from casadi_contact.contact.elements.culling import STEEPEST_FIELD
+from casadi_contact.contact.elements.loops import point_distances
 from casadi_contact.contact.pressure import pressure, pressure_slopes
 from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array

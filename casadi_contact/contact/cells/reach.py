@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.elastic_foundation import ElasticFoundation
+from casadi_contact.contact.elements import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, rotation
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.scenes import Scene

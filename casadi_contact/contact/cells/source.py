@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import (
     corner_shares,
@@ -21,8 +20,8 @@ from casadi_contact.contact.cells.patches import BOXES, CellPatch
 from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
-from casadi_contact.contact.culling import STEEPEST_FIELD
-from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.contact.compiled.source import C_FOLDER, braces
+from casadi_contact.contact.elements.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.field_derivatives import round_body

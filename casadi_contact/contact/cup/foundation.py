@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled_pressures import CompiledPressures
+from casadi_contact.contact.compiled import CompiledPressures
+from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.cup.cup import cup_of
 from casadi_contact.contact.cup.pressures import cup_moments
 from casadi_contact.contact.cup.quadrature import cup_loads
 from casadi_contact.contact.cup.source import cup_source
-from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.contact.pressure import law_of
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene

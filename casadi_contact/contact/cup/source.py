@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.c_text import braces
+from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.cup.quadrature import any_across, nodes
-from casadi_contact.contact.kernel_source import C_FOLDER
 from casadi_contact.transcription.kernel.source import c_text
 
 

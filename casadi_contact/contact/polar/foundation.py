@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled_pressures import CompiledPressures
-from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.contact.compiled import CompiledPressures
+from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.polar.patches import smooth_patches
 from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from casadi_contact.contact.c_text import braces
-from casadi_contact.contact.kernel_source import C_FOLDER
+from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
 from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED
 from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OFF_TOP

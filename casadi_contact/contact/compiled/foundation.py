@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.callback import check_loads, contact_callback, model_callback
-from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, FoundationKernel
+from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.contact.touch import touching_start

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from casadi_contact.contact.c_text import braces
 from casadi_contact.contact.pressure import layer_modulus
 from casadi_contact.conventions import load_selection
 from casadi_contact.scenes import Material, Scene
@@ -69,3 +68,8 @@ def _law_sizes(material: Material) -> dict[str, float]:
 
 def _defined(sizes: Mapping[str, float]) -> list[str]:
     return [f"#define {name} {value!r}" for name, value in sizes.items()]
+
+
+def braces(values: Iterable[float]) -> str:
+    """Numbers as a C initialiser."""
+    return "{" + ", ".join(repr(float(value)) for value in values) + "}"

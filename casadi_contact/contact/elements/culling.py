@@ -1,4 +1,4 @@
-"""Which elements cannot touch the moving body: bounds on its distance from a block's centre, for the kernels."""
+"""Which elements cannot touch the moving body: bounds on its distance from a block's centre, for numba's loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loads of a bed of elements under swept arcs in C: what `kernels.wrench_many` computes, several times faster."""
+"""The loads of a bed of elements under swept arcs in C: what `loops.wrench_many` computes, several times faster."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.contact.kernel_source import C_FOLDER, C_LAWS, law_source
+from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface

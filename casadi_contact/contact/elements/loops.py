@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from casadi_contact.compilation import announce_compilation, njit
-from casadi_contact.contact.culling import block_bound, point_bound, tangent_at, to_moving
+from casadi_contact.contact.elements.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure import pressure
 from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from casadi_contact.compilation import threads_for
-from casadi_contact.contact.compiled_elements import CompiledElements
-from casadi_contact.contact.kernels import element_depths, gap_many, point_distances, touches_many, wrench_many
+from casadi_contact.contact.elements.compiled import CompiledElements
+from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure import law_of, pressures
 from casadi_contact.contact.pressure_map import PressureMap
@@ -28,7 +28,7 @@ def grid_text(grid: tuple[int, int]) -> str:
 
 
 class _Bed(NamedTuple):
-    """Elements, as numba's kernels read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
+    """Elements, as numba's loops read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
