@@ -19,9 +19,10 @@ shear. ry and rz are prescribed. Measured contact forces enter nowhere.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -84,6 +85,27 @@ class MuscleContact:
     first: MuscleContact | None = None
 
 
+class _Variables(NamedTuple):
+    """Variables of n frames, as `MuscleContact` says: together (k, n), the rows of each kind, and by kind."""
+
+    together: ca.MX
+    rows: list[slice]
+    activations: ca.MX
+    pose: ca.MX
+    reserves: ca.MX
+    soleus: ca.MX
+    tensions: ca.MX
+    patella: ca.MX
+
+    @classmethod
+    def of(cls, frames: int, sizes: Sequence[int]) -> _Variables:
+        """sizes: how many of each kind a frame has."""
+        ends = [0, *itertools.accumulate(sizes)]
+        together = ca.MX.sym("variables", ends[-1], frames)
+        kinds = [slice(*pair) for pair in itertools.pairwise(ends)]
+        return cls(together, kinds, *ca.vertsplit(together, ends))
+
+
 class _Rows:
     """Constraints low <= expression <= high, numbers or one for each entry, column by column."""
 
@@ -144,75 +166,53 @@ def build(
     check_knee("a muscle problem", contact_model.scene, contact_model.load_names)
     balanced, free = tuple(balanced), tuple(free)
     _check(walk, balanced, free, exponent, least_activation)
+    if compliant_tendons and model != "hill":
+        raise ValueError(f"muscle model is {model}, expected hill where tendons are compliant")
     lengths = walk.lengths_m if other_lengths_m is None else np.vstack([walk.lengths_m, other_lengths_m])
     muscles = walk.muscles.fitted_to(lengths) if fit_lengths else walk.muscles
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s, model)
-    if compliant_tendons and model != "hill":
-        raise ValueError(f"muscle model is {model}, expected hill where tendons are compliant")
     try:
         poses = shear_free_poses(contact_model, walk.ry, walk.rz)
     except ValueError as error:
         raise ValueError(f"walk {walk.name}: {error}") from None
-    frames, count, size = len(walk), len(muscles.names), len(balanced)
-    least_roots = closed_sides(contact_model, walk.loads["knee_ty"], margin_mm)
-
-    patellar = 0 if extensor is None else len(POSE_NAMES)
-    ends = np.cumsum([0, count, len(free), size, int(ankle), count * int(compliant_tendons), patellar])
-    variables = ca.MX.sym("variables", int(ends[-1]), frames)
-    a, q, reserves, soleus, tensions, patella = ca.vertsplit(variables, ends.tolist())
-    strength = ca.repmat(ca.DM(muscles.max_isometric_force_n), 1, frames)
-    rigid = ca.DM(capacity.active_n.T) * a + ca.DM(capacity.passive_n.T)
-    forces = strength * tensions if compliant_tendons else rigid
+    count, patellar = len(muscles.names), 0 if extensor is None else len(POSE_NAMES)
+    sizes = (count, len(free), len(balanced), int(ankle), count * int(compliant_tendons), patellar)
+    v = _Variables.of(len(walk), sizes)
+    forces = _forces(v, muscles, capacity)
     locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in free}
-    knee = ContactFrames(contact_model, frames, locked=locked, loads=KNEE_LOADS, variable=lambda *_: q)
-    contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
-    sizes = ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced]))
-    stand_ins = ca.mtimes(sizes, reserves)
+    knee = ContactFrames(contact_model, len(walk), locked=locked, loads=KNEE_LOADS, variable=lambda *_: v.pose)
+    stand_ins = ca.mtimes(ca.diag(ca.DM([RESERVE_SIZES[name] for name in balanced])), v.reserves)
+    resting = ca.MX.sym("resting", patellar, len(walk))
 
-    resting = ca.MX.sym("resting", patellar, frames)
-    rows, by_patella, direct = _Rows(), ca.MX.zeros(len(COORDINATES), frames), np.ones(count)
+    rows, patella = _Rows(), v.patella
+    by_patella, direct = ca.MX.zeros(len(COORDINATES), len(walk)), np.ones(count)
     if extensor is not None:
         through = quadriceps(muscles.names)
         direct[through] = 0.0
-        by_patella, left, patella = extensor.balance(knee.pose, patella, ca.sum1(forces[through, :]))
-        held = HELD_N * (variables[int(ends[5]) :, :] - resting)  # where nothing presses it, it may turn freely
+        by_patella, left, patella = extensor.balance(knee.pose, v.patella, ca.sum1(forces[through, :]))
+        held = HELD_N * (v.patella - resting)  # where nothing presses it, it may turn freely
         rows.add(0.1 * (left - held), 0.0, 0.0)
+    others = _contact_function(balanced).map(len(walk))(knee.pose, knee.loads) + stand_ins
     for row, name in enumerate(balanced):
         pull = ca.sum1(ca.DM((direct * walk.arms[name]).T) * forces) + by_patella[list(COORDINATES).index(name), :]
-        load = pull + contact[row, :] + stand_ins[row, :]
-        left = load - ca.DM(walk.loads[name]).T
+        left = pull + others[row, :] - ca.DM(walk.loads[name]).T
         rows.add(0.1 * in_newtons(name) * left, 0.0, 0.0)  # about as large as what a scaled variable changes
-    rows.add(knee.roots, least_roots, np.inf)
+    rows.add(knee.roots, closed_sides(contact_model, walk.loads["knee_ty"], margin_mm), np.inf)
     if share_heads:
         first, other = np.array(heads(muscles.names)).T
-        rows.add(a[first.tolist(), :] - a[other.tolist(), :], 0.0, 0.0)
+        rows.add(v.activations[first.tolist(), :] - v.activations[other.tolist(), :], 0.0, 0.0)
     if ankle:
-        pull = ca.sum1(forces[calf(muscles.names), :]) + SOLEUS_N * soleus
+        pull = ca.sum1(forces[calf(muscles.names), :]) + SOLEUS_N * v.soleus
         beyond = CALF_ARM_M * pull - ca.DM(ankle_moment(walk, shank_m)).T
         rows.add(0.1 * in_newtons("knee_flexion") * beyond, 0.0, np.inf)
     if activation_dynamics:
-        rows.add(activation_rows(ca.vertcat(a, soleus), walk.time_s), 0.0, np.inf)
+        rows.add(activation_rows(ca.vertcat(v.activations, v.soleus), walk.time_s), 0.0, np.inf)
     if compliant_tendons:
-        rows.add(10.0 * equilibrium_rows(muscles, walk.lengths_m, walk.time_s, a, tensions), 0.0, 0.0)
+        moved = equilibrium_rows(muscles, walk.lengths_m, walk.time_s, v.activations, v.tensions)
+        rows.add(10.0 * moved, 0.0, 0.0)
     g, lower_g, upper_g = rows.together()
-    volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
-    weights = volumes / volumes.mean() if by_volume else np.ones(count)
-    objective = ca.dot(ca.DM(weights), ca.sum2(a**exponent)) + ca.sum2(ca.sum1(soleus**exponent)) + ca.sumsqr(reserves)
-    x = ca.vec(variables)
-
-    start, lower, upper = np.zeros((3, frames, int(ends[-1])))
-    driven = [*range(count), *range(int(ends[3]), int(ends[4]))]
-    start[:, driven], lower[:, driven], upper[:, :count] = max(0.05, least_activation), least_activation, 1.0
-    for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
-        table[:, ends[1] : ends[2]] = values.reshape(frames, -1)
-    lower[:, ends[2] : ends[3]], upper[:, ends[2] : ends[4]] = -np.inf, np.inf
-    if compliant_tendons:
-        least, most = tension_bounds()
-        lower[:, ends[4] : ends[5]], upper[:, ends[4] : ends[5]] = least, most
-        begun = (0.05 * capacity.active_n + capacity.passive_n) / muscles.max_isometric_force_n
-        start[:, ends[4] : ends[5]] = np.clip(begun, 10.0 * least, most)
-    if extensor is not None:
-        lower[:, ends[5] :], upper[:, ends[5] :] = -np.inf, np.inf
+    x, cost = ca.vec(v.together), _cost(v, muscles, exponent, by_volume)
+    start, lower, upper = _start_and_bounds(v, knee, poses, muscles, capacity, least_activation)
     return MuscleContact(
         contact_model,
         walk,
@@ -220,15 +220,56 @@ def build(
         knee.free,
         muscles,
         capacity,
-        {"x": x, "p": ca.vec(resting), "f": objective, "g": g},
+        {"x": x, "p": ca.vec(resting), "f": cost, "g": g},
         lower=lower.ravel(),
         upper=upper.ravel(),
         lower_g=lower_g,
         upper_g=upper_g,
         start=start.ravel(),
-        solution=ca.Function("solution", [x], [a, knee.pose, forces, stand_ins, soleus, patella]),
+        solution=ca.Function("solution", [x], [v.activations, knee.pose, forces, stand_ins, v.soleus, patella]),
         extensor=extensor,
     )
+
+
+def _forces(v: _Variables, muscles: MuscleParameters, capacity: ForceCapacity) -> ca.MX:
+    """Forces along the tendons (m, n) [N]: linear in the activations, or where tendons are compliant their tensions."""
+    if v.tensions.numel():
+        return ca.repmat(ca.DM(muscles.max_isometric_force_n), 1, v.tensions.shape[1]) * v.tensions
+    return ca.DM(capacity.active_n.T) * v.activations + ca.DM(capacity.passive_n.T)
+
+
+def _cost(v: _Variables, muscles: MuscleParameters, exponent: float, by_volume: bool) -> ca.MX:
+    """Σ w·a^p + Σ (r/size)², soleus among the activations at the weight 1."""
+    volumes = muscles.max_isometric_force_n * muscles.optimal_fibre_length_m
+    weights = volumes / volumes.mean() if by_volume else np.ones(len(volumes))
+    effort = ca.dot(ca.DM(weights), ca.sum2(v.activations**exponent))
+    return effort + ca.sum2(ca.sum1(v.soleus**exponent)) + ca.sumsqr(v.reserves)
+
+
+def _start_and_bounds(
+    v: _Variables,
+    knee: ContactFrames,
+    poses: Array,
+    muscles: MuscleParameters,
+    capacity: ForceCapacity,
+    least_activation: float,
+) -> Array:
+    """Where the variables begin, their lower and their upper bounds (3, n, variables of a frame)."""
+    activations, pose, reserves, soleus, tensions, patella = v.rows
+    start, lower, upper = table = np.zeros((3, len(poses), v.together.shape[0]))
+    for driven in (activations, soleus):
+        start[:, driven], lower[:, driven] = max(0.05, least_activation), least_activation
+    upper[:, activations], upper[:, soleus] = 1.0, np.inf
+    for part, values in zip(table, (knee.variables(poses), knee.lower, knee.upper), strict=True):
+        part[:, pose] = values.reshape(len(poses), -1)
+    for free in (reserves, patella):
+        lower[:, free], upper[:, free] = -np.inf, np.inf
+    if v.tensions.numel():
+        least, most = tension_bounds()
+        lower[:, tensions], upper[:, tensions] = least, most
+        begun = (0.05 * capacity.active_n + capacity.passive_n) / muscles.max_isometric_force_n
+        start[:, tensions] = np.clip(begun, 10.0 * least, most)
+    return table
 
 
 def _check(
