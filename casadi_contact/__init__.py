@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from casadi_contact.structures import load_surrogate
     from casadi_contact.verification import refine, verify
 else:
-    _ROOMS = {
+    _NAMES = {
         "assembly": ("Assembly", "load_assembly"),
         "benchmark": ("choose",),
         "contact": (
@@ -66,15 +66,15 @@ else:
         "structures": ("load_surrogate",),
         "verification": ("refine", "verify"),
     }
-    _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+    _HOME = {name: home for home, names in _NAMES.items() for name in names}
 
     def __getattr__(name: str) -> object:
-        """Import a public name from its room, once (PEP 562)."""
+        """Import a public name from its subpackage, once (PEP 562)."""
         from importlib import import_module
 
-        if name not in _ROOM_OF:
+        if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = value = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+        globals()[name] = value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return value
 
     def __dir__() -> list[str]:

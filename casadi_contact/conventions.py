@@ -1,4 +1,4 @@
-"""Names, units, frames and rotations shared by every room.
+"""Names, units, frames and rotations shared by the whole library.
 
 [EF15] everywhere is the paper whose method this is: I. Eskinazi and B. J. Fregly, "Surrogate modeling of deformable
 joint contact using artificial neural networks", Medical Engineering & Physics 37 (2015) 885-891.

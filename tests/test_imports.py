@@ -14,7 +14,7 @@ import casadi_contact
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
-ROOMS = [
+SUBPACKAGES = [
     *("compilation", "files", "page", "workers", "cluster", "terminal", "interrupts", "command_line"),
     *("machine", "quantities", "conventions", "pressure_laws"),
     *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
@@ -37,8 +37,8 @@ def running_nodes(path: Path) -> list[ast.AST]:
     return [node for node in ast.walk(tree) if id(node) not in only_types]
 
 
-def imported_rooms(path: Path) -> set[str]:
-    """Rooms of casadi_contact that a file imports, anywhere in it, type checking aside."""
+def imported_subpackages(path: Path) -> set[str]:
+    """Subpackages (and modules) of casadi_contact that a file imports, anywhere in it, type checking aside."""
     found = set()
     for node in running_nodes(path):
         if isinstance(node, ast.Import):
@@ -55,25 +55,25 @@ def imported_rooms(path: Path) -> set[str]:
     return found
 
 
-def room_of(path: Path) -> str:
+def subpackage_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def test_every_file_belongs_to_a_room_and_imports_only_rooms_before_it():
+def test_every_file_belongs_to_a_subpackage_and_imports_only_those_before_it():
     for path in PACKAGE.rglob("*.py"):
-        room = room_of(path)
-        if room == "__init__":
+        own = subpackage_of(path)
+        if own == "__init__":
             continue
-        assert room in ROOMS, f"{path} is in no room"
-        later = {other for other in imported_rooms(path) if ROOMS.index(other) > ROOMS.index(room)}
-        assert not later, f"{path} imports from {later}, which comes after {room}"
+        assert own in SUBPACKAGES, f"{path} is in no subpackage"
+        later = {other for other in imported_subpackages(path) if SUBPACKAGES.index(other) > SUBPACKAGES.index(own)}
+        assert not later, f"{path} imports from {later}, which comes after {own}"
 
 
-def test_the_table_of_rooms_in_the_docs_is_in_the_order_of_imports():
+def test_the_table_of_subpackages_in_the_docs_is_in_the_order_of_imports():
     page = (PACKAGE.parent / "docs/architecture.md").read_text("utf-8")
     first_cells = (line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
     told = [name.strip(" `") for cell in first_cells for name in cell.split(",")]
-    assert told == [room for room in ROOMS if room != "__main__"]
+    assert told == [name for name in SUBPACKAGES if name != "__main__"]
 
 
 def module_imports(folder: Path) -> dict[str, set[str]]:
@@ -124,7 +124,7 @@ def test_only_training_and_its_bridge_import_torch_and_peers_inside_functions():
         if "peers" in path.parts:
             top = [ast.unparse(node).split() for node in ast.parse(text).body]
             assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
-        elif room_of(path) not in ("training", "bridges"):
+        elif subpackage_of(path) not in ("training", "bridges"):
             assert "import torch" not in text, path
             assert "import jax" not in text, path
 
@@ -143,13 +143,13 @@ def test_reading_a_scene_needs_neither_numba_nor_a_solver():
     assert out.stdout.strip() == "set()"
 
 
-def test_every_public_name_comes_from_its_room_and_type_checkers_see_it():
+def test_every_public_name_comes_from_its_subpackage_and_type_checkers_see_it():
     tree = ast.parse((PACKAGE / "__init__.py").read_text("utf-8"))
     (checked,) = (node for node in tree.body if isinstance(node, ast.If))
     seen = {a.name: n.module for n in checked.body if isinstance(n, ast.ImportFrom) for a in n.names}
     assert sorted(seen) == sorted(casadi_contact.__all__)
-    for name, room in seen.items():
-        assert getattr(casadi_contact, name) is getattr(importlib.import_module(room), name)
+    for name, module in seen.items():
+        assert getattr(casadi_contact, name) is getattr(importlib.import_module(module), name)
         assert name in dir(casadi_contact)
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         casadi_contact.nothing  # noqa: B018

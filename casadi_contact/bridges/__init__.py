@@ -1,1 +1,1 @@
-"""Contact models inside other libraries: each bridge imports its library, which no other room does."""
+"""Contact models inside other libraries: each bridge imports its library, which nothing else does."""

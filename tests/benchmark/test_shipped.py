@@ -23,7 +23,7 @@ from casadi_contact.dataset.errors import load_errors, rms_by_kind
 from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
 from casadi_contact.report import read_kernel_speed
 
-speed_room = import_module("casadi_contact.benchmark.speed")  # the room's name is the function's in the package
+speed_module = import_module("casadi_contact.benchmark.speed")  # in the package its name is the function's
 
 
 @pytest.fixture(scope="module")
@@ -115,9 +115,9 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
         timed[surrogate.structure] = surrogate.scene.digest, len(poses)
         return KernelSpeed({"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0))
 
-    monkeypatch.setattr(speed_room, "kernel_speed", kernel_speed)
-    monkeypatch.setattr(speed_room, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
-    content = read_kernel_speed(speed_room.speed(project))
+    monkeypatch.setattr(speed_module, "kernel_speed", kernel_speed)
+    monkeypatch.setattr(speed_module, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
+    content = read_kernel_speed(speed_module.speed(project))
     assert timed == dict.fromkeys(("patch", "trunk", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)
 
