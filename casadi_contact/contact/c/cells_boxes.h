@@ -9,9 +9,9 @@ typedef struct {
   Eight middle[3], half[2][3], beyond, size;
 } Boxes;
 
-/* Of the field at a node */
+/* Of the field at a node: value, gradient, concavity M and clearance (contact/cells/tangents.py) */
 typedef struct {
-  float g, slope[3], bow, clearance, unused[2];
+  float g, slope[3], concavity, clearance, unused[2];
 } Tangent;
 
 /* A pose: the moving frame's axes, and the origin of its body's grid, in the fixed frame */
@@ -51,7 +51,7 @@ INLINE Eight absolute(Eight x) { return most_of(x, -x); }
 INLINE Eight sum3(const Eight a[3], const Eight b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* Eight rows become eight columns. */
-INLINE void turn_rows(const Eight row[8], Eight column[8]) {
+INLINE void transpose_eight(const Eight row[8], Eight column[8]) {
   Eight part[2][4];
   for (int k = 0; k < 2; k++, row += 4) {
     const Eight a = MIXED(row[0], row[1], 0, 8, 1, 9, 4, 12, 5, 13);
@@ -105,15 +105,15 @@ INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found
   memcpy(found->nodes, &nodes, sizeof nodes);
 }
 
-/* One bit for each box that the body may come within TOUCH of: by value, slope and bow of the field at the node nearest
- * to its middle, or by what is clear around that (see contact/cells/tangents.py), without a look at the spline. nearest:
- * what `find_tangents` found. */
+/* One bit for each box that the body may come within TOUCH of: by value, slope and concavity of the field at the node
+ * nearest to its middle, or by what is clear around that (see contact/cells/tangents.py), without evaluating the spline.
+ * nearest: what `find_tangents` found. */
 INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
                           const Nearest *nearest) {
   const Eight size = boxes->size, *away = nearest->away;
   Eight slope[3], row[8], tangent[8], least, square;
   for (int l = 0; l < BOXES; l++) memcpy(row + l, FIELD_TANGENTS + FIELD_INDEX[nearest->nodes[l]], sizeof(Eight));
-  turn_rows(row, tangent);
+  transpose_eight(row, tangent);
   square = sum3(away, away);
   least = tangent[0] + sum3(tangent + 1, away) - 0.5f * tangent[4] * (square + size * size);
   least -= (float)STEEPEST * boxes->beyond;
@@ -123,7 +123,7 @@ INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *f
   }
   for (int side = 0; side < 2; side++) least -= absolute(sum3(slope, boxes->half[side]));
   (void)pose, (void)frame;
-  return choice_bits((is_beyond(square, (float)BOW_REACH - size) | (least <= (float)TOUCH)) &
+  return choice_bits((is_beyond(square, (float)CONCAVITY_REACH - size) | (least <= (float)TOUCH)) &
                      ~is_below(nearest->square_within, tangent[5] - size) & (size >= 0.0f));
 }
 #else

@@ -19,7 +19,7 @@ INLINE void third_of(const Distance *at, const Lanes w[3], Lanes t[6]) {
   t[5] = d[5] * w[0] + d[8] * w[1] + d[9] * w[2];
 }
 
-INLINE void square_of(const Lanes h[6], Lanes m[3][3]) {
+INLINE void symmetric_of(const Lanes h[6], Lanes m[3][3]) {
   m[0][0] = h[0], m[0][1] = m[1][0] = h[1], m[0][2] = m[2][0] = h[2];
   m[1][1] = h[3], m[1][2] = m[2][1] = h[4], m[2][2] = h[5];
 }
@@ -28,8 +28,8 @@ INLINE void square_of(const Lanes h[6], Lanes m[3][3]) {
 FUNCTION void add_curvature(const Lanes q[3], const Lanes s_of[6], const Distance *at, const Lanes w[3],
                           const Lanes force[3], Curvature *sum) {
   Lanes s[3][3], h[3][3], turn[3][3], both[3][3], pull[3][3];
-  square_of(s_of, s);
-  square_of(at->bend, h);
+  symmetric_of(s_of, s);
+  symmetric_of(at->bend, h);
   for (int k = 0; k < 3; k++) {
     const Lanes axis[3] = {all(k == 0), all(k == 1), all(k == 2)};
     Lanes y[3];
@@ -107,7 +107,7 @@ INLINE void add_node_curvature(const Depth *at, const Lanes node_bend[6], const 
   third_of(&at->at, w, t);
   for (int i = 0; i < 3; i++) {
     Lanes rows[3][3];
-    square_of(t, rows);
+    symmetric_of(t, rows);
     t_n[i] = dot_of(rows[i], by.n);
   }
   cross_of(t_n, at->q, turn);

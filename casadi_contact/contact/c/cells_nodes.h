@@ -3,7 +3,7 @@
  * -v - omega x q, and a fixed direction w by -omega x w. */
 typedef struct {
   double c[3];
-  float n[3], along[2][3], unused, bend[2][3], loads[8]; /* to whole lines of the cache, the first for a look */
+  float n[3], along[2][3], unused, bend[2][3], loads[8]; /* whole lines of the cache: the first for a first evaluation */
   float unused_2[2];
 } Node;
 
@@ -89,8 +89,8 @@ INLINE void finish_depth(const Frame *frame, Depth *at) {
   }
 }
 
-/* A second look at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). overlap: -g found at
- * the nodes themselves. */
+/* A second evaluation at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). overlap: -g
+ * found at the nodes themselves. */
 INLINE void depth_at(const Node *nodes, const int *ids, Lanes overlap, const double *pose, const Frame *frame, int order,
                      Depth *at) {
   Lanes c[3];

@@ -19,9 +19,9 @@ INLINE Lanes facing_share(Lanes sigma, Lanes *slope) {
   return FLATTEST + (1.0 - FLATTEST) * x * x * x * (10.0 + x * (6.0 * x - 15.0));
 }
 
-/* The shares of all corners that `fill_nodes` looked at */
+/* The shares of all corners that `fill_nodes` evaluated again */
 FUNCTION void fill_facing(const Patch *p, const double *pose, const Frame *frame, const Scratch *s) {
-  KEEP_LOOP for (int k = 0; k < s->agains; k += BLOCK) {
+  KEEP_LOOP for (int k = 0; k < s->again_count; k += BLOCK) {
     const int *slots = s->again + k;
     const Lanes overlap = node_overlaps(s, slots);
     int ids[BLOCK];

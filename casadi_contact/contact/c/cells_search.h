@@ -32,7 +32,7 @@ typedef struct {
 typedef struct {
   double pose[6]; /* in which cells were chosen, where `searched`; `filled`: the order of what nodes and sums hold */
   int searched, filled;
-  int nodes, ids[MOST_NODES + BLOCK]; /* looked at: a slot each in what follows */
+  int nodes, ids[MOST_NODES + BLOCK]; /* evaluated: a slot each in what follows */
   unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */
   int groups[MOST_GROUPS];
   Nearest nearest[MOST_GROUPS + MOST_BLOCKS];
@@ -41,8 +41,8 @@ typedef struct {
   int corners[MOST_CELLS + BLOCK][4];          /* the slots of their corners, */
   int cells, full, chosen[MOST_CELLS + BLOCK]; /* and which of these cells matter */
   unsigned left[MOST_CELLS / BLOCK + 1], some[MOST_CELLS / BLOCK + 1]; /* of near cells, one bit each: see the loops */
-  int agains, again[MOST_NODES + BLOCK]; /* slots that are worth a second look, */
-  int is_again[MOST_NODES];              /* and of which order they had one */
+  int again_count, again[MOST_NODES + BLOCK]; /* slots that need a second evaluation, */
+  int again_order[MOST_NODES];              /* and of which order they had one */
   Sums sums;
   double value[MOST_NODES + BLOCK][4] __attribute__((aligned(64))); /* three, and -g at the node */
   double overlap[MOST_NODES + BLOCK], node_slope[3][MOST_NODES + BLOCK]; /* -g and the gradient of g at the node */
@@ -92,7 +92,7 @@ INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
 
 /* Which boxes may touch, of those chosen or of all. What each loop waits for is asked for by the one before: processors
  * look ahead no farther than a few boxes. */
-FUNCTION void look_at_boxes(const Boxes *boxes, const int *chosen, int count, const double *pose, const Frame *frame,
+FUNCTION void test_boxes(const Boxes *boxes, const int *chosen, int count, const double *pose, const Frame *frame,
                             Scratch *s) {
   const Place place = place_of(pose, frame);
   KEEP_LOOP for (int k = 0; k < count; k++) find_tangents(boxes + (chosen ? chosen[k] : k), &place, s->nearest + k);
@@ -105,14 +105,14 @@ FUNCTION void look_at_boxes(const Boxes *boxes, const int *chosen, int count, co
 FUNCTION void find_cells(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   int groups = 0, near = 0, nodes = 0;
   begin_turn(s);
-  look_at_boxes(p->block_boxes, 0, (p->block_count + BOXES - 1) / BOXES, pose, frame, s);
+  test_boxes(p->block_boxes, 0, (p->block_count + BOXES - 1) / BOXES, pose, frame, s);
   KEEP_LOOP for (int b = 0; b < p->block_count; b += BOXES) {
     KEEP_LOOP for (unsigned left = s->touched[b / BOXES]; left; left &= left - 1) {
       const Block *block = p->blocks + b + first_bit(left);
       for (int k = block->first; k < block->last; k++) s->groups[groups++] = k;
     }
   }
-  look_at_boxes(p->cell_boxes, s->groups, groups, pose, frame, s);
+  test_boxes(p->cell_boxes, s->groups, groups, pose, frame, s);
   KEEP_LOOP for (int g = 0; g < groups; g++) {
     for (int l = 0; l < BOXES; l++) s->near_cells[near] = BOXES * s->groups[g] + l, near += s->touched[g] >> l & 1;
   }

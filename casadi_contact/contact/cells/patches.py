@@ -17,9 +17,9 @@ CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "p
 
 BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
 CUT = 3  # parts of each side of a cell at the rim, where the surface ends or turns within less than a cell
-LOOKS = 4  # along each side of a sub-point, to find its share of the surface
+PROBES = 4  # points along each side of a sub-point, to find its share of the surface
 _ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a cell
-BOXES = 8  # that the kernel looks at together
+BOXES = 8  # that the kernel tests together
 
 
 @dataclass(frozen=True)
@@ -122,12 +122,12 @@ class _Lattice:
     def laid(cls, chart: Chart, cells: Cells, cut: int) -> _Lattice:
         """Each of the cells cut into cut×cut."""
         u, v = (
-            lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], LOOKS * parts, cut)
+            lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], PROBES * parts, cut)
             for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
         )
         nu, nv = len(u.places) - 1, len(v.places) - 1
-        looks = chart.present(u.sub_points, v.sub_points)
-        shares = looks.reshape(nu, cells.along_u, LOOKS, nv, cells.along_v, LOOKS).mean(axis=(2, 5))
+        on_surface = chart.present(u.sub_points, v.sub_points)
+        shares = on_surface.reshape(nu, cells.along_u, PROBES, nv, cells.along_v, PROBES).mean(axis=(2, 5))
         return cls(u, v, np.moveaxis(shares, 1, 2).reshape(nu, nv, -1))
 
     @property

@@ -229,7 +229,7 @@ class Touch:
 
 
 def touch_mm(cells: Cells) -> float:
-    """Distance from the body up to which a cell is looked at: more than what interpolation is wrong by, which grows as
+    """Distance from the body up to which a cell is evaluated: more than what interpolation is wrong by, which grows as
     a cell's own sagitta. On knees, cells of 1.2 mm that carry were up to 0.021 mm away, of 2.4 mm 0.1 mm."""
     sagitta = (cells.u_mm**2 + cells.v_mm**2) / (8.0 * _RADIUS_MM)
     return WIDTH_MM + min(max(sagitta, _LEAST_MM), _MOST_MM)

@@ -19,7 +19,7 @@ from casadi_contact.contact.cells.basis import (
 from casadi_contact.contact.cells.patches import BOXES, CellPatch
 from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.cells.tangents import BOW_REACH_MM, STRIDE, tangents
+from casadi_contact.contact.cells.tangents import CONCAVITY_REACH_MM, STRIDE, tangents
 from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.elements.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
@@ -97,7 +97,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "FADE": patches[0].fade_n,
         "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
-        "BOW_REACH": BOW_REACH_MM,
+        "CONCAVITY_REACH": CONCAVITY_REACH_MM,
     }
     sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
     arrays = {
@@ -115,7 +115,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
-        *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "looks")),
+        *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "values")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
         *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
     ]

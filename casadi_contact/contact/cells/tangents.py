@@ -1,11 +1,11 @@
 """Tangents of a distance field at its nodes, and how far it falls below them: what cells are skipped by.
 
-The bow M of a grid node q is the least with g(q) + ∇g(q)·δ - M|δ|²/2 <= g(q + δ) at all nodes q + δ near the surface or
-inside the body, within a reach. Where the left side exceeds the distance at which cells are looked at, nothing of the
-surface is there. Far tighter than a bound on second derivatives, which triangles make rough: only what lies between
-the node and the surface counts. The grid is continued beyond its edge as the field is, and farther away the clearance
-tells: within it lies nothing near the body. Both are taken from the field as it is, so that they hold too where an open
-mesh makes it jump.
+The concavity M of a grid node q is the least with g(q) + ∇g(q)·δ - M|δ|²/2 <= g(q + δ) at all nodes q + δ near the
+surface or inside the body, within a reach. Where the left side exceeds the distance up to which cells are evaluated,
+nothing of the surface is there. Far tighter than a bound on second derivatives, which triangles make rough: only what
+lies between the node and the surface counts. The grid is continued beyond its edge as the field is, and farther away
+the clearance tells: within it lies nothing near the body. Both are taken from the field as it is, so that they hold too
+where an open mesh makes it jump.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from scipy import ndimage
 from casadi_contact.conventions import Array
 
 STRIDE = 2  # nodes of the field for one of these
-BOW_REACH_MM = 5.0  # blocks of the largest cells reach 3 to 4 mm from their middles, and these 0.8 mm from a node
+CONCAVITY_REACH_MM = 5.0  # blocks of the largest cells reach 3 to 4 mm from their middles, and these 0.8 mm from a node
 _FAR_MM = 5.0  # beyond this, and deeper inside than the next, the clearance tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
 _NEAR_MM = 0.9  # what counts as near the body: a point that touches has such a node at its cell's corners
 _LEVEL_MM = 0.25  # of clearances that share a row
-_UNKNOWN = 1e6  # bow of nodes without a tangent
+_UNKNOWN = 1e6  # concavity of nodes without a tangent
 _SPARE = 0.004  # [1/mm], for points between nodes
 _VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # of a cubic B-spline at the nodes
 
@@ -34,7 +34,7 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
     """
     g = _at_nodes(coefficients, (0, 0, 0))
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
-    reach = int(np.ceil(BOW_REACH_MM / spacing_mm)) + 1
+    reach = int(np.ceil(CONCAVITY_REACH_MM / spacing_mm)) + 1
     field = _continued(g, reach, spacing_mm)
     body = field[(slice(reach, -reach),) * 3] < _NEAR_MM
     clearance = ndimage.distance_transform_edt(~body, sampling=spacing_mm) - np.sqrt(0.75) * spacing_mm
@@ -45,21 +45,21 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
     nodes = np.flatnonzero(known)
     places = np.ravel_multi_index(tuple(i + reach for i in np.nonzero(known)), field.shape)
     at, tangent = g.ravel()[nodes], np.stack([slope.ravel()[nodes] for slope in slopes], 1)
-    bow, strides = np.zeros(len(nodes)), np.array(field.strides) // field.itemsize
+    concavity, strides = np.zeros(len(nodes)), np.array(field.strides) // field.itemsize
     steps = np.arange(-reach, reach + 1)
     for step in np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3):
         away = spacing_mm * step
         square = float(away @ away)
-        if 0.0 < square <= (BOW_REACH_MM + spacing_mm) ** 2:
+        if 0.0 < square <= (CONCAVITY_REACH_MM + spacing_mm) ** 2:
             there = field.ravel()[places + step @ strides]
             fall = 2.0 * (at + tangent @ away - there) / square
-            bow = np.where(there < _SURFACE_MM, np.maximum(bow, fall), bow)
+            concavity = np.where(there < _SURFACE_MM, np.maximum(concavity, fall), concavity)
     levels, level = np.unique(np.floor(clearance / _LEVEL_MM).astype(np.int32), return_inverse=True)
     index = level.reshape(g.shape).astype(np.int32)
     index.ravel()[nodes] = np.arange(len(levels), len(levels) + len(nodes))
     rows = np.zeros((len(levels) + len(nodes), 8), dtype=np.float32)
     rows[: len(levels), 4], rows[: len(levels), 5] = _UNKNOWN, _LEVEL_MM * levels
-    rows[len(levels) :, :6] = np.column_stack([at, tangent, bow + _SPARE, clearance.ravel()[nodes]])
+    rows[len(levels) :, :6] = np.column_stack([at, tangent, concavity + _SPARE, clearance.ravel()[nodes]])
     return rows, np.ascontiguousarray(index[::STRIDE, ::STRIDE, ::STRIDE])
 
 

@@ -1,6 +1,7 @@
-/* Looks at the nodes of cells that may touch, and which cells matter by what they show. */
+/* Depths at the nodes of cells that may touch, and which of these cells they show to matter: a first evaluation of the
+ * distance at the node, and where that calls for it a second one on the ray near the surface (see quadrature.py). */
 /* Distances at all nodes found. Where they lie is worked out before: processors look ahead no farther than one block. */
-FUNCTION void look_at_nodes(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
+FUNCTION void evaluate_nodes(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
   KEEP_LOOP for (int k = 0; k < s->nodes; k += BLOCK) {
     Lanes c[3], q[3];
     places_of(p->nodes, s->ids + k, c);
@@ -46,8 +47,9 @@ INLINE Lanes first_values(const Patch *p, int first, const Frame *frame, Scratch
   return column[3];
 }
 
-/* Values in BLOCK slots by a second look, with order 2 slopes by twist */
-INLINE void look_again(const Patch *p, const int *slots, const double *pose, const Frame *frame, int order, Scratch *s) {
+/* Values in BLOCK slots by a second evaluation, with order 2 slopes by twist */
+INLINE void evaluate_again(const Patch *p, const int *slots, const double *pose, const Frame *frame, int order,
+                           Scratch *s) {
   int ids[BLOCK];
   Four row[BLOCK];
   Lanes column[4], slopes[3][6];
@@ -104,11 +106,11 @@ INLINE unsigned near_lanes(const Scratch *s, int first, int chosen[BLOCK]) {
   return there;
 }
 
-/* Keep those of the near cells whose interpolated depth, after one look, may exceed -WIDTH by a second. Of their
- * corners those that lie high above the body are worth one; deep ones are known already. What to do is found before it
+/* Keep those of the near cells whose interpolated depth, after one evaluation, may exceed -WIDTH by a second. Of their
+ * corners those high above the body need one; deep ones are chosen already. What to do is found before it
  * is done: branches that are guessed wrong then cost little. */
 FUNCTION void keep_cells(Scratch *s) {
-  int kept = 0, agains = s->agains;
+  int kept = 0, again_count = s->again_count;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {
     Lanes v[12], overlaps[4], lowest, highest, least;
     int chosen[BLOCK];
@@ -124,9 +126,9 @@ FUNCTION void keep_cells(Scratch *s) {
       const int *slots = s->corners[k + first_bit(high)];
       for (int c = 0; c < 4; c++) {
         const int slot = slots[c], wanted = s->value[slot][3] < SMALL_DEPTH_WIDTH - SMALL_DEPTH;
-        s->again[agains] = slot;
-        agains += wanted & (s->is_again[slot] != 1);
-        s->is_again[slot] = 1;
+        s->again[again_count] = slot;
+        again_count += wanted & (s->again_order[slot] != 1);
+        s->again_order[slot] = 1;
       }
     }
   }
@@ -137,7 +139,7 @@ FUNCTION void keep_cells(Scratch *s) {
       kept += s->left[k / BLOCK] >> l & 1;
     }
   }
-  s->near = kept, s->agains = agains;
+  s->near = kept, s->again_count = again_count;
 }
 
 /* Choose of the near cells those whose interpolated depth can exceed -WIDTH; those in which it exceeds WIDTH everywhere
@@ -165,34 +167,34 @@ FUNCTION void sort_cells(const Patch *p, Scratch *s) {
   s->cells = cells, s->full = full;
 }
 
-/* Cells that may matter, after a look at all their corners */
+/* Cells that may matter, after one evaluation at all their corners */
 FUNCTION void search(const Patch *p, const double *pose, const Frame *frame, Scratch *s) {
-  int agains = 0;
+  int again_count = 0;
   find_cells(p, pose, frame, s);
-  memset(s->is_again, 0, s->nodes * sizeof s->is_again[0]);
-  look_at_nodes(p, pose, frame, s);
+  memset(s->again_order, 0, s->nodes * sizeof s->again_order[0]);
+  evaluate_nodes(p, pose, frame, s);
   for (int k = 0; k < s->nodes; k += BLOCK) {
     const unsigned there = lowest_bits(s->nodes - k);
     const unsigned deep = there & bits_of(first_values(p, k, frame, s) > SMALL_DEPTH - SMALL_DEPTH_WIDTH);
-    for (int l = 0; l < BLOCK; l++) s->again[agains] = k + l, agains += deep >> l & 1;
+    for (int l = 0; l < BLOCK; l++) s->again[again_count] = k + l, again_count += deep >> l & 1;
   }
-  s->agains = agains;
+  s->again_count = again_count;
   keep_cells(s);
 }
 
-/* Another look at those corners of near cells that are worth it, or at all of them with their derivatives */
+/* A second evaluation at those corners of near cells that need it, or at all of them with their derivatives */
 INLINE void fill_nodes(const Patch *p, const double *pose, const Frame *frame, int order, Scratch *s) {
-  int agains = order < 2 ? s->agains : 0;
+  int again_count = order < 2 ? s->again_count : 0;
   for (int k = 0; k < s->near && order >= 2; k++) {
     for (int c = 0; c < 4; c++) {
       const int slot = s->corners[k][c];
-      s->again[agains] = slot;
-      agains += s->is_again[slot] != order;
-      s->is_again[slot] = order;
+      s->again[again_count] = slot;
+      again_count += s->again_order[slot] != order;
+      s->again_order[slot] = order;
     }
   }
-  s->agains = agains;
-  fill_up(s->again, s->agains);
-  for (int k = 0; k < s->agains; k += BLOCK) look_again(p, s->again + k, pose, frame, order, s);
+  s->again_count = again_count;
+  fill_up(s->again, s->again_count);
+  for (int k = 0; k < s->again_count; k += BLOCK) evaluate_again(p, s->again + k, pose, frame, order, s);
   sort_cells(p, s);
 }
