@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -177,27 +177,40 @@ def draw_samples(
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
         refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder)
-    if progress is not None:
-        progress(len(drawn), len(chunks))
-    missing = [number for number in range(len(chunks)) if number not in drawn]
-    if missing:
-        with worker_pool(executor) as workers:
-            futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
-            with cancelled_if_left(workers, futures):
-                for future in as_completed(futures):
-                    number = futures[future]
-                    try:
-                        drawn[number] = future.result()
-                    except Exception as error:
-                        error.add_note(f"{len(drawn)} of {len(chunks)} chunks of samples are kept in {folder.folder}")
-                        raise
-                    folder.write(number, drawn[number])
-                    if progress is not None:
-                        progress(len(drawn), len(chunks))
+    _draw_missing(job, chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()
     return samples
+
+
+def _draw_missing(
+    job: _Job,
+    chunks: Sequence[Chunk],
+    drawn: dict[int, DrawnChunk],
+    folder: ChunkFolder,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> None:
+    """Draw the chunks that are not among those drawn, by number, and add each to them and to the folder as it comes."""
+    if progress is not None:
+        progress(len(drawn), len(chunks))
+    missing = [number for number in range(len(chunks)) if number not in drawn]
+    if not missing:
+        return
+    with worker_pool(executor) as workers:
+        futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
+        with cancelled_if_left(workers, futures):
+            for future in as_completed(futures):
+                number = futures[future]
+                try:
+                    drawn[number] = future.result()
+                except Exception as error:
+                    error.add_note(f"{len(drawn)} of {len(chunks)} chunks of samples are kept in {folder.folder}")
+                    raise
+                folder.write(number, drawn[number])
+                if progress is not None:
+                    progress(len(drawn), len(chunks))
 
 
 def _refuse_coarser(before: Scene, now: Scene, path: Path) -> None:

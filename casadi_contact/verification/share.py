@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from casadi_contact.conventions import Array
 
-WORTH_A_WORD = 0.01  # of the load
+_REPORTED = 0.01  # of the load: a smaller share is left out
 
 
 def share_in_words(share: Array, where: str) -> str | None:
-    """In how many poses more than `WORTH_A_WORD` of the load, by its share (n,), lies there, and how much at most; None
-    for none."""
-    if not (count := int((share > WORTH_A_WORD).sum())):
+    """In how many poses more than 1 % of the load, by its share (n,), lies there, and how much at most; None for none
+    such."""
+    if not (count := int((share > _REPORTED).sum())):
         return None
     return f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies {where}"
