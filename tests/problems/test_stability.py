@@ -115,6 +115,11 @@ def test_one_side_lifts_off_and_lands_where_it_came_from(bench):
     assert gaps[[0, 8], 1].max() < 0.0, "and on again"
 
 
+def test_the_course_that_others_are_compared_with_is_named_after_its_grid(bench):
+    coarse = replace(only(bench, PATCH), teacher=ElasticFoundation(bench.scene, (40, 30)))
+    assert set(liftoff.measure(coarse, 3)[1]) == {"EF 40×30", PATCH}
+
+
 def test_failures_out_of_range_are_counted(bench):
     patch = bench.models[PATCH]
     pose = bench.poses[33]

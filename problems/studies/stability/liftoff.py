@@ -90,7 +90,7 @@ def measure(bench: Bench, frames: int = 61) -> tuple[list[Line], dict[str, Any]]
     pose = settle(bench.models[PATCH], bench.poses[:1], FREE, sides)[0][0]
     true, _, _ = path(bench.teacher, pose, frames)
     cells: dict[str, dict[str, float | str]] = {}
-    courses = {"EF 320×160": true}
+    courses = {bench.teacher.label: true}
     never: dict[str, str] = {}
     for method, model in bench.models.items():
         poses, used, solved = path(model, pose, frames)
