@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 from casadi_contact.contact.cells.choice import cell_foundation, cell_ladder, recorded_cells
 from casadi_contact.contact.cells.patches import CELL_SHAPES
+from casadi_contact.contact.choice_cache import keep_record, kept_record
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.compiled.source import C_LAWS
 from casadi_contact.contact.cup.choice import cup_foundation, cup_ladder, recorded_cup
 from casadi_contact.contact.cup.cup import CUP_SHAPE
-from casadi_contact.contact.kept import keep_record, kept_record
 from casadi_contact.contact.polar.choice import polar_foundation, polar_ladder, recorded_rays
 from casadi_contact.contact.polar.patches import POLAR_SHAPES
 from casadi_contact.scenes import Scene, load_scene
@@ -45,8 +45,8 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     the tolerance of every load and are nowhere more than `convergence.WORST` times it (cells: 0.3 of both where that
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
     within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
-    holds the choice and its errors; it is kept in the cache folder (`contact.kept`), for laws of the library. Raises
-    ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
+    holds the choice and its errors; it is kept in the cache folder (`contact.choice_cache`), for laws of the library.
+    Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     if scene.shape not in _KINDS:

@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import NotGoodEnoughError
 from casadi_contact.contact.cells import choice
-from casadi_contact.contact.cells.reach import pressed_poses
+from casadi_contact.contact.cells.pressed_poses import pressed_poses
 from casadi_contact.contact.convergence import Errors
 from casadi_contact.conventions import rotation
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh

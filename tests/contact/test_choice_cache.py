@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import choice, kept
+from casadi_contact.contact import choice, choice_cache
 
 
 @pytest.fixture
@@ -64,11 +64,11 @@ def too_deep(content):
 
 
 def too_long(content):
-    return content + b" " * kept._MOST_BYTES
+    return content + b" " * choice_cache._MOST_BYTES
 
 
 def signed(record):
-    return json.dumps({"sha256": kept._digest(record), "record": record}).encode()
+    return json.dumps({"sha256": choice_cache._digest(record), "record": record}).encode()
 
 
 def too_little(content):
@@ -103,12 +103,12 @@ def test_what_another_user_could_have_written_is_not_taken(folder, tests_run):
 
 
 def test_other_code_in_python_or_c_makes_another_choice(tmp_path, monkeypatch):
-    monkeypatch.setattr(kept, "_PACKAGE", tmp_path)
-    (tmp_path / "room").mkdir()
+    monkeypatch.setattr(choice_cache, "_PACKAGE", tmp_path)
+    (tmp_path / "folder").mkdir()
     digests = set()
-    for name, text in (("law.py", "p = 1"), ("law.py", "p = 2"), ("room/rays.h", "1"), ("room/rays.h", "2")):
+    for name, text in (("law.py", "p = 1"), ("law.py", "p = 2"), ("folder/rays.h", "1"), ("folder/rays.h", "2")):
         (tmp_path / name).write_text(text)
-        digests.add(kept._code_digest.__wrapped__())
+        digests.add(choice_cache._code_digest.__wrapped__())
     assert len(digests) == 4
 
 

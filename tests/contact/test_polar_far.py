@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact import Rays
 from casadi_contact.contact.polar.nearest import nearest
-from casadi_contact.contact.polar.reach import pressed_poses
+from casadi_contact.contact.polar.pressed_poses import pressed_poses
 from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import rotation
 from tests.support.compiler import needs_compiler

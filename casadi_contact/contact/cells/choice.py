@@ -12,8 +12,8 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.patches import patch_charts
+from casadi_contact.contact.cells.pressed_poses import pressed_poses
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.cells.reach import pressed_poses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
 from casadi_contact.contact.elements import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array, load_selection, rotation

@@ -9,9 +9,9 @@ import numpy as np
 
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.pressed_poses import pressed_poses
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.polar.reach import pressed_poses
 from casadi_contact.conventions import Array, load_selection
 from casadi_contact.scenes import Scene
 
