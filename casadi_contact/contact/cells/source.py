@@ -72,9 +72,36 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     whole = law[1] / law[2] * shares.T @ functions
     body = _body(patches[0].body, tables, with_tangents)
     rows = [_patch(quad.patch, functions, tables) for quad in patches]
-    sizes = {
+    sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
+    arrays = {
+        "hermite[SUB_POINTS][12]": functions,
+        "share[SUB_POINTS][4]": shares,
+        "whole[4][12]": whole,
+        **{f"product_{side}[{rows}][8]": share_products(count) for side, rows, count in sides},
+        **{f"hermite_{side}[{rows}][4]": hermite_of(count) for side, rows, count in sides},
+        **{f"share_{side}[{rows}][2]": linear_shares(count) for side, rows, count in sides},
+    }
+    text = [
+        "#include <limits.h>",
+        "#include <stddef.h>",
+        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches).items()),
+        *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
+        _INCLUDED,
+        body,
+        *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "values")),
+        f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
+        *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
+    ]
+    return "\n".join(text), tables.data
+
+
+def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
+    """What the C is written in terms of, by name: sizes of its arrays, and lengths [mm], forces [N] and cosines of
+    `quadrature`."""
+    cells = patches[0].cells
+    return {
         "BOXES": BOXES,
-        "SUB_POINTS": len(functions),
+        "SUB_POINTS": cells.along_u * cells.along_v,
         "ALONG_U": cells.along_u,
         "ALONG_V": cells.along_v,
         "MOST_NODES": max(len(quad.patch.c) for quad in patches),
@@ -99,27 +126,6 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         "STEEPEST": STEEPEST_FIELD,
         "CONCAVITY_REACH": CONCAVITY_REACH_MM,
     }
-    sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
-    arrays = {
-        "hermite[SUB_POINTS][12]": functions,
-        "share[SUB_POINTS][4]": shares,
-        "whole[4][12]": whole,
-        **{f"product_{side}[{rows}][8]": share_products(count) for side, rows, count in sides},
-        **{f"hermite_{side}[{rows}][4]": hermite_of(count) for side, rows, count in sides},
-        **{f"share_{side}[{rows}][2]": linear_shares(count) for side, rows, count in sides},
-    }
-    text = [
-        "#include <limits.h>",
-        "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()),
-        *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
-        _INCLUDED,
-        body,
-        *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "values")),
-        f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
-        *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
-    ]
-    return "\n".join(text), tables.data
 
 
 def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
