@@ -33,8 +33,10 @@ typedef struct {
 
 INLINE void fixed_point(const Surfaces *s, Lanes u, Lanes v, Ray *ray) {
 #if TORUS
-  const Lanes tube = root(s->radius * s->radius - v * v), rho = s->offset + s->rho_sign * tube;
-  const Lanes w = root(rho * rho - u * u), inverse = 1.0 / (tube * w);
+  const double least = LEAST_UPRIGHT * s->radius;
+  const Lanes tube = root(larger_of(s->radius * s->radius - v * v, all(least * least)));
+  const Lanes rho = s->offset + s->rho_sign * tube, square = rho * rho;
+  const Lanes w = root(larger_of(square - u * u, LEAST_UPRIGHT * LEAST_UPRIGHT * square)), inverse = 1.0 / (tube * w);
   ray->y = s->height + s->w_sign * w;
   ray->n_x = s->w_sign * u * tube * inverse;
   ray->n_z = s->w_sign * s->rho_sign * rho * v * inverse;

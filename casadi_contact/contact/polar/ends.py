@@ -11,6 +11,7 @@ from casadi_contact.conventions import Array
 
 LEAST_RISE = 1e-9
 LEAST_LENGTH = 1e-12
+LEAST_UPRIGHT = 1e-2  # part of a torus's radii: estimated ends of a deep spot may lie where no torus is
 _MOST_SHORTER = -0.5  # by the curvature along the ray: a ray from inside the body ends at a depth above zero
 _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
 
@@ -62,9 +63,9 @@ def fixed_point(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array, A
         zero = np.zeros_like(u)
         return np.stack([u, zero, v + patch.z_0], -1), np.stack([zero, zero + 1.0, zero], -1), zero + 1.0
     f = patch.torus
-    tube = np.sqrt(f.radius**2 - v * v)
+    tube = np.sqrt(np.maximum(f.radius**2 - v * v, (LEAST_UPRIGHT * f.radius) ** 2))
     rho = f.offset + f.rho_sign * tube
-    w = np.sqrt(rho * rho - u * u)
+    w = np.sqrt(np.maximum(rho * rho - u * u, (LEAST_UPRIGHT * rho) ** 2))
     slope_u, slope_v = -f.w_sign * u / w, -f.w_sign * f.rho_sign * rho * v / (tube * w)
     c = np.stack([u, f.height + f.w_sign * w, v + patch.z_0], -1)
     return c, np.stack([-slope_u, np.ones_like(u), -slope_v], -1), f.radius * rho / (tube * w)

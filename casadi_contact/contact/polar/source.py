@@ -8,6 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
+from casadi_contact.contact.polar.ends import LEAST_UPRIGHT
 from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED
 from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OFF_TOP
 from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
@@ -31,6 +32,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "CAP_LINES": rays.in_caps,
         "CHORD_STEPS": CHORD_STEPS,
         "LEAST_TILT": LEAST_TILT,
+        "LEAST_UPRIGHT": LEAST_UPRIGHT,
         "MIDDLE_STEPS": MIDDLE_STEPS,
         "EDGE_STEPS": EDGE_STEPS,
         "BRACKET_STEPS": BRACKET_STEPS,
