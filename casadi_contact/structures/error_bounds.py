@@ -8,7 +8,6 @@ from functools import reduce
 
 import numpy as np
 from scipy.optimize import linprog
-from scipy.sparse import csr_matrix, eye, hstack
 from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
@@ -27,6 +26,7 @@ NEIGHBOURS = 60  # samples around a centre that its error level comes from
 LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
 _LEAST_ROWS = 40  # of fewer no quantile is taken
 _FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `FITTED`: fewer tell no error
+FOLDS = 10  # of the unseen poses, of which each is bounded by a formula of the others
 _LEAST_GROWTH = 1.0
 
 
@@ -47,9 +47,10 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
     excess = trust.excess(every.poses, roots, surrogate.trust_claims(every.poses))
     wanted = every.loads(names)
     errors, loaded = np.abs(surrogate(every.poses) - wanted), wanted != 0.0
-    # Where the levels know a row's own error, its share of them looks too small: each half is fitted on levels from
-    # the other.
-    used, half = (excess < -SURE) | (rows_of == 0), np.arange(len(every)) % 2 == 0
+    # Where levels know a row's own error, its share of them looks too small: each half is fitted on levels from the
+    # other.
+    used, fold = (excess < -SURE) | (rows_of == 0), _folds(every.poses)
+    half = fold % 2 == 0
     group = np.where(rows_of == 0, every.domain, -rows_of.astype(int))
     level, features = np.zeros_like(errors), trust.features(every.poses, roots)
     for rows in (half, ~half):
@@ -67,8 +68,12 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
         weights = np.where(rows_of == 0, 1.0, (counts[0] / np.maximum(counts, 1))[rows_of])
         ratios = errors[:, k] / level[:, k]
         shares[k] = _quantile_shares(features[rows], ratios[rows], weights[rows])
-        # One formula for all groups may give to one what another lacks: none has less than its share.
-        bound = features @ shares[k]
+        # One formula for all groups may give to one what another lacks: none has less than its share, of rows that the
+        # formula does not know, because it passes through a few of those that it is fitted to.
+        bound = np.zeros(len(every))
+        for one in range(FOLDS):
+            part, others = fold == one, rows & (fold != one)
+            bound[part] = features[part] @ _quantile_shares(features[others], ratios[others], weights[others])
         of_groups = [quantile_of_unseen((ratios / bound)[rows & (group == one)]) for one in np.unique(group)]
         shares[k] *= max(1.0, *of_groups)
     trust = replace(trust, shares=shares)
@@ -81,6 +86,13 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
             missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
             growth[k] = max(float(np.quantile(missing, COVERAGE)), _LEAST_GROWTH)
     return replace(trust, growth=growth)
+
+
+def _folds(poses: Array) -> np.ndarray:
+    """Number (n,) of the fold that each row belongs to, drawn at random; rows of one pose belong to one."""
+    _, number = np.unique(poses, axis=0, return_inverse=True)
+    number = number.reshape(-1)  # NumPy 2.0 gives it another axis
+    return np.asarray(np.random.default_rng(0).permutation(len(poses))[number] % FOLDS)
 
 
 def quantile_of_unseen(ratios: Array) -> float:
@@ -121,14 +133,16 @@ def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
 
 def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:
     """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ w·(q·max(r, 0) + (1 - q)·max(-r, 0)), r = ratio -
-    features·θ, q = `FITTED`, as a linear programme in θ and the parts of r (Koenker and Bassett 1978)."""
-    count, columns = features.shape
-    cost = np.concatenate([np.zeros(columns), FITTED * weights, (1.0 - FITTED) * weights])
-    parts = hstack([csr_matrix(features), eye(count), -eye(count)]).tocsr()
-    answer = linprog(cost, A_eq=parts, b_eq=ratios, bounds=(0.0, None), method="highs")
+    features·θ, q = `FITTED` (Koenker and Bassett 1978).
+
+    θ are the multipliers of its dual, max ratio·a with featuresᵀ·a <= 0 and (q - 1)·w <= a <= q·w: a linear programme
+    of as many rows as there are shares.
+    """
+    bounds = np.stack([(FITTED - 1.0) * weights, FITTED * weights], -1)
+    answer = linprog(-ratios, A_ub=features.T, b_ub=np.zeros(features.shape[1]), bounds=bounds, method="highs")
     if answer.x is None:
         raise ValueError(f"the expected error cannot be fitted ({answer.message}), expected finite errors")
     # All zero would promise no error at all; the constant share keeps the bound above zero.
-    shares = np.maximum(answer.x[:columns], 0.0)  # HiGHS keeps bounds to a tolerance
+    shares = np.maximum(-answer.ineqlin.marginals, 0.0)  # HiGHS keeps their sign to a tolerance
     shares[0] = max(shares[0], 1e-6)
     return shares

@@ -56,13 +56,28 @@ def test_96_in_100_unseen_errors_lie_below_and_test_rows_take_no_part(surrogate)
     below = np.abs(surrogate(unseen.poses) - wanted) <= trusted.expected_error(unseen.poses)
     assert 0.955 < below[wanted != 0.0].mean() < 0.962
     for column, rows in zip(below.T, (wanted != 0.0).T, strict=True):
-        assert 0.95 < column[rows].mean() < 0.966
+        assert 0.945 < column[rows].mean() < 0.975  # a share of 1,200 rows is known to 0.006
     spoilt = samples.wrenches.copy()
     spoilt[samples.role == TEST] *= 3.0
     other = with_trust(surrogate, replace(samples, wrenches=spoilt))
     np.testing.assert_array_equal(other.trust.levels, trusted.trust.levels)
     np.testing.assert_array_equal(other.trust.shares, trusted.trust.shares)
     assert other.info().coverage["D1"]["Fy"] < 0.5
+
+
+def test_of_small_tables_as_many_unseen_errors_lie_below_as_of_large_ones(surrogate):
+    """A formula of four numbers passes through some of the 30 held-back rows that it is fitted to."""
+    unseen = made_up_samples(surrogate, count=20_000, seed=999)
+    wanted = unseen.loads(surrogate.load_names)
+    errors = np.abs(surrogate(unseen.poses) - wanted)
+    shares = []
+    for seed in range(8):
+        samples = made_up_samples(surrogate, count=300, seed=seed)
+        role = np.random.default_rng(seed).choice([TRAIN, VALIDATION, TEST], 300, p=[0.8, 0.1, 0.1]).astype(np.uint8)
+        trusted = with_trust(surrogate, replace(samples, role=role))
+        shares.append((errors <= trusted.expected_error(unseen.poses))[wanted != 0.0].mean())
+    assert np.mean(shares) > FITTED
+    assert min(shares) > 0.93
 
 
 def test_the_quantile_of_a_few_leaves_room_for_errors_not_seen_yet():
