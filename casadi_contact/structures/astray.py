@@ -38,14 +38,11 @@ def with_doubt(
     load beyond `WRONG` times its tolerance, or its RMS error on validation rows where that is more. progress: called as
     (iterations done, all) where a doubt is learned.
     """
-    validation = samples.select(role=VALIDATION)
-    names = list(surrogate.load_names)
-    rms = np.sqrt(np.mean((surrogate(validation.poses) - validation.loads(names)) ** 2, axis=0))
-    limits = WRONG * np.maximum([surrogate.scene.tolerances[name] for name in names], rms)
     shown = samples.rows(np.sort(np.random.default_rng(0).permutation(len(samples))[:_SAMPLES]))
     parts = [shown, *others]
     poses = np.concatenate([part.poses for part in parts])
-    wrong = np.concatenate([_beyond(surrogate, part, names, limits) for part in parts])
+    limits = _limits(surrogate, samples)
+    wrong = np.concatenate([_beyond(surrogate, part, limits) for part in parts])
     roots = surrogate.trust_roots(poses)
     valid = trust.excess(poses, roots, surrogate.trust_claims(poses)) < 0.0
     valid[: len(shown)] = False  # of the others alone
@@ -72,6 +69,18 @@ def _learned(regression: Regression, progress: Progress | None) -> Network:
     return network
 
 
-def _beyond(surrogate: Surrogate, part: Samples, names: Sequence[str], limits: Array) -> np.ndarray:
-    """Whether any load of each sample (m,) is off by more than its limit (L,) [N, N·mm]."""
-    return np.asarray((np.abs(surrogate(part.poses) - part.loads(names)) > limits).any(axis=1))
+def right_ones(surrogate: Surrogate, samples: Samples, others: Samples) -> Samples:
+    """The rows of others that are not wrong, as `with_doubt` counts them."""
+    return others.rows(~_beyond(surrogate, others, _limits(surrogate, samples)))
+
+
+def _limits(surrogate: Surrogate, samples: Samples) -> Array:
+    """Errors (L,) of the loads beyond which a pose counts as wrong [N, N·mm]."""
+    validation, names = samples.select(role=VALIDATION), surrogate.load_names
+    rms = np.sqrt(np.mean((surrogate(validation.poses) - validation.loads(names)) ** 2, axis=0))
+    return WRONG * np.maximum([surrogate.scene.tolerances[name] for name in names], rms)
+
+
+def _beyond(surrogate: Surrogate, part: Samples, limits: Array) -> np.ndarray:
+    """Whether any load of each sample (m,) is off by more than its limit."""
+    return np.asarray((np.abs(surrogate(part.poses) - part.loads(surrogate.load_names)) > limits).any(axis=1))

@@ -18,7 +18,7 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
 from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.scenes.normal_load import normal_forces
-from casadi_contact.structures.astray import with_doubt
+from casadi_contact.structures.astray import right_ones, with_doubt
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
@@ -82,8 +82,8 @@ def with_trust(
         trust = _distrusting(tube, surrogate, known, moved)
         led = samples_led_to(surrogate, samples, model, first.validity, progress=leading)
         trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)], astray)
-        if trust.doubt is not None:  # without, few gross errors at rims would raise what is expected everywhere
-            moved.append(led)
+        # Without a doubt, few gross errors at rims would raise what is expected everywhere.
+        moved.append(led if trust.doubt is not None else right_ones(surrogate, known, led))
     trust = with_error_bounds(trust, surrogate, training, [validation, *(p.select(role=VALIDATION) for p in moved)])
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     test = samples.select(role=TEST)

@@ -21,7 +21,7 @@ COVERAGE = 0.95  # share of unseen errors that shall lie below the expected erro
 FITTED = 0.96  # share of validation errors that do: of unseen poses, which are spread otherwise, a hundredth fewer
 CENTRES = 256
 BANDWIDTH = 0.5  # of the scales, the deviation of an even spread over the sampled range
-ROOT_SCALE = 0.3  # of a root load's range, over which its scale as a state's coordinate is that of a pose parameter
+ROOT_SCALE = 0.15  # of a root load's range, over which its scale as a state's coordinate is that of a pose parameter
 NEIGHBOURS = 60  # samples around a centre that its error level comes from
 LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
 _LEAST_ROWS = 40  # of fewer no quantile is taken
@@ -96,10 +96,14 @@ def _folds(poses: Array) -> np.ndarray:
 
 
 def quantile_of_unseen(ratios: Array) -> float:
-    """What a share `FITTED` of further ratios of the same kind lies below: of n ratios the one at (n + 1)/n of that
-    share, for the largest of a few is not the largest there is (conformal prediction, Vovk et al. 2005); 0 of none."""
+    """What a share q = `COVERAGE` of further ratios of the same kind lies below, in five of six cases; 0 of none.
+
+    Of n ratios the one at q·(n + 1)/n, for the largest of a few is not the largest there is (conformal prediction, Vovk
+    et al. 2005), and higher by the standard deviation √(q·(1 - q)/n) of such a share.
+    """
     count = len(ratios)
-    return float(np.quantile(ratios, min(1.0, FITTED * (count + 1) / count))) if count else 0.0
+    share = COVERAGE * (count + 1) / max(count, 1) + np.sqrt(COVERAGE * (1.0 - COVERAGE) / max(count, 1))
+    return float(np.quantile(ratios, min(1.0, share))) if count else 0.0
 
 
 def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
