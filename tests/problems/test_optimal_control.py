@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.motion.joint_cycle import scene_cycles
+from casadi_contact.optimisation import pose_bounds
 from problems import knee_simulator, optimal_control, pose_estimation
 from problems.common.contact import ContactSource
 from problems.optimal_control import (
@@ -157,6 +158,20 @@ def test_loads_that_steadiness_outweighs_are_missed_and_named_though_ipopt_has_s
     assert f"of the wanted loads {knee.load_names[worst]} is off by {rms[worst]:.0f} N (RMS)" in missed(problem, result)
     stopped = replace(result, converged=False, ipopt_status="Maximum_Iterations_Exceeded")
     assert "give more --intervals than 12" in missed(problem, stopped)
+
+
+def test_flexion_that_bounds_keep_from_the_wanted_one_is_missed_and_named_though_all_loads_are_carried(knee, wanted):
+    """A dish carries the same loads at any flexion that its condyles' arcs allow: loads alone do not tell of it."""
+    still = np.ones((len(wanted.time_s), 1))
+    deeper = replace(wanted, loads=wanted.loads[:1] * still, held={"rz": -1.7 * still[:, 0]})
+    problem = optimal_control.build(knee, deeper, intervals=4)
+    result = optimal_control.solve(problem)
+    assert result.converged
+    assert np.sqrt(np.mean(result.load_error[:, :4] ** 2)) < 1.0  # N
+    least = pose_bounds(knee)[0][5]  # rz of the deepest flexion that it has learned
+    np.testing.assert_allclose(result.held_error, least + 1.7, atol=1e-4)
+    assert f"rz is off by {np.degrees(least + 1.7):.3g} degrees (RMS)" in missed(problem, result)
+    assert "more than the model has learned" in missed(problem, result)
 
 
 def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
