@@ -15,6 +15,7 @@ from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
+from casadi_contact.motion.force_doubt import force_doubt
 from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
@@ -108,6 +109,9 @@ def sample(
         with ThreadPoolExecutor(1) as here:
             return sample(project, cycle_files, update, here, _on_device(models, device))
     cycles = reference_motion_cycles(project.scene, cycle_files)
+    for cycle in cycles:
+        if doubt := force_doubt(project.scene, cycle.wanted()):
+            _log.warning("cycle %s: %s", cycle.name, doubt)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn, space = begun(project.samples_path), project.scene.pose_space

@@ -47,6 +47,10 @@ class ContactSource:
         """What pictures and tables call it."""
         return "surrogate" if self.scene is None else "foundation"
 
+    def load_scene(self) -> Scene:
+        """The scene alone, which takes no kernels; raises ValueError for an unknown name."""
+        return cc.load_scene(self.scene) if self.scene is not None else _load(self).scene
+
     def load(self) -> SymbolicContact:
         """The contact model; raises ValueError for an unknown name and for a scene that no foundation fits."""
         return _load(self)

@@ -28,7 +28,7 @@ from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
 from problems.pose_estimation.estimate import doubts, estimated
-from problems.pose_estimation.problem import Cycle, build, wanted_loads
+from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.starts import start_from_file
 
@@ -66,8 +66,9 @@ def run(
         scene = scene_of_meshes(scene, fixed, out)
     joint = load_scene(scene)
     measured: Sequence[Cycle] = reference_motion_cycles(joint, cycles)  # before minutes of training
-    for cycle in measured:
-        wanted_loads(joint, cycle)
+    for path, cycle in zip(cycles, measured, strict=True):
+        for doubt in doubts(joint, cycle):
+            typer.echo(f"{NAME}: {path}: {doubt}", err=True)
     poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
     folder = RESULTS / NAME / file_stem(joint.name) if out is None else out
     source = ContactSource(scene=str(scene))
@@ -80,8 +81,6 @@ def run(
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for path, problem, first in zip(cycles, problems, poses, strict=True):
-        for doubt in doubts(problem, elements):
-            typer.echo(f"{NAME}: {path}: {doubt}", err=True)
         found = estimated(source, problem, first, elements, starts)
         report(problem, found, folder / "poses" / path.stem, source.kind)
         codes.append(found.verdict.exit_code)

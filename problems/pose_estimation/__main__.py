@@ -10,6 +10,7 @@ import typer
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.project import reference_motion_cycles, walks
+from casadi_contact.scenes import Scene
 from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
@@ -51,25 +52,25 @@ def run(
         raise ValueError("got both --start and --warm, expected one of them")
     writable_folder(out)  # before minutes of random starts
     source = ContactSource.of(surrogate, scene)
-    measured = measured_cycle(source, cycle)
+    known = source.load_scene()
+    measured = measured_cycle(known, cycle)
+    for doubt in doubts(known, measured):
+        typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
     problem = build(source.load(), measured, smoothness, compiled=True if compiled else None)
     poses = None if start is None else start_from_file(start, problem.frames)
     if warm is not None:
         poses = solve(build(warm_model(warm, problem.model), measured)).poses
     model = own_model(problem.model.scene)
-    for doubt in doubts(problem, model):
-        typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
     found = estimated(source, problem, poses, model, starts)
     report(problem, found, out, source.kind)
     end_with(found.verdict, NAME, out)
 
 
-def measured_cycle(source: ContactSource, path: Path | None) -> Cycle:
+def measured_cycle(scene: Scene, path: Path | None) -> Cycle:
     """The cycle in a file, or that of the scene: its first one, a knee's mean walking.
 
     Raises ValueError for a scene that has none, and as the readers do.
     """
-    scene = source.load().scene
     if path is None and walks(scene):
         return reference_cycle()
     return reference_motion_cycles(scene, [] if path is None else [path])[0]

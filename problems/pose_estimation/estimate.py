@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.verification import Verdict, judge
+from casadi_contact.motion.force_doubt import force_doubt
+from casadi_contact.scenes import Scene
+from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
-from problems.pose_estimation.problem import PoseEstimation
+from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
 from problems.pose_estimation.sign_doubts import sign_doubts
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
-from problems.pose_estimation.unit_doubts import unit_doubts
+from problems.pose_estimation.unit_doubts import centre_doubts
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,18 @@ class Estimate:
     starts: RandomStarts | None
 
 
-def doubts(problem: PoseEstimation, model: ContactModel | str) -> list[str]:
-    """Lines that ask about a cycle's units and signs before it is solved; model: `own_model` of the scene."""
-    return [*unit_doubts(problem.wanted, model), *sign_doubts(problem.wanted, problem.measured, model)]
+def doubts(scene: Scene, cycle: Cycle) -> Iterator[str]:
+    """Lines that ask about a cycle's units and signs, before any kernel is compiled for it: of its forces at once, of
+    all else when the scene's surfaces are read.
+
+    Raises ValueError as `wanted_loads` does.
+    """
+    wanted = wanted_loads(scene, cycle)
+    if doubt := force_doubt(scene, wanted.values):
+        yield doubt
+    model = own_model(scene)
+    yield from centre_doubts(wanted, model)
+    yield from sign_doubts(wanted, measured_pose(scene, cycle), model)
 
 
 def estimated(

@@ -7,30 +7,18 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
-from problems.pose_estimation.unit_doubts import unit_doubts
+from problems.pose_estimation.unit_doubts import centre_doubts
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.asked import asked_before_solving
 
 
-@pytest.mark.parametrize(
-    ("force", "centre", "doubted"),
-    [
-        (1.0, 1.0, []),
-        (1.0 / 750.0, 1.0, ["are forces in N, or in kN or body weights?"]),
-        (1e-3, 1.0, ["are forces in N, or in kN or body weights?"]),
-        (1.0, 1e-3, ["are they in mm, or in m?"]),
-        (1.0 / 750.0, 1e-3, ["are forces in N, or in kN or body weights?", "are they in mm, or in m?"]),
-        (0.0, 0.0, []),
-    ],
-)
-def test_walking_in_other_units_is_doubted(force, centre, doubted):
-    scale = {"F": force, "c": centre}
-    walking = reference_cycle(frames=11).wanted()
-    scene = cc.load_scene("knee")
-    wanted = WantedLoads.of(scene, {name: scale[name[0]] * curve for name, curve in walking.items()})
-    assert [line.partition(": ")[2] for line in unit_doubts(wanted, own_model(scene))] == doubted
-    forces = [line for line in doubted if "forces" in line]
-    assert [line.partition(": ")[2] for line in unit_doubts(wanted, "none at hand")] == forces
+@pytest.mark.parametrize(("scale", "doubted"), [(1.0, []), (1e-3, ["are they in mm, or in m?"]), (0.0, [])])
+def test_centres_of_pressure_of_walking_in_metres_are_doubted(scale, doubted):
+    scene, walking = cc.load_scene("knee"), reference_cycle(frames=11).wanted()
+    values = {name: scale * curve if name[0] == "c" else curve for name, curve in walking.items()}
+    wanted = WantedLoads.of(scene, values)
+    assert [line.partition(": ")[2] for line in centre_doubts(wanted, own_model(scene))] == doubted
+    assert centre_doubts(wanted, "none at hand") == []
 
 
 def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):

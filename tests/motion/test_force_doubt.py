@@ -1,0 +1,50 @@
+"""A cycle whose forces are in kN, body weights or mN is doubted, one in N is not, nor one without load."""
+
+import logging
+
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.motion.force_doubt import force_doubt
+from casadi_contact.motion.joint_cycle import scene_cycles
+from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.project import Project
+from casadi_contact.project import samples as drawn_samples
+
+SCALES = [
+    (1.0, ""),
+    (0.0, ""),
+    (1e-3, "in kN or body weights?"),
+    (1.0 / 750.0, "in kN or body weights?"),
+    (1e3, "in mN"),
+]
+
+
+@pytest.mark.parametrize(("scale", "asked"), SCALES)
+def test_forces_of_walking_in_another_unit_are_doubted(scale, asked):
+    wanted = {name: scale * curve if name[0] == "F" else curve for name, curve in reference_cycle().wanted().items()}
+    said = force_doubt(cc.load_scene("knee"), wanted)
+    assert asked in said
+    assert bool(asked) == bool(said)
+
+
+def test_three_body_weights_on_a_hip_are_not_doubted():
+    scene = cc.load_scene("hip")
+    assert force_doubt(scene, scene_cycles(scene)[0].wanted()) == ""
+    assert "in mN" in force_doubt(scene, {name: 1e3 * curve for name, curve in scene_cycles(scene)[0].wanted().items()})
+
+
+def test_it_is_told_before_poses_and_samples_are_looked_for(tmp_path, monkeypatch, caplog):
+    """Samples around walking with a newton on each side would all be drawn, and nothing else be said."""
+    walking = reference_cycle(frames=5)
+    light = type(walking)(**{**vars(walking), "fy_med": 1e-3 * walking.fy_med, "fy_lat": 1e-3 * walking.fy_lat})
+    write_cycle(light, tmp_path / "light.csv")
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(drawn_samples, "reference_motion", stop)
+    with caplog.at_level(logging.WARNING), pytest.raises(KeyboardInterrupt):
+        drawn_samples.sample(Project.open("knee", "quick", tmp_path / "out"), [tmp_path / "light.csv"])
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["cycle light"]
