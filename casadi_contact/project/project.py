@@ -17,7 +17,7 @@ from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
-from casadi_contact.motion.load_cycle import KNEE_POSE_COLUMNS, LoadCycle, read_cycle
+from casadi_contact.motion.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
 from casadi_contact.project.presets import PRESETS, Preset
 from casadi_contact.sampling import (
@@ -146,7 +146,8 @@ def walks(scene: Scene) -> bool:
 def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
     """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
 
-    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do.
+    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
+    for pose parameters beside a knee's own columns, which have no place for them.
     """
     if walks(scene):
         return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
@@ -157,6 +158,11 @@ def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
     header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
     if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
         return read_joint_cycle(path, scene)
+    if beside := [column for column in of_any_joint if column in header]:
+        raise ValueError(
+            f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
+            f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"
+        )
     return read_cycle(path)
 
 

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.conventions import POSE_NAMES
+from casadi_contact.motion.joint_cycle import JointCycle
+from casadi_contact.motion.load_cycle import read_cycle, write_cycle
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.verification import judge
 from problems import pose_estimation
 from problems.common.contact import ContactSource
@@ -169,6 +172,29 @@ def test_loads_no_pose_can_carry_are_named_frame_by_frame(knee):
     assert not result.converged[4]
     assert "not found in the learned range: forces off by" in result.reason[4]
     assert np.delete(result.converged, 4).all()
+
+
+def test_prescribed_displacement_is_held_and_the_measured_forces_settle_the_rest(knee, solved):
+    """As in a simulator of ISO 14243-3: flexion, rotation and tx are given, and contact tells the force against tx."""
+    problem, found = solved
+    cycle, loads = problem.cycle, dict(zip(knee.load_names, knee(found.poses).T, strict=True))
+    given = {name: found.poses[:, POSE_NAMES.index(name)] for name in ("tx", "ry", "rz")}
+    measured = {name: loads[name] for name in ("Fy_med", "Fy_lat", "Fz")}
+    driven = pose_estimation.solve(pose_estimation.build(knee, JointCycle("driven", cycle.time_s, given, measured)))
+    assert driven.converged.all()
+    for name, curve in given.items():
+        np.testing.assert_array_equal(driven.poses[:, POSE_NAMES.index(name)], curve)
+    np.testing.assert_allclose(driven.poses, found.poses, atol=1e-3)
+    np.testing.assert_allclose(knee(driven.poses)[:, knee.load_names.index("Fx")], loads["Fx"], atol=0.1)
+
+
+def test_prescribed_displacement_beside_a_knees_own_columns_is_refused_and_not_ignored(tmp_path):
+    cycle = reference_cycle(frames=5)
+    write_cycle(cycle, tmp_path / "machine.csv")
+    header, *rows = (tmp_path / "machine.csv").read_text().splitlines()
+    (tmp_path / "machine.csv").write_text("\n".join([f"{header},tx_mm", *(f"{row},1.5" for row in rows)]))
+    with pytest.raises(ValueError, match=r"has tx_mm beside .* rename flexion_rz_rad and rotation_ry_rad"):
+        reference_motion_cycles(cc.load_scene("knee"), [tmp_path / "machine.csv"])
 
 
 def test_wrong_requests_are_refused(knee):
