@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -11,12 +12,14 @@ from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.leaps import leaps
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
+from casadi_contact.quantities import two_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import first_touch, settle
 
 SHEAR_FREE_LOAD_N = 500.0
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 _FOLLOWED = 5  # frames that poses without shear are followed from, in turn
+_MOST_SHEAR_N = 0.1 * SHEAR_FREE_LOAD_N  # where there is no place without
 _SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
 _LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
 
@@ -123,10 +126,11 @@ def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
 def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
     shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does. On a convex tibia there are several, and
-    frames that find none from the middle, or another than their neighbours (`leaps`), follow these.
+    frames that find none from the middle, or another than their neighbours (`leaps`), follow these. Where there is none
+    the femur stands where shear is least, and a RuntimeWarning names the frames.
 
-    Raises ValueError where rotations lie outside what the surrogate learned, no such pose is found, or the scene locks
-    or ties pose parameters.
+    Raises ValueError where rotations lie outside what the surrogate learned, the least shear found is more than a tenth
+    of the force on a side, or the scene locks or ties pose parameters.
     """
     model.scene.pose_space.check_whole("a pose without shear")
     low, high = pose_bounds(model)
@@ -139,45 +143,65 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
                 f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
-    alone, found, reason = _without_shear(model, poses)
-    leaping = _leaping(alone) if found.all() else np.inf
-    if not leaping:
-        return alone
-    firsts = np.flatnonzero(found)
+    alone, without = _without_shear(model, poses)
+    best, shear = alone, without
+    firsts = np.flatnonzero(without == 0.0)
     for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
-        followed = _followed(model, poses, alone[first], first)
-        if followed is not None and _leaping(followed) < leaping:
-            return followed
-    if found.all():
-        return alone
-    frame = int(np.argmin(found))
-    raise ValueError(f"no pose without shear is found at frame {frame}: {reason[frame]}")
+        if _faults(best, shear) == (0, 0, 0):
+            break
+        tried = _followed(model, poses, alone[first], first)
+        if _faults(*tried) < _faults(best, shear):
+            best, shear = tried
+    _tell_shear(shear)
+    return best
 
 
-def _leaping(poses: Array) -> int:
-    """How often what is not prescribed of poses (n, 6) leaps."""
-    return int(leaps(poses)[:, :4].sum())
+def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
+    """How many of poses (n, 6) are lost, how many bear shear (n,) [N], and how often what is not prescribed leaps."""
+    return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
 
 
-def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, np.ndarray, np.ndarray]:
-    """Poses (n, 6) settled under equal forces on both sides without shear, which are found (n,), and why not (n,)."""
+def _tell_shear(shear: Array) -> None:
+    """ValueError where a shear (n,) [N] is infinite, a RuntimeWarning where it is not zero."""
+
+    def nowhere(rows: np.ndarray) -> str:
+        which = f"{int(rows.sum())} of {len(rows)} frames, first in frame {int(rows.argmax())}"
+        return f"in {which}, no place of the femur is found where {SHEAR_FREE_LOAD_N:g} N on each side cause no shear"
+
+    if np.isinf(shear).any():
+        raise ValueError(
+            f"{nowhere(np.isinf(shear))}, nor less than {_MOST_SHEAR_N:g} N: are flexion and rotation this knee's?"
+        )
+    if shear.any():
+        said = (
+            f"{nowhere(shear > 0.0)}, as on a convex tibia; it stands where shear is least, {two_digits(shear.max())} N"
+        )
+        warnings.warn(f"{said} at most", RuntimeWarning, stacklevel=3)
+
+
+def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
+    """Poses (n, 6) settled under equal forces on both sides without shear, and the shear left (n,) [N]: 0 where it is
+    settled, infinite where the sides do not bear their forces or more than `_MOST_SHEAR_N` is left."""
     sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
     poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
     targets = {**sides, "Fx": 0.0, "Fz": 0.0}
     poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
-    return poses, report.converged, report.reason
+    loads = dict(zip(model.load_names, model(poses).T, strict=True))
+    shear = np.hypot(loads["Fx"], loads["Fz"])
+    borne = np.all([np.abs(loads[name] - force) < _MOST_SHEAR_N for name, force in sides.items()], axis=0)
+    left = np.where(borne & (shear <= _MOST_SHEAR_N), shear, np.inf)
+    return poses, np.where(report.converged, 0.0, left)
 
 
-def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> Array | None:
-    """Poses without shear (n, 6) at the rotations of poses (n, 6), each begun at its neighbour's, outwards from the one
-    (6,) of the first frame; None where one is not found."""
-    poses = poses.copy()
-    poses[first] = pose
+def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
+    """`_without_shear` of poses (n, 6), each begun at its neighbour's, outwards from the one (6,) of the first frame;
+    it ends at a frame that is lost."""
+    poses, shear = poses.copy(), np.full(len(poses), np.inf)  # lost, where it does not come
+    poses[first], shear[first] = pose, 0.0
     for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
         for frame in frames:
             poses[frame, :4] = poses[frame + step, :4]
-            tried, found, _ = _without_shear(model, poses[[frame]])
-            if not found[0]:
-                return None
-            poses[frame] = tried[0]
-    return poses
+            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
+            if np.isinf(shear[frame]):
+                return poses, shear
+    return poses, shear

@@ -43,7 +43,7 @@ def test_frames_that_settle_on_another_branch_follow_their_neighbours(monkeypatc
         found = poses.copy()
         begun = np.where(poses[:, 0] == middle, np.where(poses[:, 5] < -0.3, 5.0, 1.0), poses[:, 0])
         found[:, 0] = np.where(begun < 3.0, 1.0, 5.0)
-        return found, np.ones(len(poses), dtype=bool), np.full(len(poses), "")
+        return found, np.zeros(len(poses))
 
     knee = cc.load_surrogate("knee")
     middle = starts.middle_pose(knee)[0]

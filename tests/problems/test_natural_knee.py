@@ -9,6 +9,7 @@ import casadi_contact as cc
 from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import shear_free_poses
 from problems import assembly_poses, implant, static_equilibrium
@@ -17,6 +18,11 @@ from problems.assembly_poses.own_cycle import own_cycle
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
+
+
+def _natural_knee():
+    shared_file("data/jam/femur_cartilage.obj")
+    return cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
 
 
 @needs_compiler
@@ -49,8 +55,7 @@ def test_the_natural_knee_bends_on_its_ligaments():
 @needs_compiler
 def test_a_femur_on_a_convex_tibia_finds_the_rest_that_one_start_misses():
     """A natural tibia turns the femur about y with little torque: the misfit has minima off balance on the way."""
-    shared_file("data/jam/femur_cartilage.obj")
-    scene = cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
+    scene = _natural_knee()
     model = CellFoundation(whole_wrench(scene), Cells(1.7, 1.7, 4, 4))
     rest = np.tile(scene.start_pose, (3, 1))
     rest[:, 5] = -np.radians([0.0, 30.0, 60.0])
@@ -70,12 +75,41 @@ def test_a_femur_on_a_convex_tibia_finds_the_rest_that_one_start_misses():
 
 @needs_compiler
 def test_a_convex_tibia_has_poses_without_shear_over_a_whole_walk_and_they_do_not_leap():
-    shared_file("data/jam/femur_cartilage.obj")
-    scene = cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
-    model, walk = CellFoundation(scene, Cells(1.7, 1.7, 4, 4)), reference_cycle()
+    model, walk = CellFoundation(_natural_knee(), Cells(1.7, 1.7, 4, 4)), reference_cycle()
     poses = shear_free_poses(model, walk.ry, walk.rz)
     by_name = dict(zip(model.load_names, model(poses).T, strict=True))
     for name, wanted in (("Fy_med", -500.0), ("Fy_lat", -500.0), ("Fx", 0.0), ("Fz", 0.0)):
         np.testing.assert_allclose(by_name[name], wanted, atol=0.2)
     np.testing.assert_array_equal(poses[:, 4:], np.column_stack([walk.ry, walk.rz]))
     assert np.abs(np.diff(poses[:, :3], axis=0)).max() < 2.5, "another of several places, from frame to frame"
+
+
+@needs_compiler
+def test_a_femur_without_a_place_free_of_shear_stands_where_it_is_least_and_is_told():
+    """Turned outwards by 5 degrees: beside these places no step of 0.3 mm along x or z lessens the shear."""
+    walk = read_cycle(shared_file("data/jw/og4_loads.csv"))
+    model, frames = CellFoundation(_natural_knee(), Cells(1.7, 1.7, 4, 4)), slice(34, 48)
+    with pytest.warns(
+        RuntimeWarning, match=r"of 14 frames, first in frame \d+, no place of the femur is found where 500"
+    ):
+        poses = shear_free_poses(model, walk.ry[frames], walk.rz[frames])
+
+    def shear(at):
+        loads = dict(zip(model.load_names, model(at).T, strict=True))
+        np.testing.assert_allclose(np.array([loads["Fy_med"], loads["Fy_lat"]]), -500.0, atol=2.0)
+        return np.hypot(loads["Fx"], loads["Fz"])
+
+    least = shear(poses)
+    left = np.flatnonzero(least > 0.2)
+    assert 0 < len(left) < 14
+    assert least.max() < 50.0
+    sides = dict.fromkeys(("Fy_med", "Fy_lat"), -500.0)
+    for column in (0, 2):
+        for step in (-0.3, 0.3):
+            moved = poses[left].copy()
+            moved[:, column] += step
+            beside, report = cc.settle(model, moved, ("ty", "rx"), sides, tolerance=0.1)
+            assert report.converged.all()
+            assert (shear(beside) > least[left] - 0.2).all()
+    with pytest.raises(ValueError, match=r"in 2 of 2 frames, .* nor less than 50 N"):
+        shear_free_poses(model, np.zeros(2), np.full(2, -3.0))  # 172 degrees of flexion: nothing of the femur is there
