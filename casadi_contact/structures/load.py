@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
+from casadi_contact.scenes import ready_scenes
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.file import read_file
 from casadi_contact.structures.registry import STRUCTURES
@@ -31,7 +32,12 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrog
         return _load(Path(name_or_path), compiled)
     if text not in ready_surrogates():
         possible = ", ".join(ready_surrogates()) or "(none are installed)"
-        raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file")
+        untrained = (
+            f"; scene {text} needs none: cc.foundation({text!r}), in problems --scene {text}"
+            if text in ready_scenes()
+            else ""
+        )
+        raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file{untrained}")
     with resources.as_file(resources.files("casadi_contact.structures") / "ready" / f"{text}.h5") as path:
         return _load(path, compiled, trusted=True)
 

@@ -118,6 +118,8 @@ def test_a_changed_bound_is_found(tmp_path):
 def test_unknown_names_and_missing_files_are_named(tmp_path):
     with pytest.raises(ValueError, match="unknown surrogate 'elbow'"):
         load_surrogate("elbow")
+    with pytest.raises(ValueError, match=r"unknown surrogate 'hip', .* scene hip needs none: cc\.foundation\('hip'\)"):
+        load_surrogate("hip")
     with pytest.raises(FileNotFoundError, match=r"none\.h5 does not exist"):
         load_surrogate(tmp_path / "none.h5")
 
