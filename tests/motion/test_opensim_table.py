@@ -59,6 +59,8 @@ def test_spaces_between_columns_old_headers_and_comments_are_understood(tmp_path
     table = read_opensim_table(path)
     assert (table.name, table.version, table.in_degrees, table.notes) == ("Coordinates", 1, False, ("Units are S.I.",))
     np.testing.assert_array_equal(table.column("knee angle"), [1e-3, -2.0])
+    simm = "name walk\ndatacolumns 2\ndatarows 2\nrange 0 1\nendheader\ntime\ta\n0\t1\n1\t2\n"
+    assert read_opensim_table(write(tmp_path, simm)).column("a").tolist() == [1.0, 2.0]
     spaced = read_opensim_table(write(tmp_path, "DataType=double\nversion=3\nendheader\n time  a  b \n 0 1 2\n"))
     assert spaced.header == {"DataType": "double"}
     assert (spaced.name, spaced.in_degrees, spaced.column("b").tolist()) == ("", None, [2.0])
@@ -80,6 +82,8 @@ HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
     ("text", "said"),
     [
         (HEAD + "time\ta\tb\n0\t1\t2\n", r"walk.mot line 8: the file ends after 1 rows, but nRows=2"),
+        ("walk\ndatarows 2\nendheader\ntime\ta\n0\t1\n", r"walk.mot line 5: the file ends after 1 rows, but nRows=2"),
+        ("walk\ndatacolumns 3\nendheader\ntime\ta\n0\t1\n", r"walk.mot line 4: 2 labels, but nColumns=3"),
         (HEAD + "time\ta\tb\n0\t1\t2\n1\t1\n", r"walk.mot line 9: got 2 values, expected 3"),
         (HEAD + "time\ta\ta\n0\t1\t2\n1\t1\t2\n", r"walk.mot line 7: the column 'a' is there twice"),
         (HEAD + "time\ta\n0\t1\n1\t1\n", r"walk.mot line 7: 2 labels, but nColumns=3"),

@@ -2,6 +2,7 @@
 
 name                    the first line, where it is neither key=value nor endheader
 version=1               1 to 3; also nRows, nColumns, inDegrees=yes|no, DataType=double, ...
+datarows 101            as SIMM and old files say nRows=101; datacolumns likewise
 any text                comments are kept
 endheader
 time  label  label ...  tabs or spaces
@@ -23,9 +24,10 @@ from casadi_contact.motion.columns import finite_number
 
 TIME = "time"
 VERSIONS = (1, 2, 3)
-_KEY_AND_VALUE = re.compile(r"([A-Za-z]\w*)\s*=\s*(.*)")
+_KEY_AND_VALUE = re.compile(r"([A-Za-z]\w*)(?:\s*=|(?<=\bdatarows)\s|(?<=\bdatacolumns)\s)\s*(.*)")
 _COUNTED = ("version", "nRows", "nColumns", "inDegrees")  # header keys that `Table` holds in another form
 _KNOWN_KEYS = {key.lower(): key for key in _COUNTED}  # files write them in small letters too
+_KNOWN_KEYS |= {"datarows": "nRows", "datacolumns": "nColumns"}
 _WORDS = {"yes": True, "no": False, "true": True, "false": False}
 
 
@@ -62,7 +64,8 @@ class Table:
             if line != line.strip() or len(line.splitlines()) > 1 or line.lower() == "endheader":
                 raise ValueError(f"header line {line!r} is not one line of text")
         for key, value in self.header.items():
-            if key in _COUNTED or _KEY_AND_VALUE.fullmatch(f"{key}={value}") is None or value != value.strip():
+            is_pair = _KEY_AND_VALUE.fullmatch(f"{key}={value}") is not None
+            if key.lower() in _KNOWN_KEYS or not is_pair or value != value.strip():
                 raise ValueError(f"header entry {key}={value} cannot stand in a file, expected a word and a value")
         for text in (self.name, *self.notes):
             if _KEY_AND_VALUE.fullmatch(text):
