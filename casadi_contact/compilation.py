@@ -25,6 +25,17 @@ _POSES_OF_A_THREAD = 8
 class _Cache(FunctionCache):
     """Compiled loops on disk."""
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Called before a compilation; numba itself fails on files that a power failure or a full disc damaged."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # pickle raises many kinds
+            try:
+                self.flush()
+            except OSError:
+                self.disable()
+            return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Called after a compilation; numba itself fails on a full disc."""
         with suppress(OSError):
