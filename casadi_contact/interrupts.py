@@ -1,11 +1,15 @@
-"""Ctrl-C on a command line: it ends with its status and no traceback, while modules are still imported too.
+"""Ctrl-C on a command line: it ends with its status and no traceback, while modules are still imported too; SIGTERM of
+long work likewise.
 
 This file imports nothing that takes time.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 INTERRUPTED = 130  # exit status of what Ctrl-C ended
@@ -26,6 +30,17 @@ def is_interrupt(error: BaseException) -> bool:
 def end_on_interrupt() -> None:
     """From here on an interrupt that nobody catches ends Python with `INTERRUPTED`; all else is told as ever."""
     sys.excepthook = _end
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """Within, in the main thread, SIGTERM (`kill`, a batch system's end of time) is as Ctrl-C, so that workers end
+    before their parent; killed under them it would leave their library's warnings on the terminal."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -10,7 +10,7 @@ from math import ceil
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from casadi_contact.interrupts import is_interrupt
+from casadi_contact.interrupts import is_interrupt, terminated_as_interrupted
 
 _BETWEEN_LINES_S = 60.0  # where nobody watches
 
@@ -27,7 +27,7 @@ def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str
         TimeRemainingColumn(),
         TextColumn("{task.fields[remark]}", markup=False),
     )
-    with Progress(*columns, console=console) as progress:
+    with terminated_as_interrupted(), Progress(*columns, console=console) as progress:
         tasks: dict[str, int] = {}
         told_s = time.monotonic()
 

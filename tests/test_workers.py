@@ -102,3 +102,33 @@ def test_a_pool_that_an_error_ends_says_nothing_of_the_work_that_waited():
     """A command's own line is told, and no traceback of a thread before it."""
     done = subprocess.run([sys.executable, "-c", ENDED_BY_AN_ERROR], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == "the disc is full"
+
+
+TERMINATED = """
+import os, signal, time
+from rich.console import Console
+from casadi_contact.command_line import new_app, run_app
+from casadi_contact.progress import progress_bars
+from casadi_contact.workers import worker_pool
+
+app = new_app(add_completion=False)
+
+@app.command()
+def work() -> None:
+    with progress_bars(Console()), worker_pool() as workers:
+        workers.submit(os.getpid).result()
+        workers.submit(time.sleep, 600)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(600)
+
+run_app(app, "work", [])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
+def test_a_command_that_is_terminated_ends_with_its_workers_in_one_line():
+    """As by Ctrl-C; killed under their parent, the workers' library warned of what was left."""
+    done = subprocess.run([sys.executable, "-c", TERMINATED], capture_output=True, text=True, check=False, timeout=60)
+    assert done.stdout.split("\n")[0] == "interrupted: run the same command again to go on"
+    assert done.stderr == ""
+    assert done.returncode == 130
