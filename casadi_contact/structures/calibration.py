@@ -71,9 +71,9 @@ def with_trust(
     tube = _tube(surrogate, training, validation)
     trust = _distrusting(tube, surrogate, known, moved)
     in_range = led = None
-    over_range, leading, astray = (
+    over_range, leading, astray, expecting = (
         in_stage(update, f"{surrogate.structure}: {what}")
-        for what in ("poses over the range", "poses it leads to", "where it leads astray")
+        for what in ("poses over the range", "poses it leads to", "where it leads astray", "expected errors")
     )
     if model is not None:
         first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
@@ -84,7 +84,8 @@ def with_trust(
         trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)], astray)
         # Without a doubt, few gross errors at rims would raise what is expected everywhere.
         moved.append(led if trust.doubt is not None else right_ones(surrogate, known, led))
-    trust = with_error_bounds(trust, surrogate, training, [validation, *(p.select(role=VALIDATION) for p in moved)])
+    unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
+    trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     test = samples.select(role=TEST)
     unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range, led))

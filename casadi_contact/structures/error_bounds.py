@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial import cKDTree
 
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import Samples
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.gaussian_kernels import spread_centres, thinned
@@ -30,7 +30,13 @@ FOLDS = 10  # of the unseen poses, of which each is bounded by a formula of the 
 _LEAST_GROWTH = 1.0
 
 
-def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, unseen: Sequence[Samples]) -> Trust:
+def with_error_bounds(
+    trust: Trust,
+    surrogate: Surrogate,
+    training: Samples,
+    unseen: Sequence[Samples],
+    progress: Progress | None = None,
+) -> Trust:
     """Error levels from the samples around each centre, shares θ by quantile regression on unseen poses, growth from
     those of them that are not valid.
 
@@ -38,7 +44,7 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
     Of each load only the rows that carry it count: an error where a patch is lifted off is exactly or nearly zero. A
     load that is carried in fewer than `_FEW_ROWS` of their poses may be as wrong as it is large. The valid rows of each
     of the others count as much as all held-back samples, and these as they are; each domain and each of the others has
-    its coverage.
+    its coverage. progress: called as (loads done, all).
     """
     names = surrogate.load_names
     rows_of = np.repeat(np.arange(len(unseen)), [len(part) for part in unseen])
@@ -63,19 +69,13 @@ def with_error_bounds(trust: Trust, surrogate: Surrogate, training: Samples, uns
         if len(np.unique(every.poses[rows], axis=0)) < _FEW_ROWS:
             trust.levels[:, k] = level[:, k] = trust.usual_loads[k]
             shares[k, 0] = max(1.0, float((errors[rows, k] / trust.usual_loads[k]).max(initial=0.0)))
-            continue
-        counts = np.bincount(rows_of[rows], minlength=len(unseen))
-        weights = np.where(rows_of == 0, 1.0, (counts[0] / np.maximum(counts, 1))[rows_of])
-        ratios = errors[:, k] / level[:, k]
-        shares[k] = _quantile_shares(features[rows], ratios[rows], weights[rows])
-        # One formula for all groups may give to one what another lacks: none has less than its share, of rows that the
-        # formula does not know, because it passes through a few of those that it is fitted to.
-        bound = np.zeros(len(every))
-        for one in range(FOLDS):
-            part, others = fold == one, rows & (fold != one)
-            bound[part] = features[part] @ _quantile_shares(features[others], ratios[others], weights[others])
-        of_groups = [quantile_of_unseen((ratios / bound)[rows & (group == one)]) for one in np.unique(group)]
-        shares[k] *= max(1.0, *of_groups)
+        else:
+            counts = np.bincount(rows_of[rows], minlength=len(unseen))
+            weights = np.where(rows_of == 0, 1.0, (counts[0] / np.maximum(counts, 1))[rows_of])
+            ratios = errors[:, k] / level[:, k]
+            shares[k] = _bounding_shares(*(part[rows] for part in (features, ratios, weights, group, fold)))
+        if progress is not None:
+            progress(k + 1, len(names))
     trust = replace(trust, shares=shares)
     inside = level * (features @ shares.T)
     growing = trust.outside(excess)
@@ -133,6 +133,20 @@ def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
         levels[:, k] = np.maximum(local, LEAST_LEVEL * np.quantile(own, COVERAGE))
     least = 1e-9 * np.maximum(trust.usual_loads, scene.boundary_load)
     return replace(trust, states=states, levels=np.maximum(levels, least))
+
+
+def _bounding_shares(features: Array, ratios: Array, weights: Array, group: np.ndarray, fold: np.ndarray) -> Array:
+    """θ of `_quantile_shares`, raised.
+
+    One formula for all groups may give to one what another lacks: none has less than its share, of rows that the
+    formula does not know, because it passes through a few of those that it is fitted to.
+    """
+    bound = np.zeros(len(ratios))
+    for one in range(FOLDS):
+        others = fold != one
+        bound[~others] = features[~others] @ _quantile_shares(features[others], ratios[others], weights[others])
+    of_groups = [quantile_of_unseen((ratios / bound)[group == one]) for one in np.unique(group)]
+    return _quantile_shares(features, ratios, weights) * max(1.0, *of_groups)
 
 
 def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:

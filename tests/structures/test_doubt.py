@@ -104,6 +104,7 @@ def test_each_step_of_a_calibration_tells_how_far_it_is(surrogate, model, sample
         update=lambda what, done, total, remark: told.setdefault(what, []).append(done / total),
     )
     assert {"patch: poses over the range", "patch: poses it leads to"} <= set(told)
+    assert list(told)[-1] == "patch: expected errors"
     for shares in told.values():
         assert shares == sorted(shares), "a bar never goes back"
         assert shares[-1] == 1.0
