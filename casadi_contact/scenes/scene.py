@@ -14,13 +14,14 @@ from typing import Any
 
 import tomli_w
 
-from casadi_contact.conventions import POSE_NAMES, Array, load_selection, pose_index
+from casadi_contact.conventions import POSE_NAMES, Array, load_selection
 from casadi_contact.files.toml import toml_tables
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed
+from casadi_contact.scenes.loads_table import LoadsTable
 from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.normal_load import NormalLoad, in_sum, normal_loads
+from casadi_contact.scenes.normal_load import NormalLoad, in_sum
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.ready_files import ready_tables
@@ -29,7 +30,6 @@ from casadi_contact.shapes.checks import (
     distinct_names,
     fail,
     grid_size,
-    identifier,
     number,
     plain_values,
     scene_name,
@@ -37,6 +37,10 @@ from casadi_contact.shapes.checks import (
 )
 
 FORMAT = 1
+TABLES = (
+    *("format", "name", "shape", "geometry", "material", "grids"),
+    *("loads", "tolerances", "sampling", "motion", "pose"),
+)
 MOST_PARTS = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
@@ -72,54 +76,23 @@ class Scene:
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
-        known = (
-            "format",
-            "name",
-            "shape",
-            "geometry",
-            "material",
-            "grids",
-            "loads",
-            "tolerances",
-            "sampling",
-            "motion",
-            "pose",
-        )
         plain_values("", tables)
-        table_of("scene", tables, known, complete=False)
+        table_of("scene", tables, TABLES, complete=False)
         if tables.get("format") != FORMAT:
             raise fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
         shape = shape_named(tables.get("shape"))
         name = scene_name(tables.get("name", shape.name))
         geometry = shape.check(tables.get("geometry", {}))
         patch_names = shape.patches(geometry)
-        loads = table_of(
-            "loads",
-            tables.get("loads", {}),
-            ("names", "sensitive", "reference_load", "gap_slope", "boundary_load"),
-            complete=True,
-            optional=("sensitive_pose",),
-        )
-        load_names = tuple(identifier("loads.names", load) for load in distinct_names("loads.names", loads["names"]))
-        pressed = normal_loads(distinct_names("loads.sensitive", loads["sensitive"]), patch_names)
-        load_selection(load_names, patch_names)
-        anchors_mm = shape.anchors(geometry)
-        sensitive_pose = (
-            distinct_names("loads.sensitive_pose", loads["sensitive_pose"]) if "sensitive_pose" in loads else ()
-        )
         space = PoseSpace.from_table(tables.get("pose", {}))
-        for parameter in sensitive_pose:
-            if pose_index(parameter) not in space.free:
-                raise fail("loads.sensitive_pose", list(sensitive_pose), "pose parameters that are free (see [pose])")
-        tolerances = {
-            load: number(f"tolerances.{load}", value, low=0.0)
-            for load, value in table_of("tolerances", tables.get("tolerances", {}), load_names, complete=True).items()
-        }
+        loads = LoadsTable.from_table(tables.get("loads", {}), patch_names, space)
+        anchors_mm = shape.anchors(geometry)
+        wanted = table_of("tolerances", tables.get("tolerances", {}), loads.load_names, complete=True)
         grids = {
             grid: grid_size(f"grids.{grid}", value)
             for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
         }
-        parts = parts_of(geometry, pressed, anchors_mm)
+        parts = parts_of(geometry, loads.normal_loads, anchors_mm)
         if len(parts) > MOST_PARTS:
             raise ValueError(f"scene: {len(parts)} patches or parts of patches, expected {MOST_PARTS} at most")
         distinct_names("geometry.patches (and their parts)", [part.name for part in parts])
@@ -136,18 +109,13 @@ class Scene:
             layer=Material.from_table(tables.get("material", {})) if shape.has_layer else None,
             patch_names=patch_names,
             anchors_mm=anchors_mm,
-            load_names=load_names,
-            tolerances=tolerances,
-            sensitive_pose=sensitive_pose,
+            tolerances={load: number(f"tolerances.{load}", value, low=0.0) for load, value in wanted.items()},
             pose_space=space,
-            normal_loads=pressed,
             parts=parts,
-            reference_load=number("loads.reference_load", loads["reference_load"], low=0.0),
-            gap_slope=number("loads.gap_slope", loads["gap_slope"], low=0.0),
-            boundary_load=number("loads.boundary_load", loads["boundary_load"], low=0.0),
             grids=grids,
             sampling=dict(sampling),
             motion=dict(motion),
+            **vars(loads),
         )
 
     @classmethod
