@@ -18,14 +18,14 @@ from casadi_contact.structures.states import States, state_columns
 from casadi_contact.structures.trust import SURE, Trust
 
 COVERAGE = 0.95  # share of unseen errors that shall lie below the expected error
-FITTED = 0.96  # share of validation errors that do: of unseen poses, which are spread otherwise, a hundredth fewer
+LEAST_COVERAGE = 0.94  # share of each domain, and of each kind of other poses
 CENTRES = 256
 BANDWIDTH = 0.5  # of the scales, the deviation of an even spread over the sampled range
 ROOT_SCALE = 0.15  # of a root load's range, over which its scale as a state's coordinate is that of a pose parameter
 NEIGHBOURS = 60  # samples around a centre that its error level comes from
 LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
 _LEAST_ROWS = 40  # of fewer no quantile is taken
-_FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `FITTED`: fewer tell no error
+_FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `COVERAGE`: fewer tell no error
 FOLDS = 10  # of the unseen poses, of which each is bounded by a formula of the others
 _LEAST_GROWTH = 1.0
 
@@ -96,13 +96,15 @@ def _folds(poses: Array) -> np.ndarray:
 
 
 def quantile_of_unseen(ratios: Array) -> float:
-    """What a share q = `COVERAGE` of further ratios of the same kind lies below, in five of six cases; 0 of none.
+    """What a share q = `LEAST_COVERAGE` of further ratios of the same kind lies below, in five of six cases; 0 of none.
 
     Of n ratios the one at q·(n + 1)/n, for the largest of a few is not the largest there is (conformal prediction, Vovk
     et al. 2005), and higher by the standard deviation √(q·(1 - q)/n) of such a share.
     """
     count = len(ratios)
-    share = COVERAGE * (count + 1) / max(count, 1) + np.sqrt(COVERAGE * (1.0 - COVERAGE) / max(count, 1))
+    share = LEAST_COVERAGE * (count + 1) / max(count, 1) + np.sqrt(
+        LEAST_COVERAGE * (1.0 - LEAST_COVERAGE) / max(count, 1)
+    )
     return float(np.quantile(ratios, min(1.0, share))) if count else 0.0
 
 
@@ -151,12 +153,12 @@ def _bounding_shares(features: Array, ratios: Array, weights: Array, group: np.n
 
 def _quantile_shares(features: Array, ratios: Array, weights: Array) -> Array:
     """θ >= 0 of the quantile regression ratio ~ features·θ: min Σ w·(q·max(r, 0) + (1 - q)·max(-r, 0)), r = ratio -
-    features·θ, q = `FITTED` (Koenker and Bassett 1978).
+    features·θ, q = `COVERAGE` (Koenker and Bassett 1978).
 
     θ are the multipliers of its dual, max ratio·a with featuresᵀ·a <= 0 and (q - 1)·w <= a <= q·w: a linear programme
     of as many rows as there are shares.
     """
-    bounds = np.stack([(FITTED - 1.0) * weights, FITTED * weights], -1)
+    bounds = np.stack([(COVERAGE - 1.0) * weights, COVERAGE * weights], -1)
     answer = linprog(-ratios, A_ub=features.T, b_ub=np.zeros(features.shape[1]), bounds=bounds, method="highs")
     if answer.x is None:
         raise ValueError(f"the expected error cannot be fitted ({answer.message}), expected finite errors")
