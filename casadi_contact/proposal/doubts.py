@@ -17,8 +17,10 @@ from casadi_contact.shapes.mesh_bodies import body_mesh
 from casadi_contact.verification import (
     share_beyond_open_edges,
     share_on_walls,
+    share_outside_patches,
     words_beyond_open_edges,
     words_on_walls,
+    words_outside_patches,
 )
 
 _COARSE_STEP_MM = 2e-3  # of coordinates: overlaps are some tenths of a millimetre
@@ -42,7 +44,8 @@ def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[st
 
 
 def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
-    """What may carry load where there are no elements, in the poses (n, 6): beyond open edges and cuts, on walls."""
+    """What may carry load where there are no elements, in the poses (n, 6): beyond open edges and cuts, on walls,
+    outside of the patches."""
     doubts = []
     if len(body_mesh(model.scene.geometry, "fixed").boundary_edges):
         doubts.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
@@ -55,6 +58,8 @@ def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
         doubts.append(f"whether the moving part ends at its open edges: {beyond}")
     if on_walls := words_on_walls(share_on_walls(model, poses)):
         doubts.append(f"what walls carry: {on_walls}")
+    if outside := words_outside_patches(share_outside_patches(model, poses)):
+        doubts.append(f"what lies outside of the patches: {outside}")
     return doubts
 
 

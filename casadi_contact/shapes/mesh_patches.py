@@ -35,20 +35,29 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
     return mesh if reaching else mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 
-def patch_walls(geometry: Geometry, longest_mm: float) -> TriangleMesh:
-    """The triangles of the patches that are too steep for elements of all that hold them, or undercut, divided until
-    their edges are no longer than `longest_mm`."""
+def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> TriangleMesh:
+    """The triangles of the fixed mesh that bear no elements, divided until their edges are no longer than `longest_mm`.
+
+    within: those in the patches' boxes, too steep for elements of all that hold them, or undercut; else those outside
+    of all boxes.
+    """
     import trimesh
 
+    def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
+        """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""
+        centres, patches = mesh.corners_mm.mean(axis=1), geometry["patches"]
+        held = np.array([np.all([_in_box(geometry, patch, each) for each in points], axis=0) for patch in patches])
+        seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
+        return np.asarray(held.any(axis=0)), np.asarray((held & seen).any(axis=0))
+
     mesh = body_mesh(geometry, "fixed")
-    centres, patches = mesh.corners_mm.mean(axis=1), geometry["patches"]
-    inside = np.array([_in_box(geometry, patch, centres) for patch in patches])
-    seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
-    walls = mesh.part(inside.any(axis=0) & ~(inside & seen).any(axis=0))
-    if not len(walls.faces):
-        return walls
-    vertices, faces = trimesh.remesh.subdivide_to_size(walls.vertices_mm, walls.faces, longest_mm, max_iter=20)
-    return TriangleMesh(walls.name, np.asarray(vertices), np.asarray(faces))
+    bare = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1])
+    if not len(bare.faces):
+        return bare
+    vertices, faces = trimesh.remesh.subdivide_to_size(bare.vertices_mm, bare.faces, longest_mm, max_iter=20)
+    divided = TriangleMesh(bare.name, np.asarray(vertices), np.asarray(faces))
+    held, borne = covered(divided, [divided.corners_mm.mean(axis=1)])
+    return divided.part(held & ~borne if within else ~held)
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:

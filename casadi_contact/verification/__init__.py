@@ -4,7 +4,12 @@ from casadi_contact.verification.open_edges import share_beyond_open_edges, word
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
-from casadi_contact.verification.walls import share_on_walls, words_on_walls
+from casadi_contact.verification.walls import (
+    share_on_walls,
+    share_outside_patches,
+    words_on_walls,
+    words_outside_patches,
+)
 
 __all__ = [
     "Refinement",
@@ -16,7 +21,9 @@ __all__ = [
     "refine",
     "share_beyond_open_edges",
     "share_on_walls",
+    "share_outside_patches",
     "verify",
     "words_beyond_open_edges",
     "words_on_walls",
+    "words_outside_patches",
 ]

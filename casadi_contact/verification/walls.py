@@ -1,4 +1,4 @@
-"""Load on walls of the fixed mesh, which are too steep for elements and cells to be laid out on."""
+"""Load where the fixed mesh bears neither elements nor cells: on walls too steep for them, outside of its patches."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.pressure import law_of, pressures
 from casadi_contact.conventions import Array, as_poses, rotation
-from casadi_contact.shapes.mesh_bodies import body_field, body_mesh
-from casadi_contact.shapes.mesh_patches import patch_walls
+from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, body_surface
+from casadi_contact.shapes.mesh_patches import bare_mesh
 from casadi_contact.verification.share import share_in_words
 
-_LONGEST_MM = 1.0  # of a wall's triangles' edges: each is pressed or not, and flat walls from CAD are a few large ones
-_FACING = 0.5  # cos of the angle between a wall's normal and the way to the body: the side of a rim is not pressed
+_LONGEST_MM = 1.0  # of the triangles' edges: each is pressed or not, and flat faces from CAD are a few large ones
+_FACING = 0.5  # cos of the angle between a normal and the way to the body: the side of a rim is not pressed
 
 
 def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
@@ -20,29 +20,45 @@ def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
     than 78 degrees seen along the rays that lay out elements, or undercut, for each patch that holds them.
 
     Neither elements nor cells know of it, so that it is no difference between them. Depths are minus the moving mesh's
-    distance from the triangles' centres. 0 out of contact, and for scenes that are no meshes or whose elements are the
-    triangles themselves.
+    distance from the triangles' centres; beyond its open edges it is not known. 0 out of contact, and for scenes that
+    are no meshes.
     """
+    return _share_on_bare(model, poses, within=True)
+
+
+def share_outside_patches(model: ElasticFoundation, poses: Array) -> Array:
+    """Share (n,) of the pressing force Σ p·A that lies outside of all patches' boxes, as of a femur's neck that strikes
+    the rim of a cup: `share_on_walls` of the rest of the fixed mesh."""
+    return _share_on_bare(model, poses, within=False)
+
+
+def _share_on_bare(model: ElasticFoundation, poses: Array, *, within: bool) -> Array:
     poses, geometry = as_poses(poses), model.scene.geometry
     share = np.zeros(len(poses))
-    if model.scene.shape != "mesh" or geometry["elements"] != "grid":
+    if model.scene.shape != "mesh":
         return share
-    walls = patch_walls(geometry, _LONGEST_MM)
-    if not len(walls.faces):
+    bare = bare_mesh(geometry, _LONGEST_MM, within=within)
+    if not len(bare.faces) or not len(poses):
         return share
-    centres, normals, areas = walls.corners_mm.mean(axis=1), walls.normals, walls.areas_mm2
+    centres, normals, areas = bare.corners_mm.mean(axis=1), bare.normals, bare.areas_mm2
     law, field = law_of(model.scene.material), body_field(geometry, "moving")
-    ends = body_mesh(geometry, "moving").vertices_mm
-    low, high = ends.min(axis=0), ends.max(axis=0)
+    moving = body_mesh(geometry, "moving")
+    low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
+    pressed: list[tuple[np.ndarray, Array, Array]] = []  # pose, point of the moving body [mm] and force [N] of each
     for k, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
         seen = (centres - t) @ R
         near = np.flatnonzero(((seen > low) & (seen < high)).all(axis=1))
         distance, slope = field(seen[near])
         facing = np.einsum("nk,nk->n", slope, normals[near] @ R) < -_FACING
-        on_walls = float(pressures(*law, np.where(facing, np.maximum(-distance, 0.0), 0.0)) @ areas[near])
-        if on_walls > 0.0:
-            counted = sum(float(each.forces_n.sum()) for each in model.pressure_maps(poses[k]))
-            share[k] = on_walls / (on_walls + counted)
+        deep, near = -distance[facing & (distance < 0.0)], near[facing & (distance < 0.0)]
+        pressed.append((np.full(len(near), k), seen[near], pressures(*law, deep) * areas[near]))
+    pose, points, forces = (np.concatenate(each) for each in zip(*pressed, strict=True))
+    if len(forces) and len(moving.boundary_edges):
+        forces = forces * ~body_surface(geometry, "moving").beyond_open_edges(points)
+    on_bare = np.bincount(pose, forces, len(poses))
+    for k in np.flatnonzero(on_bare).tolist():
+        counted = sum(float(each.forces_n.sum()) for each in model.pressure_maps(poses[k]))
+        share[k] = on_bare[k] / (on_bare[k] + counted)
     return share
 
 
@@ -53,4 +69,13 @@ def words_on_walls(share: Array) -> str | None:
         "on walls of the fixed mesh steeper than 78 degrees, such as a post's, where there are no elements: it is not "
         "counted; geometry.cup_centre on the axis of a notch or in the middle of a cup counts it, elsewhere a patch of "
         "its own there, with its own geometry.patches.NAME.pressing",
+    )
+
+
+def words_outside_patches(share: Array) -> str | None:
+    """`share_in_words` of `share_outside_patches`."""
+    return share_in_words(
+        share,
+        "on the fixed mesh outside of all patches, where there are no elements: it is not counted; wider bounds in "
+        "geometry.patches.NAME count it, or a patch of its own there",
     )

@@ -22,8 +22,10 @@ from casadi_contact.verification import (
     Verdict,
     share_beyond_open_edges,
     share_on_walls,
+    share_outside_patches,
     words_beyond_open_edges,
     words_on_walls,
+    words_outside_patches,
 )
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
@@ -51,14 +53,15 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class OnFoundation:
     """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
-    and tells the pressures and the shares (n,) of the load beyond open edges of the moving mesh and on walls of the
-    fixed one; grids: in words."""
+    and tells the pressures and the shares (n,) of the load beyond open edges of the moving mesh, and on walls and
+    outside of the patches of the fixed one; grids: in words."""
 
     fine: Array
     teacher: Array
     pressures: PressureSummary
     beyond: Array
     on_walls: Array
+    outside: Array
     grids: dict[str, str]
 
     @classmethod
@@ -72,17 +75,19 @@ class OnFoundation:
         fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
         own = models["teacher"]
         beyond, on_walls = share_beyond_open_edges(own, poses), share_on_walls(own, poses)
-        return cls(fine, teacher, own.summary(poses), beyond, on_walls, grids_in_words(models))
+        outside = share_outside_patches(own, poses)
+        return cls(fine, teacher, own.summary(poses), beyond, on_walls, outside, grids_in_words(models))
 
     @property
     def doubts(self) -> list[str]:
         """What the verdict does not know of, since solution and elements share it."""
-        return [words for words in (words_beyond_open_edges(self.beyond), words_on_walls(self.on_walls)) if words]
+        beyond, on_walls = words_beyond_open_edges(self.beyond), words_on_walls(self.on_walls)
+        return [words for words in (beyond, on_walls, words_outside_patches(self.outside)) if words]
 
     def record(self) -> dict[str, Any]:
         """A summary's part."""
-        largest = {"beyond_open_edges": self.beyond.max(), "on_walls": self.on_walls.max()}
-        return {f"largest_share_{where}": float(share) for where, share in largest.items()}
+        shares = {"beyond_open_edges": self.beyond, "on_walls": self.on_walls, "outside_patches": self.outside}
+        return {f"largest_share_{where}": float(share.max()) for where, share in shares.items()}
 
 
 @dataclass(frozen=True)
@@ -213,6 +218,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     columns |= {"on_rim": result.on_rim.astype(int)}
     if ef is not None:
         columns |= {"share_beyond_open_edges": ef.beyond, "share_on_walls": ef.on_walls}
+        columns |= {"share_outside_patches": ef.outside}
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 

@@ -1,4 +1,4 @@
-"""Load on a wall that is too steep for elements is told, as large as it is, and only there."""
+"""Load on a wall that is too steep for elements, and outside of all patches, is told, as large as it is."""
 
 from types import SimpleNamespace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import share_on_walls, words_on_walls
+from casadi_contact.verification import share_on_walls, share_outside_patches, words_on_walls, words_outside_patches
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
@@ -18,9 +18,9 @@ def folder(tmp_path_factory):
     return write_corner(tmp_path_factory.mktemp("walls"))
 
 
-def model_of(folder, elements="grid"):
+def model_of(folder, elements="grid", extra=""):
     path = folder / f"{elements}.toml"
-    path.write_text(mesh_scene_text(folder / "ball.obj", folder / "post.obj", elements=elements))
+    path.write_text(mesh_scene_text(folder / "ball.obj", folder / "post.obj", elements=elements, extra=extra))
     return cc.ElasticFoundation(cc.load_scene(path), (160, 160))
 
 
@@ -63,6 +63,38 @@ def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_pat
     assert nothing is None
 
 
+@pytest.mark.parametrize("elements", ["grid", "triangles"])
+def test_a_ball_beside_the_patch_bears_on_the_rest_of_the_mesh_all_of_its_load(folder, elements):
+    model = model_of(folder, elements, "[geometry.patches.contact]\nx = [15.0, 30.0]\n")
+    inside, half, beside, wall = ([x, y, 0.0, 0.0, 0.0, 0.0] for x, y in ((22, 7.7), (15, 7.7), (8.5, 7.7), (7.7, 8.5)))
+    share = share_outside_patches(model, np.array([inside, half, beside, wall]))
+    np.testing.assert_array_equal(share[[0, 2, 3]], [0.0, 1.0, 1.0])
+    if elements == "grid":  # a triangle of the floor belongs to a patch or to none, whole
+        assert share[1] == pytest.approx(0.5, abs=0.03)
+    np.testing.assert_allclose(model.wrenches([beside, wall]), 0.0, atol=1e-9)  # and so nothing else tells it
+    assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_outside_patches(share)
+
+
+def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
+    """Beyond the edges of an open mesh distances are those of no body, between condyles negative by many mm."""
+    points, faces = sheet_mesh(34.0, 1.0, lambda x, z: -np.sqrt(20.0**2 - z**2))
+    outer = (np.abs(points[faces][..., 2]) > 6.5).all(axis=1)
+    write_obj(tmp_path / "condyles.obj", points, faces[outer][:, ::-1])
+    trough = sheet_mesh(40.0, 0.5, lambda x, z: np.where(np.abs(z) < 3.0, -5.0, -np.sqrt(20.5**2 - z**2)))
+    write_obj(tmp_path / "trough.obj", *trough)
+    path = tmp_path / "knee.toml"
+    patches = "[geometry.patches.med]\nz = [5.0, 20.0]\n[geometry.patches.lat]\nz = [-20.0, -5.0]\n"
+    path.write_text(
+        mesh_scene_text("condyles.obj", "trough.obj", extra=patches)
+        .replace('sensitive = ["Fy"]', 'sensitive = ["-Fy_med", "-Fy_lat"]')
+        .replace('sensitive_pose = ["ty"]', 'sensitive_pose = ["ty", "rx"]')
+    )
+    model = cc.ElasticFoundation(cc.load_scene(path))
+    pose = np.array([0.0, -0.6, 0.0, 0.0, 0.0, 0.0])
+    assert (model.wrenches(pose)[:, 1] < -1000.0).all()
+    np.testing.assert_array_equal(share_outside_patches(model, [pose]), 0.0)
+
+
 def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
     assert words_on_walls(share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
 
@@ -77,6 +109,7 @@ def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     assert found.record()["largest_share_on_walls"] == found.on_walls[0] > 0.2
     assert found.on_walls[1] == 0.0
     assert found.doubts == [words_on_walls(found.on_walls)]
+    assert found.record()["largest_share_outside_patches"] == found.outside.max() == 0.0
 
 
 def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
@@ -86,4 +119,5 @@ def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
 
 def test_a_parametric_body_has_none():
     model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
-    np.testing.assert_array_equal(share_on_walls(model, [model.scene.start_pose]), 0.0)
+    for share in (share_on_walls, share_outside_patches):
+        np.testing.assert_array_equal(share(model, [model.scene.start_pose]), 0.0)
