@@ -102,6 +102,11 @@ def read_file(path: str | Path, *, trusted: bool = False) -> Content:
     Raises FileNotFoundError, or ValueError that says whether the file is foreign, newer or damaged.
     """
     path = existing_file(path, "surrogate file", "a surrogate's .h5")
+    if path.suffix == ".toml":
+        raise ValueError(
+            f"{path} is a scene file, expected a surrogate's .h5: casadi-contact show draws a scene, casadi-contact "
+            "build makes a surrogate of it"
+        )
     with open_hdf5(path, trusted=trusted) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")

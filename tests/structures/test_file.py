@@ -95,6 +95,9 @@ def test_foreign_and_newer_files_are_refused(saved, tmp_path):
     (tmp_path / "text.h5").write_text("hello")
     with pytest.raises(ValueError, match="not an HDF5 file"):
         load_surrogate(tmp_path / "text.h5")
+    (tmp_path / "my.toml").write_text("format = 1")
+    with pytest.raises(ValueError, match=r"scene file, expected a surrogate.s \.h5: .* build makes a surrogate of it"):
+        load_surrogate(tmp_path / "my.toml")
 
 
 def test_files_from_before_validity_still_load_and_say_what_they_lack(saved):
