@@ -12,7 +12,7 @@ from casadi_contact.proposal.pair import Pair
 REACH_MM = 2.0
 _DEEPEST_MM = 4.0  # bodies scanned together overlap less
 _LEAST_SHARE = 0.03  # of the fixed surface that is near, for the files to share a frame
-_PARALLEL, _MOST = 0.998, 0.8  # cos of an angle to the mean normal, and of which share of the area: edges are rounded
+_PARALLEL, _MOST = 0.998, 0.6  # cos to the mean normal, and of which share of the area: edges are rounded, and of holes
 _PLANES_COUNT = 0.2  # of their area
 _INSIDE_OUT = 2.0  # times the area, over which an open moving surface meets the fixed one turned round
 
