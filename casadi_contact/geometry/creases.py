@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges
@@ -46,6 +47,23 @@ def smooth_regions(mesh: TriangleMesh) -> np.ndarray:
     pairs = first[smooth] % count, second[smooth] % count
     links = sparse.coo_matrix((np.ones(len(pairs[0])), pairs), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1])
+
+
+def beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
+    """Numbers of the points (m, 3) within reach of a crease of which the triangles (k,) hold one side alone, or both as
+    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles, and the edge of
+    a region smaller than the reach for noise."""
+    ends, triangles = creases(mesh)
+    regions = smooth_regions(mesh)
+    large = np.bincount(regions, mesh.areas_mm2)[regions] > reach_mm**2
+    held, parted = np.isin(triangles, face), np.diff(regions[triangles])[:, 0] != 0
+    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (parted & large[triangles].all(axis=1)))]
+    if not len(ends):
+        return np.zeros(0, dtype=int)
+    longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max()
+    share = np.linspace(0.0, 1.0, 2 + int(2.0 * longest / reach_mm))[:, None, None]
+    along = ((1.0 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 3)
+    return np.flatnonzero(cKDTree(along).query(points, distance_upper_bound=reach_mm)[0] < np.inf)
 
 
 def _are_creases(mesh: TriangleMesh, first: np.ndarray, second: np.ndarray) -> np.ndarray:

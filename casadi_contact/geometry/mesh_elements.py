@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from casadi_contact.conventions import Array
-from casadi_contact.geometry.creases import creases, smooth_regions
+from casadi_contact.geometry.creases import beside_creases
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
@@ -58,7 +57,7 @@ def grid_on_mesh(
     flat = lines.starts[met] + h[:, None] * along
     h, on, normal = _on_field(field, lines.starts[met], along, h)
     bears = np.einsum("nk,nk->n", mesh.normals[face[met]], along) > LEAST_UPWARD
-    rounded = _beside_creases(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
+    rounded = beside_creases(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
     if len(rounded):
         on[rounded], normal[rounded] = surface().along_lines(flat[rounded], along[rounded])
         h = np.einsum("nk,nk->n", on - lines.starts[met], along)
@@ -84,23 +83,6 @@ def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tu
         h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
         on = starts + h[:, None] * along
     return h, on, slope / np.linalg.norm(slope, axis=1, keepdims=True)
-
-
-def _beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
-    """Numbers of the points (m, 3) within reach of a crease of which the triangles (k,) hold one side alone, or both as
-    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles, and the edge of
-    a region smaller than the reach for noise."""
-    ends, triangles = creases(mesh)
-    regions = smooth_regions(mesh)
-    large = np.bincount(regions, mesh.areas_mm2)[regions] > reach_mm**2
-    held, parted = np.isin(triangles, face), np.diff(regions[triangles])[:, 0] != 0
-    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (parted & large[triangles].all(axis=1)))]
-    if not len(ends):
-        return np.zeros(0, dtype=int)
-    longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max()
-    share = np.linspace(0.0, 1.0, 2 + int(2.0 * longest / reach_mm))[:, None, None]
-    along = ((1.0 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 3)
-    return np.flatnonzero(cKDTree(along).query(points, distance_upper_bound=reach_mm)[0] < np.inf)
 
 
 def facing_axis(mesh: TriangleMesh) -> str | None:

@@ -15,9 +15,11 @@ from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
 from casadi_contact.verification import (
+    share_at_sharp_edges,
     share_beyond_open_edges,
     share_on_walls,
     share_outside_patches,
+    words_at_sharp_edges,
     words_beyond_open_edges,
     words_on_walls,
     words_outside_patches,
@@ -45,7 +47,7 @@ def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[st
 
 def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
     """What may carry load where there are no elements, in the poses (n, 6): beyond open edges and cuts, on walls,
-    outside of the patches."""
+    outside of the patches; and where it is carried at sharp edges."""
     doubts = []
     if len(body_mesh(model.scene.geometry, "fixed").boundary_edges):
         doubts.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
@@ -56,6 +58,8 @@ def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
         )
     if beyond := words_beyond_open_edges(share_beyond_open_edges(model, poses)):
         doubts.append(f"whether the moving part ends at its open edges: {beyond}")
+    if at_edges := words_at_sharp_edges(share_at_sharp_edges(model, poses)):
+        doubts.append(f"what sharp edges carry: {at_edges}")
     if on_walls := words_on_walls(share_on_walls(model, poses)):
         doubts.append(f"what walls carry: {on_walls}")
     if outside := words_outside_patches(share_outside_patches(model, poses)):

@@ -2,6 +2,7 @@
 
 from casadi_contact.verification.open_edges import share_beyond_open_edges, words_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
+from casadi_contact.verification.sharp_edges import share_at_sharp_edges, words_at_sharp_edges
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
 from casadi_contact.verification.walls import (
@@ -19,10 +20,12 @@ __all__ = [
     "judge",
     "own_model",
     "refine",
+    "share_at_sharp_edges",
     "share_beyond_open_edges",
     "share_on_walls",
     "share_outside_patches",
     "verify",
+    "words_at_sharp_edges",
     "words_beyond_open_edges",
     "words_on_walls",
     "words_outside_patches",

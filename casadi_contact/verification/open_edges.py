@@ -26,7 +26,7 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
     turned = rotation(poses[:, 3:])
     for first in range(0, len(poses), _CHUNK):
         chunk = np.arange(first, min(first + _CHUNK, len(poses)))
-        pressed = [_pressed(model, poses[k]) for k in chunk]
+        pressed = [pressed_elements(model, poses[k]) for k in chunk]
         at = np.repeat(chunk, [len(force) for _, force in pressed])
         if not len(at):
             continue
@@ -39,7 +39,7 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
     return share
 
 
-def _pressed(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
+def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
     """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
     maps = model.pressure_maps(pose)
     force = np.concatenate([each.forces_n for each in maps])
