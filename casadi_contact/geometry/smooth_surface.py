@@ -22,6 +22,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 EDGE_RADIUS_MM = 3.0
 _LEAST_AGREEMENT = 0.8  # cos between fitted and averaged normal: below, the vertex lies on a sharp edge
+_FAR_LARGER = 8.0  # in area: of a mesh that follows its curvature neighbours are some times as large at most
 _FAR = 2.0  # times the way from a triangle to its patch
 _FAN_SLOPE = 0.4  # tan of the angle to the normal up to which a point counts as straight above its closest point
 _MOST_NEIGHBOURS = 256  # of a vertex by which two others count as near: far more than in scans, poles and most fans
@@ -127,7 +128,8 @@ def fitted_normals(mesh: TriangleMesh) -> Array:
     """Outward unit normal at every vertex (v, 3), by a quadric through the vertex fitted to those within two edges.
 
     In the frame of the area-averaged normal the neighbours at (x, y, z) give z = a·x + b·y + c·x² + d·x·y + e·y² by
-    least squares weighted with 1/r; the normal is (-a, -b, 1). A vertex on a sharp edge keeps its averaged normal.
+    least squares weighted with 1/r; the normal is (-a, -b, 1). A vertex on a sharp edge keeps its averaged normal, and
+    one where a fillet of small triangles runs out into a plane of large ones takes theirs.
     """
     size = len(mesh.vertices_mm)
     averaged = np.zeros((size, 3))
@@ -148,7 +150,24 @@ def fitted_normals(mesh: TriangleMesh) -> Array:
     fitted = averaged - slopes[:, :1] * first - slopes[:, 1:2] * second
     fitted /= np.linalg.norm(fitted, axis=1, keepdims=True)
     agree = np.einsum("nk,nk->n", fitted, averaged) > _LEAST_AGREEMENT
-    return np.where(agree[:, None], fitted, averaged)
+    normals = np.where(agree[:, None], fitted, averaged)
+    led, leading = _led_by_large(mesh)
+    normals[led] = leading
+    return normals
+
+
+def _led_by_large(mesh: TriangleMesh) -> tuple[np.ndarray, Array]:
+    """The vertices (m,) at which one triangle is far larger than the median one, and the normals (m, 3) of the largest
+    there. Normals that lean towards the small ones by degrees would bend the large one, as of a flat face from CAD
+    beside its fillet, by tenths of a millimetre."""
+    vertex, area = mesh.faces.T.ravel(), np.tile(mesh.areas_mm2, 3)
+    order = np.lexsort((area, vertex))
+    first, count = np.unique(vertex[order], return_index=True, return_counts=True)[1:]
+    median, largest = area[order[first + (count - 1) // 2]], area[order[first + count - 1]]
+    led = vertex[order[first]][largest > _FAR_LARGER * median]
+    sums = np.zeros((len(mesh.vertices_mm), 3))
+    np.add.at(sums, vertex, np.tile(mesh.area_vectors_mm2, (3, 1)) * area[:, None] ** 2)
+    return led, sums[led] / np.linalg.norm(sums[led], axis=1, keepdims=True)
 
 
 def _neighbours(faces: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
