@@ -8,8 +8,8 @@ _REPORTED = 0.01  # of the load: a smaller share is left out
 
 
 def share_in_words(share: Array, where: str, least: float = _REPORTED) -> str | None:
-    """In how many poses more than the least share of the load, by its share (n,), lies there, and how much at most; None
-    for none such."""
+    """In how many poses more than the least share of the load, by its share (n,), lies there, and how much at most;
+    None where in none."""
     if not (count := int((share > least).sum())):
         return None
     return f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies {where}"
