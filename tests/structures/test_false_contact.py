@@ -48,3 +48,21 @@ def test_errors_off_equilibrium_are_expected(moved):
     loads = cc.ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])(poses)
     below = np.abs(surrogate(poses) - loads) <= surrogate.expected_error(poses)
     assert 0.93 <= below[loads != 0.0].mean() <= 0.995
+
+
+def test_errors_of_light_contact_are_expected():
+    """As every contact begins and ends; errors there are as large as under loads a hundred times as large."""
+    surrogate = cc.load_surrogate("knee")
+    model, rng = cc.foundation(surrogate.scene), np.random.default_rng(3)
+    starts = np.zeros((600, 6))
+    starts[:, POSE_NAMES.index("ty")] = 27.3
+    for name, most in (("tx", 4.0), ("tz", 1.0), ("ry", 0.08)):
+        starts[:, POSE_NAMES.index(name)] = rng.uniform(-most, most, len(starts))
+    starts[:, POSE_NAMES.index("rz")] = -np.deg2rad(rng.uniform(0.0, 60.0, len(starts)))
+    loads = {name: -np.exp(rng.uniform(np.log(5.0), np.log(60.0), len(starts))) for name in ("Fy_med", "Fy_lat")}
+    poses, report = cc.settle(model, starts, free=("ty", "rx"), targets=loads)
+    poses = poses[report.converged]
+    poses = poses[surrogate.validity(poses) > 0.9]
+    assert len(poses) > 300
+    below = np.abs(surrogate(poses) - model(poses)) <= surrogate.expected_error(poses)
+    assert below.mean() > 0.93
