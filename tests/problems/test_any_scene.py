@@ -149,7 +149,7 @@ def test_a_knee_of_which_something_else_was_measured_has_the_columns_of_any_join
     result = pose_estimation.solve(pose_estimation.build(knee, cycle))
     assert result.converged.all(), result.reason
     np.testing.assert_allclose(result.loads[:, :2], [row[:2]] * 2, atol=1.0)
-    (tmp_path / "knee.csv").write_text(text.replace("rz_rad", "flexion_rz_rad") + "0,0,0,-1,-1,0,0\n")
+    (tmp_path / "knee.csv").write_text("time_s,flexion_rz_rad,Fy_med_N,Fy_lat_N\n0,0,-1,-1\n")
     with pytest.raises(ValueError, match="lacks the columns rotation_ry_rad, cop_ap_mm, cop_ml_mm"):
         reference_motion_cycles(knee.scene, [tmp_path / "knee.csv"])
 

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION
 from casadi_contact.structures import with_trust
 from casadi_contact.structures.error_bounds import LEAST_COVERAGE, quantile_of_unseen
-from tests.structures.test_calibration import SCENE, made_up_samples
+from tests.support.noisy_samples import SCENE, made_up_samples
 from tests.support.random_surrogates import random_surrogate
 
 
