@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.ready_poses import CASES, at
+from tests.support.ready_poses import CASES, at, walking
 
 
 @pytest.mark.parametrize(("name", "overrides", "overlap", "force"), CASES)
@@ -61,17 +61,7 @@ def test_resultant_of_a_sphere_in_a_dish_passes_through_the_dish_centre():
 
 def knee_poses(n, seed=0):
     """Poses over the walking range, from lightly lifted to 0.3 mm deep."""
-    rng = np.random.default_rng(seed)
-    scene = cc.load_scene("knee")
-    poses = np.c_[
-        rng.uniform(-4, 6, n),
-        np.full(n, 28.0),
-        rng.uniform(-1, 1, n),
-        rng.uniform(-0.01, 0.01, n),
-        rng.uniform(-0.15, 0.1, n),
-        rng.uniform(-1.3, 0.2, n),
-    ]
-    targets = {"Fy_med": -rng.uniform(5, 1500, n), "Fy_lat": -rng.uniform(5, 1500, n)}
+    scene, (poses, targets) = cc.load_scene("knee"), walking(n, seed)
     settled, report = cc.settle(cc.ElasticFoundation(scene), poses, ("ty", "rx"), targets)
     assert report.converged.all()
     settled[::5, 3] += 0.02
