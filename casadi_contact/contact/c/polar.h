@@ -3,6 +3,12 @@
 FUNCTION void lines_of(const Surfaces *s, const Place *p, const Middle *middle, Lines *lines) {
   lines->count = 0;
   add_rays(middle, lines);
+#if TORUS
+  {
+    Middle second;
+    if (second_middle(s, p, middle, &second)) add_rays(&second, lines);
+  }
+#endif
 #if ARCS > 1
   if (middle->whole) {
     Chord chord[ARCS - 1];

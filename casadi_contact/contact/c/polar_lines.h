@@ -1,7 +1,8 @@
 /* Lines along which polar quadrature integrates, and the points on them: the formulas of contact/polar/lines.py. */
 #define CAP_BLOCKS (CAP_LINES / BLOCK)
 #define MOST(a, b) ((a) > (b) ? (a) : (b)) /* numbers of rays are multiples of BLOCK */
-#define LINE_BLOCKS MOST(RAYS / BLOCK + 2 * (ARCS - 1) * CAP_BLOCKS, RIM_RAYS / BLOCK)
+#define SECOND_BLOCKS (TORUS * RIM_RAYS / BLOCK) /* of a second spot */
+#define LINE_BLOCKS (MOST(RAYS / BLOCK + 2 * (ARCS - 1) * CAP_BLOCKS, RIM_RAYS / BLOCK) + SECOND_BLOCKS)
 #define ENDS (LINE_BLOCKS * GAUSS) /* blocks of points */
 
 /* A block of lines on one arc's torus (OWN_ARC: each end's own): a piece dr stands for an area (width + spread r) dr. */

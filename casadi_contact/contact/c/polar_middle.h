@@ -114,6 +114,14 @@ INLINE void as_long(const Surfaces *s, Middle *middle) {
   middle->form[0][1] = middle->form[1][0] = 0.0;
 }
 
+/* The middle of a spot that the rim may cut, from its point nearest to the body */
+INLINE void place_at_rim(const Surfaces *s, const Place *p, const Spot *nearest, Middle *middle) {
+  middle->spot = spot_at(s, p, nearest->u, nearest->v, TO_END);
+  for (int along = 0; along < 2; along++) middle->spot = chord_middle(s, p, &middle->spot, along);
+  as_long(s, middle);
+  middle->whole = 0;
+}
+
 /* The middle of the spot: the deepest point, and where the rim cuts the spot the middle of chords through the point
  * nearest to the body. Returns 0 where there is no contact, which leaves this point in `nearest`. */
 FUNCTION int middle_of(const Surfaces *s, const Place *p, Middle *middle, Spot *nearest) {
@@ -140,9 +148,6 @@ FUNCTION int middle_of(const Surfaces *s, const Place *p, Middle *middle, Spot *
   }
   *nearest = nearest_to(s, p, u, v);
   if (!(nearest->depth > 0.0)) return 0;
-  *spot = spot_at(s, p, nearest->u, nearest->v, TO_END);
-  *spot = chord_middle(s, p, spot, 0);
-  *spot = chord_middle(s, p, spot, 1);
-  as_long(s, middle);
+  place_at_rim(s, p, nearest, middle);
   return 1;
 }

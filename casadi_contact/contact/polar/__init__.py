@@ -1,4 +1,4 @@
-"""Polar quadrature: smooth surfaces with one spot of contact a patch, integrated on rays from the spot's middle."""
+"""Polar quadrature: smooth surfaces with one spot of contact a patch, and another on its rim, integrated on rays."""
 
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.rays import Rays

@@ -20,11 +20,12 @@ RAYS = Rays(16, 3)
 
 
 class PolarFoundation(CompiledPressures):
-    """Elastic foundation between smooth surfaces, integrated on rays from the middle of each patch's one spot.
+    """Elastic foundation between smooth surfaces, integrated on rays from the middle of each patch's spot.
 
     Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the spot (`at_edge`),
     loads are off by 0.1 to 0.4 % in the median and 1 to 2 % in the worst hundredth, against elements. The rays serve
-    one spot. On the body's back, beyond its outermost arcs, the distance jumps and contact may be passed over.
+    one spot, and a second one on the rim. On the body's back, beyond its outermost arcs, the distance jumps and contact
+    may be passed over.
 
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """

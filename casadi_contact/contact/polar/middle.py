@@ -93,10 +93,10 @@ def middle(patch: SmoothPatch, R: Array, t: Array) -> Middle:
     if not whole.all():
         u, v, cut = u.copy(), v.copy(), ~whole
         near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
-        u[cut], v[cut] = _chord_middles(patch, R[cut], t[cut], near.u, near.v)
+        u[cut], v[cut] = chord_middles(patch, R[cut], t[cut], near.u, near.v)
         spot = spot_at(patch, R, t, u, v)
     w = whole[:, None, None]
-    return Middle(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), _as_long(patch, spot)), whole)
+    return Middle(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), as_long(patch, spot)), whole)
 
 
 def _ellipse(curvature: Array) -> Array:
@@ -107,7 +107,7 @@ def _ellipse(curvature: Array) -> Array:
     return np.asarray(form / np.sqrt(s * (k_uu + k_vv + 2.0 * s))[:, None, None])
 
 
-def _as_long(patch: SmoothPatch, spot: Spot) -> Array:
+def as_long(patch: SmoothPatch, spot: Spot) -> Array:
     """The form (n, 2, 2) as long and wide as the chords through a spot."""
     begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
     length = np.maximum(end - begin, LEAST_CHORD_MM)
@@ -125,7 +125,7 @@ def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
     return ends
 
 
-def _chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
+def chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
     """Middle of the chord along u through (u, v), then of that along v through this middle.
 
     Nowhere more shallow than half the depth at (u, v): there a chord's ends, which are estimates, missed the spot.

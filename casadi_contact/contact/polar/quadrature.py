@@ -6,8 +6,8 @@ In the chart (u, v) of the fixed surface the patch's wrench
 
 is a sum over Gauss points on rays from the spot's middle (the trapezoidal rule of a periodic function), as if the
 moving arc there went on, and on lines across the caps that other arcs press: the depth is smooth on each of them, no
-element jumps in or out. Derivatives are those of the integral. The kernel in C (``c/polar.h``) follows the same
-formulas; each is the other's check.
+element jumps in or out. A second spot on the rim has rays of its own. Derivatives are those of the integral. The kernel
+in C (``c/polar.h``) follows the same formulas; each is the other's check.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from casadi_contact.contact.polar.lines import Lines, joined, to_edges
 from casadi_contact.contact.polar.middle import Middle, middle
 from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.rays import Rays, rays_from
+from casadi_contact.contact.polar.rays import Rays, rays_at_rim, rays_from
+from casadi_contact.contact.polar.second import second_middle
 from casadi_contact.contact.pressure import pressure_slopes
 from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
@@ -77,8 +78,10 @@ class Integration:
 
 
 def integration(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -> Integration:
-    """Rays from the middle of each spot, and the lines of its caps."""
-    lines, cut = to_edges(patch, R, t, joined([*rays_from(m, rays), *caps(patch, R, t, m, rays.in_caps)]))
+    """Rays from the middle of each spot, the lines of its caps, and rays of a second spot on the rim."""
+    beside, there = second_middle(patch, R, t, m)
+    sets = [*rays_from(m, rays), *rays_at_rim(beside, rays, there), *caps(patch, R, t, m, rays.in_caps)]
+    lines, cut = to_edges(patch, R, t, joined(sets))
     r, weight = lines.points(rays.points)
     u, v = lines.at(r)
     return Integration(lines, cut, u, v, weight, ray_ends(patch, R, t, u, v, arc=lines.arc[..., None]))

@@ -35,9 +35,12 @@ class Rays:
 def rays_from(middle: Middle, rays: Rays) -> list[Lines]:
     """Rays from the middle through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
     spot through each ray's own. A set of rays has no area in the poses that it is not for."""
-    whole = middle.whole[:, None]
-    sets = [_fan_out(middle, rays.count, whole)]
-    return sets if whole.all() else [*sets, _fan_out(middle, rays.at_rim, ~whole)]
+    return [_fan_out(middle, rays.count, middle.whole[:, None]), *rays_at_rim(middle, rays, ~middle.whole)]
+
+
+def rays_at_rim(middle: Middle, rays: Rays, used: np.ndarray) -> list[Lines]:
+    """Rays from the middle where used (n,) through each ray's own torus; none if that is nowhere."""
+    return [_fan_out(middle, rays.at_rim, used[:, None])] if used.any() else []
 
 
 def _fan_out(middle: Middle, count: int, used: np.ndarray) -> Lines:

@@ -14,12 +14,14 @@ from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OF
 from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import Rays, ray_angles
+from casadi_contact.contact.polar.second import FACING, HOVERING_MM, ON_RIM, OUTWARDS, RIM_STARTS
 from casadi_contact.transcription.kernel.source import c_text
 
 
 def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
     """Tables of the patches and `patch_loads`."""
     free, at_rim = ray_angles(rays.count), ray_angles(rays.at_rim)
+    rim_starts = np.concatenate([RIM_STARTS, OUTWARDS])
     x, weight = np.polynomial.legendre.leggauss(rays.points)
     sizes = {
         "RAYS": rays.count,
@@ -45,6 +47,10 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "LEAST_CHORD": LEAST_CHORD_MM,
         "SINGLE": SINGLE,
         "STARTS": len(ACROSS),
+        "RIM_STARTS": RIM_STARTS.shape[1],
+        "HOVERING": HOVERING_MM,
+        "FACING": FACING,
+        "ON_RIM": ON_RIM,
     }
     tables = {
         "ray_cos[RAYS]": free[0],
@@ -54,6 +60,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "gauss_x[GAUSS]": 0.5 * (1.0 + x),
         "gauss_w[GAUSS]": 0.5 * weight,
         "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
+        **{f"rim_{name}[RIM_STARTS]": row for name, row in zip(("w", "v", "out_u", "out_v"), rim_starts, strict=True)},
     }
     has_caps = len(patches[0].arcs) > 1
     if has_caps:
@@ -70,6 +77,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
             c_text("polar_middle.h", C_FOLDER),
             c_text("polar_lines.h", C_FOLDER),
             c_text("polar_rays.h", C_FOLDER),
+            *([c_text("polar_second.h", C_FOLDER)] if patches[0].torus is not None else []),
             *([c_text("polar_caps.h", C_FOLDER)] if has_caps else []),
             c_text("polar.h", C_FOLDER),
             c_text("orders.h", C_FOLDER),
