@@ -45,7 +45,8 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     the tolerance of every load and are nowhere more than `convergence.WORST` times it (cells: 0.3 of both where that
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
     within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
-    holds the choice and its errors; it is kept in the cache folder (`contact.choice_cache`), for laws of the library.
+    holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache
+    folder (`contact.choice_cache`), for laws of the library.
     Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)

@@ -106,6 +106,7 @@ def test_more_rays_converge_and_the_choice_meets_the_tolerances_with_the_fewest(
     model = cc.foundation("knee", compiled=False)
     record = model.record
     assert (model.rays.count, model.rays.points) == (record["rays"], record["points"])
+    assert (record["against"], record["elements_apart"]) == ("96 rays × 6 points, EF 320×160", 0.0)
     for name, tolerance in model.scene.tolerances.items():
         assert record["rms"][name] <= tolerance
         assert record["largest"][name] <= 3.0 * tolerance

@@ -1,4 +1,4 @@
-"""A femur that fits its dishes closely bears on their rims too: rays see both spots."""
+"""A femur that fits its dishes closely bears on their rims too: rays see both spots, or the choice tells."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,10 @@ from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact import Rays
+from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
+from casadi_contact.contact.polar.against_elements import share_apart
+from casadi_contact.contact.polar.choice import polar_foundation
 from casadi_contact.contact.polar.pressed_poses import pressed_poses
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_same_formulas
@@ -85,3 +88,13 @@ def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
     two = poses[model.at_edge(poses)[:, 0]][:12]
     assert len(two) == 12
     check_same_formulas(cc.PolarFoundation(model.scene, model.rays), model, two)
+
+
+def test_elements_tell_where_rays_miss_a_spot(pressed, monkeypatch):
+    """More rays see no more of a spot that none of them looks for."""
+    model, R, t = pressed
+    assert polar_foundation(model.scene, compiled=False).record["elements_apart"] < 0.02
+    monkeypatch.setattr(quadrature, "second_middle", one_spot_only)
+    wrench = quadrature.patch_loads(model.patches[0], model.law, model.rays, R, t).wrench
+    with pytest.raises(NotGoodEnoughError, match=r"rays and 320×160 elements differ .* \d\d% of .*ElasticFoundation"):
+        share_apart(model.scene, [(R, t, wrench)])
