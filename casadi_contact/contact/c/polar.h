@@ -4,7 +4,7 @@ FUNCTION void lines_of(const Surfaces *s, const Place *p, const Middle *middle, 
   lines->count = 0;
   add_rays(middle, lines);
 #if TORUS
-  {
+  if (s->close_fit > 0.0) {
     Middle second;
     if (second_middle(s, p, middle, &second)) add_rays(&second, lines);
   }

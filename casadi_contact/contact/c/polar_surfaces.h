@@ -9,6 +9,7 @@ typedef struct {
   double u_low, u_high, v_low, v_high, spread;     /* rim */
   double z_0;
   double tube_radius, centre_z;
+  double close_fit; /* 1 where a second spot is looked for, else 0 */
   double turn[3][3];
   Arc arc[ARCS];
 } Surfaces;

@@ -18,11 +18,21 @@ from casadi_contact.contact.polar.rim import rim_box, stretch
 from casadi_contact.contact.polar.spot import spot_at
 from casadi_contact.conventions import Array
 
+CLOSE_FIT = 0.8  # in 6,900 pressed poses of six knees that fit less closely no second spot was found
 HOVERING_MM = 1.0  # more than g falls between two starts
 FACING = -0.9  # cos of the angle between a ray and the surface that it meets: a body's back faces away
 ON_RIM = 1e-9  # part of the patch
 RIM_STARTS = np.array([(w, v) for v in (0.0, 1.0) for w in ACROSS]).T  # (2, k): parts of the rim's box in w and v
 OUTWARDS = np.rint(2.0 * RIM_STARTS - 1.0) * np.isin(RIM_STARTS, (0.0, 1.0))  # (2, k): -1, 0, 1
+
+
+def fits_closely(patch: SmoothPatch) -> bool:
+    """Whether the largest radius of the body, along its arcs or across, comes near to the dish's: only then is a second
+    spot looked for, which takes a twentieth of the time of all."""
+    if (f := patch.torus) is None:
+        return False
+    along = (float(patch.arcs[:, 2].max()) + patch.tube_radius) / (f.offset + f.radius) if f.w_sign < 0.0 else 0.0
+    return max(along, patch.tube_radius / f.radius) > CLOSE_FIT
 
 
 def second_middle(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[Middle, np.ndarray]:
@@ -31,7 +41,7 @@ def second_middle(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[Mi
     Beside a spot that the rim may cut it lies half the patch away, and between the two is a gap.
     """
     u, v, found = m.spot.u.copy(), m.spot.v.copy(), np.zeros(len(t), dtype=bool)
-    if patch.torus is not None:
+    if fits_closely(patch):
         rows, near_u, near_v = _lowest_starts(patch, R, t, m)
         near = highest(patch, R[rows], t[rows], near_u, near_v, at_start=True)
         between = 0.5 * (near.u + u[rows]), 0.5 * (near.v + v[rows])

@@ -14,7 +14,7 @@ from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, MIDDLE_STEPS, OF
 from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS, SINGLE, SWEEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import Rays, ray_angles
-from casadi_contact.contact.polar.second import FACING, HOVERING_MM, ON_RIM, OUTWARDS, RIM_STARTS
+from casadi_contact.contact.polar.second import FACING, HOVERING_MM, ON_RIM, OUTWARDS, RIM_STARTS, fits_closely
 from casadi_contact.transcription.kernel.source import c_text
 
 
@@ -90,7 +90,7 @@ def _surfaces(patch: SmoothPatch) -> str:
     torus, rim = patch.torus or Torus(0.0, 1.0, 0.0, 1.0, 1.0), patch.rim
     spread = rim.spread if np.isfinite(rim.spread) else 0.0
     numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
-    numbers += [patch.z_0, patch.tube_radius, patch.centre_z]
+    numbers += [patch.z_0, patch.tube_radius, patch.centre_z, fits_closely(patch)]
     fields = [repr(float(number)) for number in numbers]
     fields += [f"{{{', '.join(map(braces, patch.turn))}}}"]
     return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"
