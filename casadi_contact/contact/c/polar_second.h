@@ -1,4 +1,4 @@
-/* A second spot of contact, on the rim: the formulas of contact/polar/second.py. */
+/* A second spot of contact, where one of the two lies on the rim: the formulas of contact/polar/second.py. */
 
 INLINE int on_rim(const double low[2], const double high[2], const Charted *at) {
   int found = 0;
@@ -15,7 +15,7 @@ FUNCTION int second_from(const Surfaces *s, const Place *p, const Middle *first,
   double low[2], high[2];
   Ray ray;
   box_of(s, low, high);
-  if (!(near.depth > 0.0) || !on_rim(low, high, &at)) return 0;
+  if (!(near.depth > 0.0) || (first->whole && !on_rim(low, high, &at))) return 0;
   cast(s, p, all(near.u), all(near.v), OWN_ARC, AT_START, &ray);
   if (!((steepness(&ray) / ray.length)[0] < FACING)) return 0;
   cast(s, p, all(0.5 * (near.u + first->spot.u)), all(0.5 * (near.v + first->spot.v)), OWN_ARC, AT_START, &ray);

@@ -1,4 +1,4 @@
-"""A second spot of contact, on the rim.
+"""A second spot of contact, where one of the two lies on the rim.
 
 A body that fits its dish closely, turned or leant in it, bears on the rim as well as in the middle, or on two corners.
 Where it does, the distance g from the body falls towards the rim. Of some starts along both sides of the rim at which g
@@ -38,15 +38,17 @@ def fits_closely(patch: SmoothPatch) -> bool:
 def second_middle(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[Middle, np.ndarray]:
     """The middle of the second spot in n poses, and (n,) where there is one.
 
-    Beside a spot that the rim may cut it lies half the patch away, and between the two is a gap.
+    Beside a whole spot it lies on the rim; beside one that the rim may cut half the patch away, and between the two is
+    a gap.
     """
     u, v, found = m.spot.u.copy(), m.spot.v.copy(), np.zeros(len(t), dtype=bool)
     if fits_closely(patch):
         rows, near_u, near_v = _lowest_starts(patch, R, t, m)
         near = highest(patch, R[rows], t[rows], near_u, near_v, at_start=True)
         between = 0.5 * (near.u + u[rows]), 0.5 * (near.v + v[rows])
-        apart = m.whole[rows] | (ray_ends(patch, R[rows], t[rows], *between, at_start=True).g > 0.0)
-        apart &= (near.depth > 0.0) & (near.ends.slope < FACING) & _on_rim(patch, near.u, near.v)
+        gap = ray_ends(patch, R[rows], t[rows], *between, at_start=True).g > 0.0
+        apart = np.where(m.whole[rows], _on_rim(patch, near.u, near.v), gap)
+        apart &= (near.depth > 0.0) & (near.ends.slope < FACING)
         rows = rows[apart]
         u[rows], v[rows] = chord_middles(patch, R[rows], t[rows], near.u[apart], near.v[apart])
         found[rows] = True
