@@ -39,9 +39,9 @@ def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> Triangl
     """The triangles of the fixed mesh that bear no elements, divided until their edges are no longer than `longest_mm`.
 
     within: those in the patches' boxes, too steep for elements of all that hold them, or undercut; else those outside
-    of all boxes.
+    of all boxes. Where elements are the triangles themselves each bears whole or not, by its centre; on a grid parts of
+    it may.
     """
-    import trimesh
 
     def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
         """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""
@@ -50,14 +50,24 @@ def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> Triangl
         seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
         return np.asarray(held.any(axis=0)), np.asarray((held & seen).any(axis=0))
 
+    def chosen(mesh: TriangleMesh) -> TriangleMesh:
+        held, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
+        return mesh.part(held & ~borne if within else ~held)
+
     mesh = body_mesh(geometry, "fixed")
+    if geometry["elements"] == "triangles":
+        return _divided(chosen(mesh), longest_mm)
     bare = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1])
-    if not len(bare.faces):
-        return bare
-    vertices, faces = trimesh.remesh.subdivide_to_size(bare.vertices_mm, bare.faces, longest_mm, max_iter=20)
-    divided = TriangleMesh(bare.name, np.asarray(vertices), np.asarray(faces))
-    held, borne = covered(divided, [divided.corners_mm.mean(axis=1)])
-    return divided.part(held & ~borne if within else ~held)
+    return chosen(_divided(bare, longest_mm))
+
+
+def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
+    import trimesh
+
+    if not len(mesh.faces):
+        return mesh
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices_mm, mesh.faces, longest_mm, max_iter=20)
+    return TriangleMesh(mesh.name, np.asarray(vertices), np.asarray(faces))
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:

@@ -10,7 +10,7 @@ from casadi_contact.verification import share_on_walls, share_outside_patches, w
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
-from tests.support.meshes import mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
+from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +73,20 @@ def test_a_ball_beside_the_patch_bears_on_the_rest_of_the_mesh_all_of_its_load(f
         assert share[1] == pytest.approx(0.5, abs=0.03)
     np.testing.assert_allclose(model.wrenches([beside, wall]), 0.0, atol=1e-9)  # and so nothing else tells it
     assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_outside_patches(share)
+
+
+def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
+    """Triangles as elements belong to a patch or to none, each whole: neither loads nor what is lost may differ."""
+    write_obj(tmp_path / "sheet.obj", *sheet_mesh(16.0, 1.0))
+    write_obj(tmp_path / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
+    found = []
+    for bound in (0.4, 0.6):  # centres lie at thirds of a millimetre
+        patch = f"[geometry.patches.contact]\nx = [{bound}, 30.0]\n"
+        (tmp_path / "half.toml").write_text(mesh_scene_text("ball.obj", "sheet.obj", elements="triangles", extra=patch))
+        model, pose = cc.ElasticFoundation(cc.load_scene(tmp_path / "half.toml")), [0.5, 7.7, 0.0, 0.0, 0.0, 0.0]
+        found.append([*model.wrenches(pose)[0], *share_outside_patches(model, [pose])])
+    np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-9)
+    assert 0.4 < found[0][-1] < 0.6
 
 
 def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
