@@ -28,7 +28,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number
 
 MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
-_CENTRES = ("cop_x", "cop_y", "cop_z")
+_CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are the names of a knee's load cycle
 _FRAMES = 101
 _SEED = 2015
 
@@ -85,10 +85,11 @@ def driving_loads(scene: Scene) -> tuple[str, ...]:
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters and `driving_loads` that were
-    measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm.
+    measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm (of a joint that is
+    pressed along y also cop_ap_mm, cop_ml_mm).
 
-    Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or as a knee's load cycle has
-    them (flexion_rz_rad). Raises FileNotFoundError, and ValueError naming file, line and column.
+    Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or without one (rz), or as a
+    knee's load cycle has them (flexion_rz_rad). Raises FileNotFoundError, and ValueError naming file, line and column.
     """
     path = Path(path)
     known = driving_loads(scene)
@@ -96,9 +97,10 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     table = TextColumns.read(path, "cycle file")
     table.require("time_s")
     for got in table.header:
-        wanted = columns.get(got.rpartition("_")[0])
+        wanted = columns.get(got) or columns.get(got.rpartition("_")[0])
         if wanted is not None and got != wanted and wanted not in table.header:
-            raise ValueError(f"{path} has the column {got}, expected {wanted}: convert its unit")
+            cure = "name its unit" if got in columns else "convert its unit"
+            raise ValueError(f"{path} has the column {got}, expected {wanted}: {cure}")
         for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
             if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
                 raise ValueError(f"{path} has the column {got}, expected {columns[name]}: rename it")
@@ -116,7 +118,10 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
 
 def joint_cycle_from_curves(name: str, curves: Mapping[str, Array], scene: Scene) -> JointCycle:
     """A cycle of a scene from curves by name: time [s], pose parameters [mm, rad], `driving_loads` [N, N·mm] and
-    centres of pressure cop_x, cop_y, cop_z [mm]. Raises ValueError for other names, or as `JointCycle` does."""
+    centres of pressure cop_x, cop_y, cop_z, cop_ap, cop_ml [mm].
+
+    Raises ValueError for other names, or as `JointCycle` does.
+    """
     kinds = (POSE_NAMES, driving_loads(scene), _CENTRES)
     known = ("time", *(each for kind in kinds for each in kind))
     if foreign := [each for each in curves if each not in known]:

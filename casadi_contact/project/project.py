@@ -12,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import Samples, partial_folder, read_samples
 from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
@@ -158,7 +158,7 @@ def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
     header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
     if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
         return read_joint_cycle(path, scene)
-    if beside := [column for column in of_any_joint if column in header]:
+    if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
         raise ValueError(
             f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
             f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"

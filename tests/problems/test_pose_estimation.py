@@ -188,13 +188,32 @@ def test_prescribed_displacement_is_held_and_the_measured_forces_settle_the_rest
     np.testing.assert_allclose(knee(driven.poses)[:, knee.load_names.index("Fx")], loads["Fx"], atol=0.1)
 
 
-def test_prescribed_displacement_beside_a_knees_own_columns_is_refused_and_not_ignored(tmp_path):
-    cycle = reference_cycle(frames=5)
-    write_cycle(cycle, tmp_path / "machine.csv")
-    header, *rows = (tmp_path / "machine.csv").read_text().splitlines()
-    (tmp_path / "machine.csv").write_text("\n".join([f"{header},tx_mm", *(f"{row},1.5" for row in rows)]))
-    with pytest.raises(ValueError, match=r"has tx_mm beside .* rename flexion_rz_rad and rotation_ry_rad"):
-        reference_motion_cycles(cc.load_scene("knee"), [tmp_path / "machine.csv"])
+def with_prescribed(path, column):
+    """A knee's cycle file with one more column, which holds 1.5, and the same with flexion and rotation renamed."""
+    write_cycle(reference_cycle(frames=5), path)
+    header, *rows = path.read_text().splitlines()
+    text = "\n".join([f"{header},{column}", *(f"{row},1.5" for row in rows)])
+    path.write_text(text)
+    renamed = path.with_name("renamed.csv")
+    renamed.write_text(text.replace("flexion_rz_rad", "rz_rad").replace("rotation_ry_rad", "ry_rad"))
+    return path, renamed
+
+
+@pytest.mark.parametrize("column", ["tx_mm", "tx_m", "tx"])
+def test_prescribed_displacement_beside_a_knees_own_columns_is_refused_and_not_ignored(tmp_path, column):
+    machine, _ = with_prescribed(tmp_path / "machine.csv", column)
+    with pytest.raises(ValueError, match=rf"has {column} beside .* rename flexion_rz_rad and rotation_ry_rad"):
+        reference_motion_cycles(cc.load_scene("knee"), [machine])
+
+
+def test_a_knees_file_renamed_so_that_displacement_is_held_keeps_its_centre_of_pressure(knee, tmp_path):
+    _, renamed = with_prescribed(tmp_path / "machine.csv", "tx_mm")
+    (cycle,) = reference_motion_cycles(knee.scene, [renamed])
+    problem = pose_estimation.build(knee, cycle)
+    np.testing.assert_array_equal(cycle.measured_pose()["tx"], 1.5)
+    walking = reference_cycle(frames=5)
+    for name, curve in (("cop_ap", walking.cop_ap_mm), ("cop_ml", walking.cop_ml_mm)):
+        np.testing.assert_array_equal(problem.wanted.values[name], curve)
 
 
 def test_wrong_requests_are_refused(knee):
