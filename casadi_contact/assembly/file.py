@@ -40,13 +40,13 @@ from casadi_contact.shapes.checks import fail, number, plain_values, scene_name,
 
 FORMAT = 1
 _FRAMES = ("fixed_frame", "moving_frame")
-_ROOM = "casadi_contact.assembly"
+_PACKAGE = "casadi_contact.assembly"
 _RAYS = Rays(16, 3)
 
 
 def ready_assemblies() -> list[str]:
     """Names of the assemblies that come with the library."""
-    folder = resources.files(_ROOM) / "ready"
+    folder = resources.files(_PACKAGE) / "ready"
     return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
@@ -60,7 +60,7 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicC
     if str(name_or_path).endswith(".toml"):
         text = toml_text(path, "assembly")
     elif str(name_or_path) in ready_assemblies():
-        text = (resources.files(_ROOM) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
+        text = (resources.files(_PACKAGE) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
     else:
         possible = ", ".join(ready_assemblies())
         raise ValueError(

@@ -25,7 +25,7 @@ _TOUCH_STEPS = 100
 class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
 
-    scale: of this joint's size to that of large ones, 1 at most: what the lengths of this room are multiplied by.
+    scale: of this joint's size to that of large ones, 1 at most: what the lengths of this subpackage are multiplied by.
     is_open: whether the fixed mesh has edges of one triangle.
     """
 

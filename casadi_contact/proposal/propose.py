@@ -80,7 +80,7 @@ def propose(
     units: str | None = None,
     progress: Update = lambda what, done, total, remark: None,
 ) -> Proposal:
-    """Look at the meshes, propose a scene, and try it: see the modules of this room for what is found how.
+    """Look at the meshes, propose a scene, and try it: see the modules of this subpackage for what is found how.
 
     progress: told of each step before it begins, as of `progress_bars`.
 
