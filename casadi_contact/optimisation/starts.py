@@ -166,17 +166,16 @@ def _tell_shear(shear: Array) -> None:
 
     def nowhere(rows: np.ndarray) -> str:
         which = f"{int(rows.sum())} of {len(rows)} frames, first in frame {int(rows.argmax())}"
-        return f"in {which}, no place of the femur is found where {SHEAR_FREE_LOAD_N:g} N on each side cause no shear"
+        return f"no place of the femur without shear under {SHEAR_FREE_LOAD_N:g} N on each side is found in {which}"
 
     if np.isinf(shear).any():
         raise ValueError(
-            f"{nowhere(np.isinf(shear))}, nor less than {_MOST_SHEAR_N:g} N: are flexion and rotation this knee's?"
+            f"{nowhere(np.isinf(shear))}, nor one with {_MOST_SHEAR_N:g} N at most: are flexion and rotation those of "
+            "this knee?"
         )
     if shear.any():
-        said = (
-            f"{nowhere(shear > 0.0)}, as on a convex tibia; it stands where shear is least, {two_digits(shear.max())} N"
-        )
-        warnings.warn(f"{said} at most", RuntimeWarning, stacklevel=3)
+        said = f"{nowhere(shear > 0.0)}, as on a convex tibia: there the femur stands where shear is least"
+        warnings.warn(f"{said} ({two_digits(shear.max())} N at most)", RuntimeWarning, stacklevel=3)
 
 
 def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:

@@ -41,7 +41,7 @@ def words_at_sharp_edges(share: Array) -> str | None:
     """`share_in_words` of `share_at_sharp_edges`."""
     return share_in_words(
         share,
-        "at sharp edges of the moving mesh, which its distance field rounds off: up to as much of it may be wrong; a "
-        "finer geometry.spacing.moving follows them",
+        "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
+        "wrong; a finer geometry.spacing.moving mends it",
         least=_REPORTED,
     )

@@ -77,5 +77,5 @@ def words_outside_patches(share: Array) -> str | None:
     return share_in_words(
         share,
         "on the fixed mesh outside of all patches, where there are no elements: it is not counted; wider bounds in "
-        "geometry.patches.NAME count it, or a patch of its own there",
+        "geometry.patches.NAME count it, as does a patch of its own there",
     )

@@ -77,5 +77,5 @@ def missed(problem: OptimalControl, result: ControlResult) -> str:
     low, high = pose_bounds(problem.model)
     columns = [pose_index(name) for name in problem.wanted.held]
     if ((wanted < low[columns]) | (wanted > high[columns])).any():
-        cure = "the cycle holds more than the model has learned: give a cycle within, or its foundation (--scene)"
+        cure = "the cycle asks for more than the model has learned; give one within that, or its foundation (--scene)"
     return off and f"of the held pose parameters {off}: {cure}"

@@ -171,7 +171,7 @@ def test_flexion_that_bounds_keep_from_the_wanted_one_is_missed_and_named_though
     least = pose_bounds(knee)[0][5]  # rz of the deepest flexion that it has learned
     np.testing.assert_allclose(result.held_error, least + 1.7, atol=1e-4)
     assert f"rz is off by {np.degrees(least + 1.7):.3g} degrees (RMS)" in missed(problem, result)
-    assert "more than the model has learned" in missed(problem, result)
+    assert "asks for more than the model has learned" in missed(problem, result)
 
 
 def test_a_periodic_cycle_ends_where_it_began_though_the_wanted_flexion_does_not(knee, wanted):
