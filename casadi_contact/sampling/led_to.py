@@ -56,7 +56,8 @@ def _half(progress: Progress, number: int) -> Progress:
 def poses_led_to(
     surrogate: ContactModel, samples: Samples, *, count: int, seed: int = 17, progress: Progress | None = None
 ) -> Array:
-    """Poses (m, 6), m <= count, at which the surrogate carries normal loads of training samples.
+    """Poses (m, 6), m <= count, at which the surrogate carries normal loads of training samples, in a quarter of them a
+    share u³ of these, u drawn evenly from 0 to 1.
 
     Starts lie evenly over the range of the samples that are not test rows. Each patch (all together, where they share
     one sensitive pose parameter) is to carry its normal load of a training sample that presses it, another one for each

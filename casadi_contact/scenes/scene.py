@@ -37,7 +37,7 @@ from casadi_contact.shapes.checks import (
 )
 
 FORMAT = 1
-TABLES = (
+_KEYS = (
     *("format", "name", "shape", "geometry", "material", "grids"),
     *("loads", "tolerances", "sampling", "motion", "pose"),
 )
@@ -77,7 +77,7 @@ class Scene:
     def from_tables(cls, tables: Mapping[str, Any]) -> Scene:
         """Check every key and value; raises ValueError naming the key at fault."""
         plain_values("", tables)
-        table_of("scene", tables, TABLES, complete=False)
+        table_of("scene", tables, _KEYS, complete=False)
         if tables.get("format") != FORMAT:
             raise fail("format", tables.get("format"), f"{FORMAT} (this version reads scene format {FORMAT})")
         shape = shape_named(tables.get("shape"))

@@ -101,11 +101,10 @@ def quantile_of_unseen(ratios: Array) -> float:
     Of n ratios the one at q·(n + 1)/n, for the largest of a few is not the largest there is (conformal prediction, Vovk
     et al. 2005), and higher by the standard deviation √(q·(1 - q)/n) of such a share.
     """
-    count = len(ratios)
-    share = LEAST_COVERAGE * (count + 1) / max(count, 1) + np.sqrt(
-        LEAST_COVERAGE * (1.0 - LEAST_COVERAGE) / max(count, 1)
-    )
-    return float(np.quantile(ratios, min(1.0, share))) if count else 0.0
+    if not (count := len(ratios)):
+        return 0.0
+    deviation = np.sqrt(LEAST_COVERAGE * (1.0 - LEAST_COVERAGE) / count)
+    return float(np.quantile(ratios, min(1.0, LEAST_COVERAGE * (count + 1) / count + deviation)))
 
 
 def _levelled(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-CASES = [  # scene, overrides, overlap [mm], vertical force [N] (closed form), pose ty at that overlap
+CASES = [  # scene, overrides, overlap [mm], vertical force [N] (closed form)
     ("sphere_on_plane", {}, 0.05, 63.0103),
     ("sphere_on_plane", {}, 0.1, 251.9012),
     ("sphere_on_plane", {}, 0.2, 1006.4840),

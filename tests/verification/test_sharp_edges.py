@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.verification import share_at_sharp_edges, words_at_sharp_edges
-from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
+from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 RADIUS, HALF_WIDTH = 12.0, 3.0
 
@@ -37,7 +37,7 @@ def leaning(tilt, overlap):
     along, up = z * np.cos(tilt) - pose[1] * np.sin(tilt), -z * np.sin(tilt) - pose[1] * np.cos(tilt)
     tread = up + np.sqrt(RADIUS**2 - x**2)  # above the lowest point of the tread, square to the axis
     depth = np.minimum(tread / np.cos(tilt), (HALF_WIDTH + np.sign(tilt) * along) / np.sin(abs(tilt)))
-    return pose, 267.5728 * step**2 * float(np.maximum(depth, 0.0).sum())
+    return pose, STIFFNESS * step**2 * float(np.maximum(depth, 0.0).sum())
 
 
 def test_where_an_edge_alone_bears_the_error_is_within_the_share_that_is_told_and_a_finer_field_mends_it(folder):

@@ -10,7 +10,7 @@ from casadi_contact.verification import share_on_walls, share_outside_patches, w
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
-from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
+from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_pat
         (tmp_path / "notch.toml").write_text(mesh_scene_text("roller.obj", "pipe.obj", extra=key))
         model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (200, 80))
         force = float(np.linalg.norm(model.wrenches(pose)[0, :3]))
-        found[key] = force / (267.5728 * width * radius * integral), words_on_walls(share_on_walls(model, [pose]))
+        found[key] = force / (STIFFNESS * width * radius * integral), words_on_walls(share_on_walls(model, [pose]))
     (lost, told), (whole, nothing) = found.values()
     assert lost < 0.8
     assert "geometry.cup_centre" in told
