@@ -14,17 +14,14 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
-from casadi_contact.verification import (
-    share_at_sharp_edges,
-    share_beyond_open_edges,
-    share_on_walls,
-    share_outside_patches,
-    words_at_sharp_edges,
-    words_beyond_open_edges,
-    words_on_walls,
-    words_outside_patches,
-)
+from casadi_contact.verification import doubtful_shares, doubtful_words
 
+_ASKED = {
+    "beyond_open_edges": "whether the moving part ends at its open edges",
+    "on_walls": "what walls carry",
+    "outside_patches": "what lies outside of the patches",
+    "at_sharp_edges": "what sharp edges carry",
+}
 _COARSE_STEP_MM = 2e-3  # of coordinates: overlaps are some tenths of a millimetre
 _ROUNDING_MM = 1e-6  # what reading leaves of single precision
 
@@ -56,15 +53,8 @@ def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
             f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
             "the surface goes on or is cut; such poses are no samples to learn from"
         )
-    if beyond := words_beyond_open_edges(share_beyond_open_edges(model, poses)):
-        doubts.append(f"whether the moving part ends at its open edges: {beyond}")
-    if at_edges := words_at_sharp_edges(share_at_sharp_edges(model, poses)):
-        doubts.append(f"what sharp edges carry: {at_edges}")
-    if on_walls := words_on_walls(share_on_walls(model, poses)):
-        doubts.append(f"what walls carry: {on_walls}")
-    if outside := words_outside_patches(share_outside_patches(model, poses)):
-        doubts.append(f"what lies outside of the patches: {outside}")
-    return doubts
+    told = doubtful_words(doubtful_shares(model, poses))
+    return doubts + [f"{_ASKED[where]}: {words}" for where, words in told.items()]
 
 
 def unsettled(scene: Scene, report: ReferenceReport) -> list[str]:

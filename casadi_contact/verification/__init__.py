@@ -1,5 +1,6 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
+from casadi_contact.verification.doubtful import doubtful_shares, doubtful_words
 from casadi_contact.verification.open_edges import share_beyond_open_edges, words_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.sharp_edges import share_at_sharp_edges, words_at_sharp_edges
@@ -17,6 +18,8 @@ __all__ = [
     "Solve",
     "Verdict",
     "Verification",
+    "doubtful_shares",
+    "doubtful_words",
     "judge",
     "own_model",
     "refine",

@@ -18,17 +18,7 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import LENGTH, quantity
 from casadi_contact.structures import Surrogate
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import (
-    Verdict,
-    share_at_sharp_edges,
-    share_beyond_open_edges,
-    share_on_walls,
-    share_outside_patches,
-    words_at_sharp_edges,
-    words_beyond_open_edges,
-    words_on_walls,
-    words_outside_patches,
-)
+from casadi_contact.verification import Verdict, doubtful_shares, doubtful_words
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
@@ -55,16 +45,12 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class OnFoundation:
     """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
-    and tells the pressures and the shares (n,) of the load beyond open edges and at sharp ones of the moving mesh, and
-    on walls and outside of the patches of the fixed one; grids: in words."""
+    and tells the pressures and the shares (n,) of the load that are `doubtful_shares`; grids: in words."""
 
     fine: Array
     teacher: Array
     pressures: PressureSummary
-    beyond: Array
-    on_walls: Array
-    outside: Array
-    at_edges: Array
+    shares: dict[str, Array]
     grids: dict[str, str]
 
     @classmethod
@@ -77,22 +63,16 @@ class OnFoundation:
         columns = [scene.load_names.index(name) for name in wanted.load_names]
         fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
         own = models["teacher"]
-        beyond, on_walls = share_beyond_open_edges(own, poses), share_on_walls(own, poses)
-        outside, at_edges = share_outside_patches(own, poses), share_at_sharp_edges(own, poses)
-        return cls(fine, teacher, own.summary(poses), beyond, on_walls, outside, at_edges, grids_in_words(models))
+        return cls(fine, teacher, own.summary(poses), doubtful_shares(own, poses), grids_in_words(models))
 
     @property
     def doubts(self) -> list[str]:
         """What the verdict does not know of, since solution and elements share it."""
-        beyond, on_walls = words_beyond_open_edges(self.beyond), words_on_walls(self.on_walls)
-        outside, at_edges = words_outside_patches(self.outside), words_at_sharp_edges(self.at_edges)
-        return [words for words in (beyond, on_walls, outside, at_edges) if words]
+        return list(doubtful_words(self.shares).values())
 
     def record(self) -> dict[str, Any]:
         """A summary's part."""
-        shares = {"beyond_open_edges": self.beyond, "on_walls": self.on_walls, "outside_patches": self.outside}
-        shares |= {"at_sharp_edges": self.at_edges}
-        return {f"largest_share_{where}": float(share.max()) for where, share in shares.items()}
+        return {f"largest_share_{where}": float(share.max()) for where, share in self.shares.items()}
 
 
 @dataclass(frozen=True)
@@ -222,8 +202,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     columns |= {"converged": result.converged.astype(int), "on_contact_model": result.on_model.astype(int)}
     columns |= {"on_rim": result.on_rim.astype(int)}
     if ef is not None:
-        columns |= {"share_beyond_open_edges": ef.beyond, "share_on_walls": ef.on_walls}
-        columns |= {"share_outside_patches": ef.outside, "share_at_sharp_edges": ef.at_edges}
+        columns |= {f"share_{where}": share for where, share in ef.shares.items()}
     columns |= {"reason": result.reason, "verdict": verdict.words}
     write_columns(path, columns, digits=DIGITS)
 
