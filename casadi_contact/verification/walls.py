@@ -66,9 +66,10 @@ def words_on_walls(share: Array) -> str | None:
     """`share_in_words` of `share_on_walls`."""
     return share_in_words(
         share,
-        "on walls of the fixed mesh steeper than 78 degrees, such as a post's, where there are no elements: it is not "
-        "counted; geometry.cup_centre on the axis of a notch or in the middle of a cup counts it, elsewhere a patch of "
-        "its own there, with its own geometry.patches.NAME.pressing",
+        "on walls of the fixed mesh steeper than 78 degrees, such as a post's, or on faces turned away from "
+        "geometry.pressing, where there are no elements: it is not counted; geometry.cup_centre on the axis of a notch "
+        "or in the middle of a cup counts it, elsewhere a patch of its own there, with its own "
+        "geometry.patches.NAME.pressing",
     )
 
 
