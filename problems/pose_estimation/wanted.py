@@ -31,13 +31,17 @@ class WantedLoads:
 
     @classmethod
     def of(cls, scene: Scene, values: Mapping[str, Array]) -> WantedLoads:
-        """Raises ValueError for a name that is neither a load of the scene nor a centre of pressure that it has."""
-        centres, needed = {}, set()
+        """Raises ValueError for a name that is neither a load of the scene nor a centre of pressure that it has, and
+        for two names of one coordinate of it, which would count as two measurements."""
+        centres: dict[str, CentreOfPressure] = {}
+        needed: set[str] = set()
         for name in values:
             centre = centre_of_pressure(name, scene.normal_loads)
             if centre is None:
                 needed.add(name)
                 continue
+            if twice := [other for other, known in centres.items() if known.axis == centre.axis]:
+                raise ValueError(f"got {twice[0]} and {name}, which are the same coordinate: leave out one of them")
             centres[name] = centre
             parts = [_adding_up_to(component, scene, values) for component in centre.made_of]
             if not all(parts):

@@ -175,6 +175,12 @@ def test_a_scene_that_cannot_do_it_says_why(patellofemoral, values, said):
         pose_estimation.WantedLoads.of(patellofemoral.scene, wanted)
 
 
+def test_one_centre_of_pressure_under_two_names_is_no_second_measurement():
+    twice = {"Fy_med": [-700.0], "Fy_lat": [-500.0], "cop_ap": [3.0], "cop_x": [3.0]}
+    with pytest.raises(ValueError, match="got cop_ap and cop_x, which are the same coordinate: leave out one"):
+        pose_estimation.WantedLoads.of(cc.load_scene("knee"), {name: np.array(curve) for name, curve in twice.items()})
+
+
 @needs_compiler
 def test_settling_under_six_loads_ends_at_the_same_poses_on_the_foundation():
     loads = np.tile([-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0], (2, 1))
