@@ -77,15 +77,21 @@ def with_error_bounds(
         if progress is not None:
             progress(k + 1, len(names))
     trust = replace(trust, shares=shares)
-    inside = level * (features @ shares.T)
-    growing = trust.outside(excess)
-    growth = np.ones(len(names))
-    for k in range(len(names)):
-        rows = loaded[:, k] & (growing > 1e-3)
+    return replace(trust, growth=_growth(trust, errors - level * (features @ shares.T), loaded, excess))
+
+
+def _growth(trust: Trust, missing: Array, loaded: np.ndarray, excess: Array) -> Array:
+    """Growth (L,) of the bounds outside, such that a share `COVERAGE` of the errors there lies below.
+
+    missing (n, L) [N, N·mm]: by how much errors exceed the bound that holds inside.
+    """
+    outside = trust.outside(excess)
+    growth = np.full(missing.shape[1], _LEAST_GROWTH)
+    for k, usual_load in enumerate(trust.usual_loads):
+        rows = loaded[:, k] & (outside > 1e-3)
         if rows.sum() >= _LEAST_ROWS:
-            missing = (errors[rows, k] - inside[rows, k]) / (growing[rows] * trust.usual_loads[k])
-            growth[k] = max(float(np.quantile(missing, COVERAGE)), _LEAST_GROWTH)
-    return replace(trust, growth=growth)
+            growth[k] = max(growth[k], float(np.quantile(missing[rows, k] / (outside[rows] * usual_load), COVERAGE)))
+    return growth
 
 
 def _folds(poses: Array) -> np.ndarray:
