@@ -20,7 +20,7 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.training.mlp import Mlp
 
-ACCURACY = 0.1  # conjugate gradients end when an iteration adds less than this share of the mean gain so far
+ACCURACY = 0.1  # of steps: two or three products each
 MAX_PRODUCTS = 60
 SHORTER = 0.4
 TRIALS = 4
@@ -48,10 +48,12 @@ def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, fl
 
 class LevenbergMarquardt:
     """Minimises ½Σr² of an `Mlp` (or `PartsMlp`) step by step; reproducible for a seed, and from a `State` at any
-    iteration."""
+    iteration. accuracy: conjugate gradients end when a product adds less than this share of the mean gain so far."""
 
-    def __init__(self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None) -> None:
-        self.mlp, self.xp, self._seed = mlp, mlp.xp, seed
+    def __init__(
+        self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None, accuracy: float = ACCURACY
+    ) -> None:
+        self.mlp, self.xp, self._seed, self._accuracy = mlp, mlp.xp, seed, accuracy
         self.damping, self._growth, self._iterations = FIRST_DAMPING, 2.0, 0
         self.exhausted = False
         self._solver_flop = 0
@@ -115,7 +117,7 @@ class LevenbergMarquardt:
             x = x + length * direction
             residual = residual - length * product
             gain += length * rz
-            if count > 1 and length * rz * count < ACCURACY * gain:
+            if count > 1 and length * rz * count < self._accuracy * gain:
                 break
             z = arrays.solve(factor, residual)
             rz, before = float(residual @ z), rz

@@ -4,14 +4,12 @@ Fitted alone, each part meets its own root load, and the errors of its neighbour
 others do not bear less. Together they are fitted on what the patch carries. JᵀJ is then as wide as all of them; its
 preconditioner holds the blocks of the single parts alone, for conjugate gradients see the rest.
 
-Most rows are far from contact for most parts. Where a root load weighs nothing and is below 0 it has no derivatives:
-such rows are only looked at, whether a load is predicted there.
+Where a root load weighs nothing and is below 0 it has no derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,9 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.drawn_rows import draw_rows
-from casadi_contact.training.mlp import Mlp
+from casadi_contact.training.mlp import ROWS_PER_PARAMETER
+from casadi_contact.training.parts_compiled import compiled_parts
+from casadi_contact.training.parts_numpy import NumpyParts
 from casadi_contact.training.weights import flatten, unflatten
 
 
@@ -43,116 +43,79 @@ class BlockArrays(NumpyArrays):
         return np.concatenate([NumpyArrays.solve(self, *part) for part in parts])
 
 
-@dataclass
-class _Piece:
-    """Some rows of one part, by their numbers; matters: whether they have derivatives."""
-
-    part: int
-    rows: np.ndarray
-    mlp: Mlp
-    weighted: bool
-    matters: bool = True
-
-
 class PartsMlp:
     """Residuals of all parts' networks on the rows of a regression, with the methods of an `Mlp` that
-    `LevenbergMarquardt` asks for. Parameters are those of one network after the other."""
+    `LevenbergMarquardt` asks for. Parameters are those of one network after the other.
+
+    compiled: False for NumPy in any case. ``flop`` counts as `Mlp` does, by the rows that have derivatives.
+    """
 
     def __init__(
-        self, networks: Sequence[Network], regression: PartsRegression, rows: np.ndarray, chunk_rows: int = 2000
+        self,
+        networks: Sequence[Network],
+        regression: PartsRegression,
+        rows: np.ndarray,
+        chunk_rows: int = 2000,
+        *,
+        compiled: bool = True,
     ) -> None:
         self.arrays, self.xp = BlockArrays(), np
         self._regression, self._rows, self.rows = regression, rows, len(rows)
         self._shares, self._weights = regression.shares[rows], regression.weights[rows]
-        self._tried = np.empty(self._weights.shape)
-        self._ends = np.cumsum([network.parameter_count for network in networks])
-        self.parameter_count = int(self._ends[-1])
-        self._pieces: list[_Piece] = []
-        for k, (network, weights) in enumerate(zip(networks, self._weights.T, strict=True)):
-            weighted, others = np.flatnonzero(weights), np.flatnonzero(weights == 0.0)
-            for own in (weighted, *(others[i : i + chunk_rows] for i in range(0, len(others), chunk_rows))):
-                inputs, nothing, one = regression.inputs[k][rows[own]], np.zeros(len(own)), np.ones(len(own))
-                mlp = Mlp(network, inputs, nothing, one, 0.0, self.arrays, chunk_rows)
-                self._pieces.append(_Piece(k, own, mlp, own is weighted))
-
-    @property
-    def block_parameters(self) -> int:
-        """Parameters of a part, the largest."""
-        return int(np.diff(self._ends, prepend=0).max())
-
-    @property
-    def flop(self) -> int:
-        """Floating-point operations of all parts, see `Mlp`."""
-        return sum(piece.mlp.flop for piece in self._pieces)
+        self._sizes = np.array([network.parameter_count for network in networks])
+        self.parameter_count, self.block_parameters = int(self._sizes.sum()), int(self._sizes.max())
+        self.flop = 0
+        inputs, weighted = [x[rows] for x in regression.inputs], self._weights != 0.0
+        parts = compiled_parts(networks, inputs, weighted, self._shares.shape[2]) if compiled else None
+        self._parts = parts or NumpyParts(networks, inputs, weighted, chunk_rows)
 
     def split(self, parameters: Array) -> list[Array]:
         """Those of each part."""
-        return np.split(parameters, self._ends[:-1])
+        return np.split(parameters, np.cumsum(self._sizes)[:-1])
+
+    def _count(self, products: int) -> None:
+        """Count products of one operation pair for each parameter of a part and row that matters to it."""
+        self.flop += 2 * products * int(self._matters.sum(axis=0) @ self._sizes)
 
     def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
-        own = self.split(parameters)
-        for piece in self._pieces:
-            piece.mlp.evaluate(own[piece.part], solve_output=False)
-            self._tried[piece.rows, piece.part] = piece.mlp.like.output_scale * piece.mlp.tried_outputs
+        self._tried = self._parts.roots(self.split(parameters))
         self._tried_residuals = self._regression.residuals(self._tried, self._rows)
+        self.flop += 2 * self.rows * self.parameter_count
         return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
 
     def accept(self, parameters: Array) -> Array:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
-        own = self.split(parameters)
-        for piece in self._pieces:
-            piece.matters = piece.weighted or bool((self._tried[piece.rows, piece.part] > 0.0).any())
-            if piece.matters:
-                piece.mlp.move(own[piece.part])
-        self._slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
-        self._effects = np.sqrt((self._slopes**2).sum(axis=2) + self._weights**2)
-        return self._vjp(self._tried_residuals)
-
-    @property
-    def _mattering(self) -> list[_Piece]:
-        return [piece for piece in self._pieces if piece.matters]
-
-    def _jvp(self, direction: Array, *, rough: bool = False) -> Array:
-        """J·v (rows, residuals)."""
-        roots, own = np.zeros(self._tried.shape), self.split(direction)
-        for piece in self._mattering:
-            roots[piece.rows, piece.part] = piece.mlp.jvp(own[piece.part], rough=rough)
-        return np.concatenate([np.einsum("nk,nkj->nj", roots, self._slopes), self._weights * roots], axis=1)
-
-    def _vjp(self, rows: Array, *, rough: bool = False) -> Array:
-        """Jᵀ·u (parameters,)."""
-        wrenches = self._slopes.shape[2]
-        roots = np.einsum("nj,nkj->kn", rows[:, :wrenches], self._slopes) + (self._weights * rows[:, wrenches:]).T
-        total = np.zeros(self.parameter_count)
-        own = self.split(total)
-        for piece in self._mattering:
-            own[piece.part] += piece.mlp.vjp(roots[piece.part, piece.rows], rough=rough)
-        return total
+        self._matters = (self._weights != 0.0) | (self._tried > 0.0)
+        slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
+        self._effects = np.sqrt((slopes**2).sum(axis=2) + self._weights**2)
+        of_patch, of_roots = np.split(self._tried_residuals, [slopes.shape[2]], axis=1)
+        changes = np.einsum("nj,nkj->nk", of_patch, slopes) + self._weights * of_roots
+        self._count(2)
+        return np.concatenate(self._parts.move(self.split(parameters), self._matters, slopes, self._weights, changes))
 
     def gram_product(self, direction: Array) -> Array:
         """JᵀJ·v (parameters,), of many rows in single precision."""
-        return self._vjp(self._jvp(direction, rough=True), rough=True)
+        self._count(2)
+        return np.concatenate(self._parts.gram_product(self.split(direction)))
 
     def gram(self) -> list[Array]:
-        """The blocks of JᵀJ, one for each part, as `Mlp.gram`."""
-        return self._blocks(lambda mlp, effects: mlp.gram(None, effects))
+        """The blocks of JᵀJ (upper triangles at least), one for each part."""
+        return self._blocks(lambda effects, size: (np.arange(len(effects)), np.ones(len(effects))))
 
     def drawn_gram(self, seed: Sequence[int]) -> list[Array]:
         """The blocks, of rows drawn for each part by what its root load does to their residuals."""
+        return self._blocks(lambda effects, size: draw_rows(effects, int(ROWS_PER_PARAMETER * size), seed))
 
-        def drawn(mlp: Mlp, effects: Array) -> Array:
-            rows, scales = draw_rows(effects, mlp.rows_to_draw, seed)
-            return np.asarray(mlp.gram(rows, scales * effects[rows]))
-
-        return self._blocks(drawn)
-
-    def _blocks(self, gram_of: Callable[[Mlp, Array], Array]) -> list[Array]:
-        blocks: dict[int, Array] = {}
-        for piece in self._mattering:
-            block = gram_of(piece.mlp, self._effects[piece.rows, piece.part])
-            blocks[piece.part] = block + blocks[piece.part] if piece.part in blocks else block
-        return list(blocks.values())
+    def _blocks(self, drawn: Callable[[Array, int], tuple[np.ndarray, Array]]) -> list[Array]:
+        blocks = []
+        for k, (matters, size) in enumerate(zip(self._matters.T, self._sizes.tolist(), strict=True)):
+            rows = np.flatnonzero(matters)
+            effects = self._effects[rows, k]
+            chosen, scales = drawn(effects, size)
+            blocks.append(self._parts.gram(k, rows[chosen], scales * effects[chosen]))
+            self.flop += len(chosen) * size**2
+        return blocks
 
 
 def flatten_parts(networks: Sequence[Network]) -> Array:

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from casadi_contact.training import levenberg_marquardt
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt
 from casadi_contact.training.mlp import Mlp
@@ -11,10 +10,10 @@ from casadi_contact.training.weights import flatten, initial_network, unflatten
 from tests.support.regressions import smooth
 
 
-def solver(data, hidden, seed=0, like=None, activation="algebraic"):
+def solver(data, hidden, seed=0, like=None, activation="algebraic", **settings):
     like = like or initial_network(data.inputs, data.targets, hidden, activation, seed)
     mlp = Mlp(like, data.inputs, data.targets, data.weights, data.false_load, NumpyArrays())
-    return LevenbergMarquardt(mlp, flatten(like), seed), like
+    return LevenbergMarquardt(mlp, flatten(like), seed, **settings), like
 
 
 def test_linear_least_squares_takes_one_step():
@@ -43,11 +42,9 @@ def test_a_network_s_own_function_is_recovered_to_machine_precision(activation):
     assert lm.rms < 1e-12
 
 
-def test_steps_solve_the_damped_normal_equations_of_all_rows(monkeypatch):
+def test_steps_solve_the_damped_normal_equations_of_all_rows():
     """With a strict accuracy the step found with a preconditioner from a subset is that of the dense equations."""
-    monkeypatch.setattr(levenberg_marquardt, "ACCURACY", 1e-14)
-    data = smooth(4000)
-    lm, _ = solver(data, (6, 5))
+    lm, _ = solver(smooth(4000), (6, 5), accuracy=1e-14)
     assert lm.mlp.rows_to_draw < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(slice(None))
     x, predicted = lm._solve(lm._precondition())

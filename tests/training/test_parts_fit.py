@@ -51,12 +51,13 @@ def test_true_root_loads_leave_nothing(patch):
     np.testing.assert_allclose(patch.residuals(patch.targets), 0.0, atol=1e-14)
 
 
+@pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("given", ["patch", "thinned"])
-def test_products_are_those_of_the_jacobian(given, networks, request):
+def test_products_are_those_of_the_jacobian(given, compiled, networks, request):
     """Against central differences of the residuals."""
     patch = request.getfixturevalue(given)
-    mlp, at = PartsMlp(networks, patch, np.arange(400), chunk_rows=128), flatten_parts(networks)
-    step = 1e-6
+    at, step = flatten_parts(networks), 1e-6
+    mlp = PartsMlp(networks, patch, np.arange(400), chunk_rows=128, compiled=compiled)
     columns = [
         residuals(patch, networks, at + step * e) - residuals(patch, networks, at - step * e) for e in np.eye(len(at))
     ]
@@ -66,11 +67,38 @@ def test_products_are_those_of_the_jacobian(given, networks, request):
     assert loss == pytest.approx(0.5 * r @ r)
     np.testing.assert_allclose(mlp.accept(at), jacobian.T @ r, rtol=1e-6, atol=1e-6)
     direction = np.random.default_rng(0).normal(size=len(at))
-    np.testing.assert_allclose(mlp.gram_product(direction), jacobian.T @ (jacobian @ direction), rtol=1e-6, atol=1e-6)
+    product = jacobian.T @ (jacobian @ direction)
+    np.testing.assert_allclose(mlp.gram_product(direction), product, atol=1e-5 * np.abs(product).max())
     ends = np.cumsum([network.parameter_count for network in networks])
     for block, b in zip(mlp.gram(), ends, strict=True):
         a = b - len(block)
-        np.testing.assert_allclose(np.triu(block), np.triu(jacobian[:, a:b].T @ jacobian[:, a:b]), rtol=1e-6, atol=1e-6)
+        want = np.triu(jacobian[:, a:b].T @ jacobian[:, a:b])
+        np.testing.assert_allclose(np.triu(block), want, atol=1e-5 * np.abs(want).max())
+
+
+@pytest.mark.parametrize("activation", ["algebraic", "tanh"])
+@pytest.mark.parametrize(("hidden", "unit"), [((1,), 1e-12), ((5, 4), 1.0), ((9, 2, 3), 1e12)])
+def test_parts_of_any_size_are_the_same_in_c_and_in_numpy(hidden, unit, activation, thinned):
+    """More rows than a group holds, parts of different sizes, a count of rows that fills no block, and any unit."""
+    rows = np.arange(1201) % 400
+    many = replace(
+        thinned, **{k: getattr(thinned, k)[rows] for k in ROWS}, inputs=tuple(x[rows] for x in thinned.inputs)
+    )
+    many = replace(many, shares=unit * many.shares, wanted=unit * many.wanted, weights=unit * many.weights)
+    sizes = (hidden, hidden, tuple(n + 1 for n in hidden))
+    pairs = zip(many.inputs, many.targets.T, sizes, strict=True)
+    networks = [initial_network(x, s, size, activation, 7) for x, s, size in pairs]
+    at, direction = flatten_parts(networks), np.random.default_rng(1).normal(size=len(flatten_parts(networks)))
+    seen = []
+    for compiled in (True, False):
+        mlp = PartsMlp(networks, many, np.arange(1201), compiled=compiled)
+        _, loss = mlp.evaluate(at)
+        gradient, product = mlp.accept(at), mlp.gram_product(direction)
+        seen.append([loss, gradient, product, *map(np.triu, mlp.drawn_gram([3])), mlp.flop])
+    assert seen[0][-1] == seen[1][-1]
+    for in_c, in_numpy in zip(*seen, strict=True):
+        np.testing.assert_allclose(in_c, in_numpy, rtol=0.0, atol=1e-5 * np.abs(in_numpy).max())
+    np.testing.assert_allclose(seen[0][1], seen[1][1], rtol=1e-9, atol=1e-12 * np.abs(seen[1][1]).max())
 
 
 @pytest.mark.parametrize("given", ["patch", "thinned"])

@@ -38,7 +38,7 @@ def spots(scale):
     return SpotMlp(network, data.inputs, target, scale * data.weights, 0.0, NumpyArrays()), flatten(network)
 
 
-def parts(scale):
+def parts(scale, compiled=False):
     data = smooth(ROWS)
     networks = [initial_network(data.inputs, data.targets, (4, 4), "algebraic", seed) for seed in (1, 2)]
     roots = np.stack([network.value(data.inputs) for network in networks], axis=1)
@@ -58,7 +58,7 @@ def parts(scale):
             1.0,
         )
     )
-    return PartsMlp(networks, both, np.arange(ROWS)), flatten_parts(networks)
+    return PartsMlp(networks, both, np.arange(ROWS), compiled=compiled), flatten_parts(networks)
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
