@@ -18,7 +18,7 @@ import torch
 from casadi_contact.bridges.torch_surfaces import FAMILIES, LAWS, Vector, signed_distance
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.elements.loops import NEAREST_SURFACE, RAY_ITERATIONS, RAY_TOLERANCE_MM, STEEPEST_RAY_SLOPE
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, pose_or_poses, rotation
 from casadi_contact.geometry import MovingSurface

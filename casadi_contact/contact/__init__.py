@@ -7,7 +7,7 @@ from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.elements import ElasticFoundation, grid_text
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.polar import PolarFoundation, Rays
-from casadi_contact.contact.pressure_summary import PressureSummary
+from casadi_contact.contact.pressure.summary import PressureSummary
 from casadi_contact.contact.ray_cast import RayCastFoundation
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.scenes import Material
 from casadi_contact.transcription.frames import relative_pose, rotation

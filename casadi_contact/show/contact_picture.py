@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses, load_selection
 from casadi_contact.quantities import quantity
 from casadi_contact.show.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save

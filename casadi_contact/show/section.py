@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.conventions import Array
 from casadi_contact.show.figure import CENTRE_OF_PRESSURE, new_figure, patch_title
 from casadi_contact.show.view import PictureAxis, View

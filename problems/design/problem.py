@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.polar.dish_slopes import RADII
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import KNEE_STEPS

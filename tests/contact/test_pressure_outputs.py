@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Cells, Rays
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import KNEE, PLACES, at, placed
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.pose_file import write_poses
 from problems import wear

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.show import contact_pose, view_of
 from casadi_contact.show.section import draw_section
 

@@ -9,7 +9,7 @@ from casadi_contact.geometry.field_derivatives import distance_slopes
 
 
 def law_of(model):
-    """The pressure law of all patches, as `contact.pressure.pressures` takes it."""
+    """The pressure law of all patches, as `contact.pressure.law.pressures` takes it."""
     return model.patches[0].law if isinstance(model, CellFoundation) else model.law
 
 

@@ -15,8 +15,8 @@ from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled import CompiledPressures
 from casadi_contact.contact.compiled.source import C_FOLDER
-from casadi_contact.contact.pressure import law_of
-from casadi_contact.contact.pressure_map import PressureMap
+from casadi_contact.contact.pressure.law import law_of
+from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.conventions import Array, as_poses, pose_or_poses, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface

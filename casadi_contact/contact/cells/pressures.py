@@ -1,4 +1,4 @@
-"""Pressure moments of cubic cells (`contact.pressure_outputs`), in NumPy, over the sub-points of depth d and area A.
+"""Pressure moments of cubic cells (`contact.pressure.outputs`), in NumPy, over the sub-points of depth d and area A.
 
 The area is Σ A·φ'(d) with φ the ramp that does not dip (`basis.positive_ramp`). The largest depth, of any number of
 spots, is a smooth maximum: with s = φ(d) and p = `POWER`, (p + 2)/(p + 1)·Σ A·s^(p+1)/Σ A·s^p, which is exact for spots
@@ -13,7 +13,7 @@ import numpy as np
 
 from casadi_contact.contact.cells.basis import corner_shares, positive_ramp, smooth_step
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, Quadrature, Touch
-from casadi_contact.contact.pressure_outputs import MOMENTS
+from casadi_contact.contact.pressure.outputs import MOMENTS
 from casadi_contact.conventions import Array
 
 POWER = 32

@@ -22,7 +22,7 @@ from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_fun
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.elements.culling import STEEPEST_FIELD
 from casadi_contact.contact.elements.loops import point_distances
-from casadi_contact.contact.pressure import pressure, pressure_slopes
+from casadi_contact.contact.pressure.law import pressure, pressure_slopes
 from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
 from casadi_contact.geometry import MovingSurface
@@ -53,7 +53,7 @@ class PatchLoads:
 
 @dataclass(frozen=True)
 class Quadrature:
-    """A patch in cubic cells against a moving body: `law` is number, modulus and thickness (`contact.pressure`)."""
+    """A patch in cubic cells against a moving body: `law` is number, modulus and thickness (`contact.pressure.law`)."""
 
     patch: CellPatch
     cells: Cells

@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.contact.compiled.foundation import BOTH, CompiledFoundation
 from casadi_contact.contact.compiled.source import C_FOLDER
-from casadi_contact.contact.pressure_outputs import MOMENTS, PressureOutputs
+from casadi_contact.contact.pressure.outputs import MOMENTS, PressureOutputs
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.transcription import ExportedModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from casadi_contact.contact.pressure import layer_modulus
+from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.conventions import load_selection
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.transcription.kernel.source import c_text

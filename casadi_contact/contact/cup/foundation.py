@@ -10,7 +10,7 @@ from casadi_contact.contact.cup.cup import cup_of
 from casadi_contact.contact.cup.pressures import cup_moments
 from casadi_contact.contact.cup.quadrature import cup_loads
 from casadi_contact.contact.cup.source import cup_source
-from casadi_contact.contact.pressure import law_of
+from casadi_contact.contact.pressure.law import law_of
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text

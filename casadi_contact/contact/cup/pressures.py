@@ -1,4 +1,4 @@
-"""Pressure moments of a ball in a cup (`contact.pressure_outputs`), in NumPy.
+"""Pressure moments of a ball in a cup (`contact.pressure.outputs`), in NumPy.
 
 Besides the integrals of `cup.quadrature`: the area 2R²∫Φ dx, whose derivative comes from the edge of contact, where
 x_edge moves by -d_b/d_x; and the largest depth, in the direction nearest to the ball.
@@ -10,8 +10,8 @@ import numpy as np
 
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.cup.quadrature import Cap, arcs_at, cap_of, first_moment, nearest_direction, rates
-from casadi_contact.contact.pressure import pressure_slopes
-from casadi_contact.contact.pressure_outputs import MOMENTS
+from casadi_contact.contact.pressure.law import pressure_slopes
+from casadi_contact.contact.pressure.outputs import MOMENTS
 from casadi_contact.conventions import Array
 
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.cup.cup import Cup
-from casadi_contact.contact.pressure import pressure_slopes
+from casadi_contact.contact.pressure.law import pressure_slopes
 from casadi_contact.conventions import Array
 
 LEAST_MM = 1e-9  # of |b| and of its part across the pole, below which they have no direction

@@ -12,9 +12,9 @@ from casadi_contact.compilation import threads_for
 from casadi_contact.contact.elements.compiled import CompiledElements
 from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.model import signed_roots
-from casadi_contact.contact.pressure import law_of, pressures
-from casadi_contact.contact.pressure_map import PressureMap
-from casadi_contact.contact.pressure_summary import PressedElements, PressureSummary
+from casadi_contact.contact.pressure.law import law_of, pressures
+from casadi_contact.contact.pressure.map import PressureMap
+from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
 from casadi_contact.geometry import ElementGrid, MovingSurface

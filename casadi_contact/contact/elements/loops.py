@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.compilation import announce_compilation, njit
 from casadi_contact.contact.elements.culling import block_bound, point_bound, tangent_at, to_moving
-from casadi_contact.contact.pressure import pressure
+from casadi_contact.contact.pressure.law import pressure
 from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
 
 announce_compilation()

@@ -21,7 +21,7 @@ from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.quadrature import integration
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.spot import Spot
-from casadi_contact.contact.pressure import pressure_slopes
+from casadi_contact.contact.pressure.law import pressure_slopes
 from casadi_contact.conventions import Array
 
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")

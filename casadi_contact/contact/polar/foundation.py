@@ -11,7 +11,7 @@ from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.source import polar_source
-from casadi_contact.contact.pressure import law_of
+from casadi_contact.contact.pressure.law import law_of
 from casadi_contact.conventions import Array
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription.kernel.source import c_text

@@ -1,4 +1,4 @@
-"""Pressure moments by polar quadrature (`contact.pressure_outputs`), in NumPy.
+"""Pressure moments by polar quadrature (`contact.pressure.outputs`), in NumPy.
 
 The area's derivative comes from the edge r_j of each line: Σ width·|N|·∂r_j, with ∂r_j = -∂d/d_r, none where the rim
 ends it. The kernel in C (``c/polar_pressures.h``) follows the same formulas.
@@ -14,8 +14,8 @@ from casadi_contact.contact.polar.nearest import deepest_within
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.quadrature import Integration, integration
 from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.pressure import pressure_slopes
-from casadi_contact.contact.pressure_outputs import MOMENTS
+from casadi_contact.contact.pressure.law import pressure_slopes
+from casadi_contact.contact.pressure.outputs import MOMENTS
 from casadi_contact.contact.twist import twist
 from casadi_contact.conventions import Array
 

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.callback import contact_callback
-from casadi_contact.contact.pressure import law_of, pressure_slopes
-from casadi_contact.contact.pressure_summary import MEASURES, PressureSummary, pressure_name
+from casadi_contact.contact.pressure.law import law_of, pressure_slopes
+from casadi_contact.contact.pressure.summary import MEASURES, PressureSummary, pressure_name
 from casadi_contact.conventions import Array, as_poses, pose_or_poses
 from casadi_contact.scenes import Scene
 

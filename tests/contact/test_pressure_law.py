@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.contact.pressure import compile_laws, law_number, pressure, pressures
+from casadi_contact.contact.pressure.law import compile_laws, law_number, pressure, pressures
 from casadi_contact.pressure_laws import LAWS
 from casadi_contact.scenes import load_scene
 
