@@ -32,7 +32,7 @@ def samples_led_to(
     progress: Progress | None = None,
 ) -> Samples:
     """`poses_led_to` with the contact model's loads, those whose contact runs off the elements too: where an insert's
-    rim is passed, the surrogate leads astray. Roles are those of `samples_around`. progress(done, all) is called as
+    rim is passed, the surrogate is wrong. Roles are those of `samples_around`. progress(done, all) is called as
     poses settle, which counts for half, and as the model is evaluated.
 
     validity (n,) of poses (n, 6): a user's own model, which may fail far off, is asked where it is above 0.1 alone.

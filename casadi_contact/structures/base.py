@@ -152,9 +152,9 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         roots = all(name in self.networks for name in self._root_networks())
         kernel, trust = self._kernel(loads, roots=roots), self.trust if roots else None
         bundles, inputs = self._trust_inputs() if trust is not None else ([], "")
-        doubt = [trust.doubt.bundle()] if trust is not None and trust.doubt is not None else []
+        classifier = [trust.classifier.bundle()] if trust is not None and trust.classifier is not None else []
         return TrustedKernel(
-            Kernel([*kernel.bundles, *bundles, *doubt], kernel.code),
+            Kernel([*kernel.bundles, *bundles, *classifier], kernel.code),
             tuple(loads),
             self.load_names,
             self._first_roots() if roots else (),

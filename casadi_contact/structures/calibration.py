@@ -18,7 +18,6 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
 from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.scenes.normal_load import normal_forces
-from casadi_contact.structures.astray import right_ones, with_doubt
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
@@ -27,6 +26,7 @@ from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEV
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
 from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import KEPT, SURE, Trust
+from casadi_contact.structures.wrong_poses import right_ones, with_error_classifier
 
 INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
 DENSE_CENTRES = 64
@@ -52,7 +52,7 @@ def with_trust(
     around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so
     that the expected error holds off equilibrium too. model: that contact model; it is asked at poses over the whole
     sampled range (`sampling.in_range`), so that the expected error holds wherever validity is high, and at those to
-    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it leads astray. update: called
+    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it is wrong. update: called
     as (what, done, all, remark) meanwhile.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate
@@ -71,9 +71,9 @@ def with_trust(
     tube = _tube(surrogate, training, validation)
     trust = _distrusting(tube, surrogate, known, moved)
     in_range = led = None
-    over_range, leading, astray, expecting = (
+    over_range, leading, classifying, expecting = (
         in_stage(update, f"{surrogate.structure}: {what}")
-        for what in ("poses over the range", "poses it leads to", "where it leads astray", "expected errors")
+        for what in ("poses over the range", "poses it leads to", "where it is wrong", "expected errors")
     )
     if model is not None:
         first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
@@ -81,9 +81,10 @@ def with_trust(
         moved.append(in_range)
         trust = _distrusting(tube, surrogate, known, moved)
         led = samples_led_to(surrogate, samples, model, first.validity, progress=leading)
-        trust = with_doubt(trust, surrogate, known, [part.select(role=VALIDATION) for part in (*moved, led)], astray)
-        # Without a doubt, few gross errors at rims would raise what is expected everywhere.
-        moved.append(led if trust.doubt is not None else right_ones(surrogate, known, led))
+        others = [part.select(role=VALIDATION) for part in (*moved, led)]
+        trust = with_error_classifier(trust, surrogate, known, others, classifying)
+        # Without a classifier, few gross errors at rims would raise what is expected everywhere.
+        moved.append(led if trust.classifier is not None else right_ones(surrogate, known, led))
     unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
     trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)

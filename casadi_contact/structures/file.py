@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -27,13 +27,14 @@ from casadi_contact.files import existing_file, new_hdf5, one_line, open_hdf5
 from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.distrust import Border, Box, Confirmation
-from casadi_contact.structures.doubt import Doubt
+from casadi_contact.structures.error_classifier import ErrorClassifier
 from casadi_contact.structures.record import checked_record
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 
 KIND = "casadi_contact surrogate"
-FORMAT = 5  # 1 has no trust, 2 none of the trust's later fields, up to 3 networks have one output, up to 4 no doubt
+FORMAT = 5  # 1 has no trust, 2 none of its later fields, up to 3 networks have one output, up to 4 no error classifier
+_IN_FILES = {"classifier": "doubt"}  # what files call a part of the trust, where it is not its name
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,17 @@ def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Netw
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     if trust is not None:
-        for name, value in trust.numbers().items():
+        for name, value in _numbers_in_file(trust):
             array = np.ascontiguousarray(value, dtype="<f8")
             digest.update(f"{name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
+
+
+def _numbers_in_file(trust: Trust) -> Iterator[tuple[str, np.ndarray]]:
+    """The trust's numbers by their names in files."""
+    for name, value in trust.numbers().items():
+        part, *rest = name.split("/")
+        yield "/".join([_IN_FILES.get(part, part), *rest]), value
 
 
 def write_file(path: str | Path, content: Content) -> None:
@@ -92,7 +100,7 @@ def write_file(path: str | Path, content: Content) -> None:
                 group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
         if content.trust is not None:
             group = file.create_group("trust")
-            for name, value in content.trust.numbers().items():
+            for name, value in _numbers_in_file(content.trust):
                 group[name] = np.asarray(value, dtype="<f8")
 
 
@@ -150,14 +158,14 @@ def _read_network(group: h5py.Group) -> Network:
     )
 
 
-_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States, "doubt": Doubt}
+_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States, "classifier": ErrorClassifier}
 
 
 def _read_trust(group: h5py.Group) -> Trust:
     arrays = {field.name: group[field.name][()] for field in fields(Trust) if field.name in group.keys() - _PARTS}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
     for name, kind in _PARTS.items():
-        if name in group:
-            parts = {field.name: group[name][field.name][()] for field in fields(kind)}
+        if (stored := _IN_FILES.get(name, name)) in group:
+            parts = {field.name: group[stored][field.name][()] for field in fields(kind)}
             values[name] = kind(**{key: array if array.ndim else float(array) for key, array in parts.items()})
     return Trust(**values)

@@ -1,4 +1,4 @@
-/* Validity and expected error of a pose: the formulas of structures/trust.py, distrust.py, doubt.py and states.py. */
+/* Validity and expected error of a pose: formulas of trust.py, distrust.py, error_classifier.py, states.py. */
 #define PADDED(count) (((count) + WIDTH - 1) / WIDTH * WIDTH)
 #define FAR 1e8 /* scaled pose parameters are cut off here, so that the square of any finite pose is finite */
 
@@ -101,13 +101,13 @@ INLINE double excess_of(const double *pose, const double *roots, const double *c
     causes[n++] = -cubic(BORDER, border_coefficients, x);
   }
 #endif
-#if DOUBT
+#if CLASSIFIER
   {
-    double x[DOUBT], answer;
-    for (int i = 0; i < DOUBT - PATCHES; i++) x[i] = cut_off(pose[doubt_columns[i]]);
-    for (int p = 0; p < PATCHES; p++) x[DOUBT - PATCHES + p] = cut_off(roots[p]);
-    doubt_value(x, &answer);
-    causes[n++] = DOUBT_STEEPNESS * (answer - DOUBT_HALF);
+    double x[CLASSIFIER], answer;
+    for (int i = 0; i < CLASSIFIER - PATCHES; i++) x[i] = cut_off(pose[classifier_columns[i]]);
+    for (int p = 0; p < PATCHES; p++) x[CLASSIFIER - PATCHES + p] = cut_off(roots[p]);
+    classifier_value(x, &answer);
+    causes[n++] = CLASSIFIER_STEEPNESS * (answer - CLASSIFIER_HALF);
   }
 #endif
 #if CONFIRMATION

@@ -7,7 +7,7 @@ Every cause of distrust is an excess u_i, below zero inside what was sampled and
     those of `distrust`                                          insensitive pose parameter beyond the sampled range,
                                                                  beside the pose space, dropped samples, contact that is
                                                                  not confirmed
-    that of `doubt`                                              where the surrogate was found wrong
+    that of `error_classifier`                                   where the surrogate was found wrong
 
 with z the pose over its scales and c_j centres spread over the sampled poses. A scale belongs to a parameter's whole
 sampled range: too coarse to tell depth, which the root loads tell, but no pose far away counts as known because a
@@ -41,16 +41,16 @@ from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
 from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
-from casadi_contact.structures.doubt import Doubt
+from casadi_contact.structures.error_classifier import ErrorClassifier
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 from casadi_contact.structures.states import States
 
 SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at 0.9
-KEPT = 0.99  # share of right poses that a learned cause of distrust, a border or a doubt, leaves a validity above 0.9
+KEPT = 0.99  # of right poses, that a learned cause of distrust, a border or a classifier, leaves a validity above 0.9
 _FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
 _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),
-    *("states/scale", "states/root_scale", "states/bandwidth", "doubt/scale"),
+    *("states/scale", "states/root_scale", "states/bandwidth", "classifier/scale"),
 )
 _NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
 
@@ -62,7 +62,7 @@ class Trust:
     scales (6,) [mm, rad]; centres (K, 6) and bandwidth, sharpness, edge of the tube; root_low, root_high and their
     margins (P,); levels [N, N·mm], a row for each centre of states (without: of the tube); dense_centres (M, 6),
     dense_bandwidth and dense_start D0; boundary_root s_b; shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows
-    is None in files of before: states; doubt (also where none is needed); box, border and confirmation (only for a
+    is None in files of before: states; classifier (also where none is needed); box, border and confirmation (only for a
     structure whose loads do not come from its root loads); growth (L,) and growth_start u_0. off_space follows from the
     scene: a surrogate puts it in, and no file holds it.
     """
@@ -89,7 +89,7 @@ class Trust:
     growth: Array | None = None
     growth_start: float | None = None
     states: States | None = None
-    doubt: Doubt | None = None
+    classifier: ErrorClassifier | None = None
     off_space: OffSpace | None = None
 
     def __post_init__(self) -> None:
@@ -134,8 +134,8 @@ class Trust:
             causes.append(self.off_space.excess(poses))
         if self.border is not None:
             causes.append(self.border.excess(poses, roots))
-        if self.doubt is not None:
-            causes.append(self.doubt.excess(poses, roots))
+        if self.classifier is not None:
+            causes.append(self.classifier.excess(poses, roots))
         if self.confirmation is not None and claims is not None:
             causes.append(self.confirmation.excess(roots, claims))
         return np.asarray(logsumexp(np.column_stack(causes), axis=1))
@@ -188,8 +188,8 @@ class Trust:
             causes.append(self.off_space.expression(pose))
         if self.border is not None:
             causes.append(self.border.expression(pose, roots))
-        if self.doubt is not None:
-            causes.append(self.doubt.expression(pose, roots))
+        if self.classifier is not None:
+            causes.append(self.classifier.expression(pose, roots))
         if self.confirmation is not None and claims is not None:
             causes.append(self.confirmation.expression(roots, claims))
         excess = ca.logsumexp(ca.vertcat(*causes))

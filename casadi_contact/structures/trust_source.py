@@ -10,8 +10,8 @@ from casadi_contact.conventions import Array
 from casadi_contact.scenes.pose_space import OFF_SPACE
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import STEEPNESS
-from casadi_contact.structures.doubt import LAYERS
-from casadi_contact.structures.doubt import STEEPNESS as DOUBT_STEEPNESS
+from casadi_contact.structures.error_classifier import LAYERS
+from casadi_contact.structures.error_classifier import STEEPNESS as CLASSIFIER_STEEPNESS
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import filled_up
 from casadi_contact.transcription.kernel.source import c_text
@@ -48,14 +48,14 @@ def trust_source(trust: Trust, inputs: str, patches: int, load_names: Sequence[s
 
 def _counts(trust: Trust) -> dict[str, int]:
     """Sizes of arrays, 0 where a part is missing."""
-    box, border, states, doubt = trust.box, trust.border, trust.states, trust.doubt
+    box, border, states, classifier = trust.box, trust.border, trust.states, trust.classifier
     return {
         "CENTRES": len(trust.centres),
         "DENSE": len(trust.dense_centres),
         "BOX": 0 if box is None else len(box.columns),
         "BOUND": 0 if trust.off_space is None else len(trust.off_space.columns),
         "BORDER": 0 if border is None else len(border.scale),
-        "DOUBT": 0 if doubt is None else len(doubt.shift),
+        "CLASSIFIER": 0 if classifier is None else len(classifier.shift),
         "CONFIRMATION": int(trust.confirmation is not None),
         "STATES": 0 if states is None else len(states.centres),
         "STATE_SIZE": 0 if states is None else states.centres.shape[1],
@@ -77,8 +77,8 @@ def _numbers(trust: Trust) -> dict[str, float]:
     }
     if trust.states is not None:
         numbers["STATES_BANDWIDTH"] = trust.states.bandwidth
-    if trust.doubt is not None:
-        numbers |= {"DOUBT_STEEPNESS": DOUBT_STEEPNESS, "DOUBT_HALF": trust.doubt.half}
+    if trust.classifier is not None:
+        numbers |= {"CLASSIFIER_STEEPNESS": CLASSIFIER_STEEPNESS, "CLASSIFIER_HALF": trust.classifier.half}
     return numbers
 
 
@@ -109,8 +109,8 @@ def _tables(trust: Trust, known: Sequence[int | None]) -> dict[str, np.ndarray]:
             "states_root_scale": states.root_scale,
             "states_centres": _by_coordinate(states.centres),
         }
-    if trust.doubt is not None:
-        tables["doubt_columns"] = np.asarray(trust.doubt.columns, int)
+    if trust.classifier is not None:
+        tables["classifier_columns"] = np.asarray(trust.classifier.columns, int)
     return tables
 
 
@@ -119,8 +119,9 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
     border = 0 if trust.border is None else np.size(trust.border.columns)
     states = 0 if trust.states is None else np.size(trust.states.columns)
     levels = centres if trust.states is None else len(trust.states.centres)
-    answering = 0 if trust.doubt is None else np.size(trust.doubt.shift)
-    layers = [] if trust.doubt is None else [np.size(getattr(trust.doubt, f"biases_{k}")) for k in range(LAYERS)]
+    answering = 0 if trust.classifier is None else np.size(trust.classifier.shift)
+    hidden = [] if trust.classifier is None else [f"biases_{layer}" for layer in range(LAYERS)]
+    layers = [np.size(getattr(trust.classifier, name)) for name in hidden]
     widths = [answering, *layers][: len(layers)]
     terms = 0 if trust.border is None else cubic_terms(np.zeros((1, border + patches))).shape[1]
     expected: dict[str, tuple[int, ...]] = {
@@ -137,10 +138,10 @@ def _check_shapes(trust: Trust, patches: int, loads: int) -> None:
         **dict.fromkeys(("border/centre", "border/scale"), (border + patches,)),
         **dict.fromkeys(("states/columns", "states/scale"), (states,)),
         **{"states/root_scale": (patches,), "states/centres": (levels, states + patches)},
-        "doubt/columns": (answering - patches,),
-        **dict.fromkeys(("doubt/shift", "doubt/scale"), (answering,)),
-        **{f"doubt/biases_{layer}": (count,) for layer, count in enumerate(layers)},
-        **{f"doubt/weights_{k}": pair for k, pair in enumerate(zip(layers, widths, strict=True))},
+        "classifier/columns": (answering - patches,),
+        **dict.fromkeys(("classifier/shift", "classifier/scale"), (answering,)),
+        **{f"classifier/biases_{layer}": (count,) for layer, count in enumerate(layers)},
+        **{f"classifier/weights_{k}": pair for k, pair in enumerate(zip(layers, widths, strict=True))},
         **dict.fromkeys(("confirmation/tolerance", "confirmation/root", "confirmation/width"), (patches,)),
     }
     for name, numbers in trust.numbers().items():

@@ -42,8 +42,8 @@ from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.in_range import samples_in_range
 from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.structures import Surrogate
-from casadi_contact.structures.astray import WRONG
 from casadi_contact.structures.coverage import trust_coverage
+from casadi_contact.structures.wrong_poses import WRONG
 from casadi_contact.terminal import PlainConsole
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary
@@ -59,7 +59,7 @@ app = new_app()
 def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
     """By domain, and over all: poses and the valid share, and over the valid poses by load rms and max [N, N·mm] of the
     errors, and coverage, over the poses that carry the load (None where none does, and over all; see `trust_coverage`).
-    astray: how many of the valid poses have an error beyond `WRONG` times the scene's tolerance of the load.
+    wrong: how many of the valid poses have an error beyond `WRONG` times the scene's tolerance of the load.
 
     Raises ValueError for loads that the samples do not tell.
     """
@@ -74,7 +74,7 @@ def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
         if len(kept):
             loads, wanted = surrogate(kept.poses), kept.loads(surrogate.load_names)
             errors = load_errors(surrogate.load_names, loads, wanted)
-            record[domain]["astray"] = int((np.abs(loads - wanted) > limits).any(axis=1).sum())
+            record[domain]["wrong"] = int((np.abs(loads - wanted) > limits).any(axis=1).sum())
             record[domain]["loads"] = {
                 name: {"rms": of["rms"], "max": of["max"], "coverage": coverage.get(domain, {}).get(name)}
                 for name, of in errors.items()
@@ -119,12 +119,12 @@ def run(
 
 
 def _table(record: dict[str, Any], names: Sequence[str]) -> Table:
-    table = Table("domain", "poses", "valid", "astray", *(f"{name} [{load_unit(name)}]" for name in names))
+    table = Table("domain", "poses", "valid", "wrong", *(f"{name} [{load_unit(name)}]" for name in names))
     for domain, of in record.items():
         found = of.get("loads", {}).values()
         shares = ["-" if x["coverage"] is None else f"{x['coverage']:.1%}" for x in found]
         cells = [f"{x['rms']:.3g} / {x['max']:.3g} / {share}" for x, share in zip(found, shares, strict=True)]
-        table.add_row(domain, str(of["poses"]), f"{of['valid']:.1%}", str(of.get("astray", "-")), *cells)
+        table.add_row(domain, str(of["poses"]), f"{of['valid']:.1%}", str(of.get("wrong", "-")), *cells)
     table.caption = "RMS / largest error / coverage of the expected error, over valid poses"
     return table
 

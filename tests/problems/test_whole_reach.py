@@ -42,13 +42,13 @@ def test_errors_and_coverage_are_those_of_the_valid_poses_of_a_domain(samples):
         assert record["all"]["loads"][name]["rms"] == pytest.approx(np.sqrt(np.mean(off[[0, 1, 2], k] ** 2)))
 
 
-def test_astray_are_valid_poses_with_an_error_beyond_ten_tolerances(samples):
+def test_wrong_are_valid_poses_with_an_error_beyond_ten_tolerances(samples):
     knee = cc.load_surrogate("knee")
     wrenches = samples.wrenches.copy()
     for row, times in ((0, 9.0), (1, 11.0), (3, 11.0)):  # the last is not valid
         wrenches[row, 0, 1] += times * knee.scene.tolerances["Fy_med"]
     record = reach_record(knee, replace(samples, wrenches=wrenches))
-    assert [record[domain]["astray"] for domain in ("D1", "D3", "all")] == [1, 0, 1]
+    assert [record[domain]["wrong"] for domain in ("D1", "D3", "all")] == [1, 0, 1]
 
 
 def test_the_command_prints_a_row_for_each_domain_and_writes_the_record(samples, tmp_path, monkeypatch):

@@ -114,7 +114,7 @@ def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
     np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
 
 
-@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low", "doubt/columns"])
+@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low", "classifier/columns"])
 def test_a_trust_whose_numbers_are_too_few_is_refused_before_c_could_read_beyond_them(field):
     made = random_surrogate(scene_called("knee"), "patch")
     trust, (part, _, name) = random_trust(2, 7), field.partition("/")

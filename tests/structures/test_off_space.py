@@ -39,7 +39,7 @@ def surrogate():
 def trusting(surrogate):
     """The same, which trusts any pose but for what the scene says."""
     far = np.full(2, 1e6)
-    trust = replace(surrogate.trust, box=None, border=None, doubt=None, edge=1e6, root_low=-far, root_high=far)
+    trust = replace(surrogate.trust, box=None, border=None, classifier=None, edge=1e6, root_low=-far, root_high=far)
     return with_trust(surrogate, trust)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from casadi_contact.structures.cubic_logistic import cubic_terms
 from casadi_contact.structures.distrust import Border, Box, Confirmation
-from casadi_contact.structures.doubt import Doubt
+from casadi_contact.structures.error_classifier import ErrorClassifier
 from casadi_contact.structures.states import States
 from casadi_contact.structures.trust import Trust
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD
@@ -20,7 +20,7 @@ def random_trust(
     older: bool = False,
     root_size: float = 1.0,
 ) -> Trust:
-    """older: as in files without states and doubt; root_size: of usual root loads."""
+    """older: as in files without states and classifier; root_size: of usual root loads."""
     rng = np.random.default_rng(0)
 
     def positive(*shape: int) -> np.ndarray:
@@ -39,7 +39,7 @@ def random_trust(
         np.r_[near, np.full(patches, 2.0)] + others.uniform(-1.0, 1.0, (37, count)),
         0.4,
     )
-    doubt = Doubt(
+    classifier = ErrorClassifier(
         columns,
         np.r_[POSE_CENTRE[[0, 2, 4]], np.zeros(patches)],
         np.r_[POSE_SPREAD[[0, 2, 4]], np.full(patches, root_size)],
@@ -78,5 +78,5 @@ def random_trust(
         growth=positive(loads),
         growth_start=-1.3,
         states=None if older else states,
-        doubt=None if older else doubt,
+        classifier=None if older else classifier,
     )

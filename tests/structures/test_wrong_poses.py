@@ -1,4 +1,4 @@
-"""Where a surrogate leads astray: poses between samples, at which it carries loads and its contact model has none."""
+"""Where a surrogate is wrong: poses between samples, at which it carries loads and its contact model has none."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from casadi_contact.sampling.led_to import poses_led_to, samples_led_to
 from casadi_contact.scenes import load_scene
 from casadi_contact.statics import first_touch
 from casadi_contact.structures import load_surrogate, with_trust
-from casadi_contact.structures.astray import with_doubt
+from casadi_contact.structures.wrong_poses import with_error_classifier
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -64,26 +64,26 @@ def other_poses(surrogate, seed, count=4000):
 
 @pytest.fixture(scope="module")
 def learning():
-    """How far a doubt is learned, as it tells."""
+    """How far a classifier is learned, as it tells."""
     return []
 
 
 @pytest.fixture(scope="module")
-def doubting(surrogate, model, samples, learning):
+def classified(surrogate, model, samples, learning):
     trusted = with_trust(surrogate, samples)
     shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
-    trust = with_doubt(trusted.trust, surrogate, samples, [shown], lambda done, total: learning.append(done / total))
+    trust = with_error_classifier(trusted.trust, surrogate, samples, [shown], lambda k, n: learning.append(k / n))
     return type(surrogate)(SCENE, surrogate.networks, trusted.record, trust)
 
 
-def test_poses_are_not_valid_where_the_surrogate_leads_astray(surrogate, model, samples, doubting):
+def test_poses_are_not_valid_where_the_surrogate_is_wrong(surrogate, model, samples, classified):
     poses = other_poses(surrogate, 2)
     right = model.on_the_plane(poses)
-    before, after = (made.validity(poses) > 0.5 for made in (with_trust(surrogate, samples), doubting))
+    before, after = (made.validity(poses) > 0.5 for made in (with_trust(surrogate, samples), classified))
     assert before[~right].mean() > 0.3, "distance from the samples does not tell these poses"
     assert after[~right].mean() < 0.03
     assert (after & right).sum() > 0.9 * (before & right).sum()
-    assert np.mean(doubting.validity(samples.poses) > 0.9) > 0.95
+    assert np.mean(classified.validity(samples.poses) > 0.9) > 0.95
 
 
 def test_a_surrogate_that_knows_no_rim_leads_over_it_and_the_contact_model_is_asked_there(surrogate, model, samples):
@@ -95,8 +95,8 @@ def test_a_surrogate_that_knows_no_rim_leads_over_it_and_the_contact_model_is_as
     assert len(led) == len(poses_led_to(surrogate, samples, count=300)), "none of them is dropped"
 
 
-def test_each_step_of_a_calibration_tells_how_far_it_is(surrogate, model, samples, doubting, learning):
-    told = {"where it leads astray": learning}
+def test_each_step_of_a_calibration_tells_how_far_it_is(surrogate, model, samples, classified, learning):
+    told = {"where it is wrong": learning}
     with_trust(
         surrogate,
         samples,
@@ -111,20 +111,20 @@ def test_each_step_of_a_calibration_tells_how_far_it_is(surrogate, model, sample
     assert len(learning) > 10
 
 
-def test_the_file_keeps_the_doubt_and_casadi_says_the_same(surrogate, doubting, tmp_path):
-    doubting.save(tmp_path / "it.h5")
+def test_the_file_keeps_the_classifier_and_casadi_says_the_same(surrogate, classified, tmp_path):
+    classified.save(tmp_path / "it.h5")
     poses = other_poses(surrogate, 3, count=40)
     again = load_surrogate(tmp_path / "it.h5")
-    np.testing.assert_array_equal(again.validity(poses), doubting.validity(poses))
-    validity = doubting.validity_function()
-    np.testing.assert_allclose([float(validity(pose)) for pose in poses], doubting.validity(poses), atol=1e-12)
+    np.testing.assert_array_equal(again.validity(poses), classified.validity(poses))
+    validity = classified.validity_function()
+    np.testing.assert_allclose([float(validity(pose)) for pose in poses], classified.validity(poses), atol=1e-12)
 
 
-def test_a_surrogate_that_is_right_everywhere_has_no_doubt(surrogate, samples):
+def test_a_surrogate_that_is_right_everywhere_has_no_classifier(surrogate, samples):
     right = replace(samples, wrenches=surrogate.wrenches(samples.poses))
     trust = with_trust(surrogate, right).trust
     poses = other_poses(surrogate, 1)
-    assert with_doubt(trust, surrogate, right, [samples_at(surrogate, SCENE, poses)]).doubt is None
+    assert with_error_classifier(trust, surrogate, right, [samples_at(surrogate, SCENE, poses)]).classifier is None
 
 
 def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():

@@ -1,4 +1,4 @@
-"""Learn where a surrogate leads astray: `Doubt` fitted to poses with the contact model's loads."""
+"""Learn at which poses a surrogate is wrong: an `ErrorClassifier` fitted to poses with the contact model's loads."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.network import Network, Regression
 from casadi_contact.structures.base import Surrogate
-from casadi_contact.structures.doubt import STEEPNESS, Doubt
+from casadi_contact.structures.error_classifier import STEEPNESS, ErrorClassifier
 from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import KEPT, SURE, Trust
 from casadi_contact.training import TrainingSettings, fit
 
 WRONG = 10.0  # times the scene's tolerance, or the RMS error on validation rows where that is more
-LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses that are wrong: for fewer a doubt costs more right poses
+LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses, wrong: for fewer a classifier costs more right poses
 _SAMPLES = 20_000  # at most, that are shown as right
 _ITERATIONS = 150
 _SETTINGS = TrainingSettings(sizes=((24, 24),), max_iterations=_ITERATIONS, restarts=0)
 
 
-def with_doubt(
+def with_error_classifier(
     trust: Trust,
     surrogate: Surrogate,
     samples: Samples,
     others: Sequence[Samples],
     progress: Progress | None = None,
 ) -> Trust:
-    """The trust with a `Doubt`, where poses that it calls valid are wrong often enough.
+    """The trust with an `ErrorClassifier`, where poses that it calls valid are wrong often enough.
 
     samples: those that the surrogate was trained on, validation rows among them, which stay valid where it is right;
     others: further poses with the contact model's loads, over the rim of the fixed body too. Wrong is an error of any
     load beyond `WRONG` times its tolerance, or its RMS error on validation rows where that is more. progress: called as
-    (iterations done, all) where a doubt is learned.
+    (iterations done, all) where a classifier is learned.
     """
     shown = samples.rows(np.sort(np.random.default_rng(0).permutation(len(samples))[:_SAMPLES]))
     parts = [shown, *others]
@@ -53,10 +53,10 @@ def with_doubt(
     # Both kinds count alike; a tenth of the rows, evenly, tells when to stop.
     weights = np.sqrt(0.5 / np.where(wrong, wrong.mean(), 1.0 - wrong.mean()))
     stopping = np.arange(len(x)) % 10 == 9
-    network = _learned(Regression("doubt", x, np.where(wrong, 1.0, -1.0), weights, stopping, 0.0), progress)
+    network = _learned(Regression("classifier", x, np.where(wrong, 1.0, -1.0), weights, stopping, 0.0), progress)
     known = ~wrong[: len(shown)]
     sure = float(np.quantile(network.value(x[: len(shown)][known]), KEPT))
-    return replace(trust, doubt=Doubt.of(columns, network, sure + SURE / STEEPNESS))
+    return replace(trust, classifier=ErrorClassifier.of(columns, network, sure + SURE / STEEPNESS))
 
 
 def _learned(regression: Regression, progress: Progress | None) -> Network:
@@ -70,7 +70,7 @@ def _learned(regression: Regression, progress: Progress | None) -> Network:
 
 
 def right_ones(surrogate: Surrogate, samples: Samples, others: Samples) -> Samples:
-    """The rows of others that are not wrong, as `with_doubt` counts them."""
+    """The rows of others that are not wrong, as `with_error_classifier` counts them."""
     return others.rows(~_beyond(surrogate, others, _limits(surrogate, samples)))
 
 

@@ -1,4 +1,4 @@
-"""Where a surrogate leads astray: a small network that was shown where the surrogate was found wrong.
+"""Where a surrogate is wrong: a small network that was shown at which poses its loads differ from the contact model's.
 
 Samples lie where the contact model was asked for loads. Who settles or optimises on a surrogate goes where *it* carries
 them: over an insert's rim, say, where no sample tells it that nothing bears there. Such poses lie between samples, and
@@ -6,7 +6,7 @@ distance from these does not tell them. The insensitive pose parameters x and th
 
     excess = STEEPNESS·(y(x, s) - half)
 
-with y the network's answer, about -1 where the surrogate was right and 1 where it was wrong (`structures.astray`).
+with y the network's answer, about -1 where the surrogate was right and 1 where it was wrong (`structures.wrong_poses`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FAR = 1e8  # pose parameters and root loads are cut off here, so that every fin
 
 
 @dataclass(frozen=True)
-class Doubt:
+class ErrorClassifier:
     """columns (k,) of the pose; a `Network` of k + P inputs, hidden layers of m and n neurons and one output, an array
     for each of its parts: shift and scale (k + P,), weights (m, k + P), (n, m), (1, n), biases (m,), (n,), (1,); half:
     its answer where validity is a half."""
@@ -44,7 +44,7 @@ class Doubt:
     half: float
 
     @classmethod
-    def of(cls, columns: Array, network: Network, half: float) -> Doubt:
+    def of(cls, columns: Array, network: Network, half: float) -> ErrorClassifier:
         """Of a network with two hidden layers and one output, whose scale goes into the last layer."""
         w, b = list(network.weights), list(network.biases)
         w[-1], b[-1] = network.output_scale * w[-1], network.output_scale * b[-1]
@@ -59,8 +59,8 @@ class Doubt:
         return Network(self.shift, self.scale, weights, biases)
 
     def bundle(self) -> Bundle:
-        """C functions doubt_value and its like."""
-        return Bundle("doubt", len(self.shift), {"where it leads astray": self.network})
+        """C functions classifier_value and its like."""
+        return Bundle("classifier", len(self.shift), {"where it is wrong": self.network})
 
     def excess(self, poses: Array, roots: Array) -> Array:
         """One column (n, 1) of poses (n, 6) with root loads (n, P)."""
