@@ -21,7 +21,7 @@ def without_specks(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def specks(mesh: TriangleMesh) -> list[str]:
-    """The doubt about the loose pieces that `without_specks` leaves out."""
+    """The question about the loose pieces that `without_specks` leaves out."""
     small = _specks(mesh)
     if not len(small):
         return []
@@ -43,7 +43,7 @@ def _specks(mesh: TriangleMesh) -> np.ndarray:
 
 
 def spikes(mesh: TriangleMesh) -> list[str]:
-    """The doubt about vertices that stand out of all their neighbours like a needle's tip, outwards or inwards, by
+    """The question about vertices that stand out of all their neighbours like a needle's tip, outwards or inwards, by
     1 mm and more; those on open edges are none."""
     edges = directed_edges(mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
@@ -70,7 +70,7 @@ def spikes(mesh: TriangleMesh) -> list[str]:
 
 
 def holes(mesh: TriangleMesh) -> list[str]:
-    """The doubt about open edges that lie close together all round, as a scan leaves where it saw nothing."""
+    """The question about open edges that lie close together all round, as a scan leaves where it saw nothing."""
     from scipy import sparse  # here: as where triangles are joined
     from scipy.sparse.csgraph import connected_components
 
@@ -95,8 +95,8 @@ def holes(mesh: TriangleMesh) -> list[str]:
 
 
 def rough(mesh: TriangleMesh) -> list[str]:
-    """The doubt about noise between so short edges that neighbouring triangles stand steeply against each other: such a
-    surface bears too much."""
+    """The question about noise between so short edges that neighbouring triangles stand steeply against each other:
+    such a surface bears too much."""
     sides = mesh.joined_sides
     if not len(sides[0]):
         return []

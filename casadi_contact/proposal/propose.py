@@ -15,10 +15,10 @@ from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import Update, reference_motion_cycles
 from casadi_contact.proposal.damage import holes, rough, specks, spikes
-from casadi_contact.proposal.doubts import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
+from casadi_contact.proposal.open_questions import beyond_elements, coarse_coordinates, shells_passed, unsettled
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.sight import Sight, sight_of
 from casadi_contact.proposal.spacings import at_rest
@@ -141,7 +141,7 @@ def _drafted(
     told = [f"both files are in {unit}", *frame.told]
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]
     damages = (specks, spikes, holes, rough)
-    untold += [doubt for mesh in meshes.values() for damage in damages for doubt in damage(mesh)]
+    untold += [question for mesh in meshes.values() for damage in damages for question in damage(mesh)]
     why = " (--material)" if material else _guess(meeting.together)
     untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")
     if units is None and pair.scale < 1.0:
@@ -197,7 +197,7 @@ def _guess(together: bool) -> str:
 
 
 def _small(fixed: TriangleMesh, unit: str) -> str:
-    """The doubt about a size at which a large joint's file in another unit would look the same."""
+    """The question about a size at which a large joint's file in another unit would look the same."""
     across = float(np.ptp(fixed.vertices_mm, axis=0).max())
     return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {unit} (--units)"
 

@@ -77,8 +77,8 @@ def at_rest(
             return replace(found, remark=remark, enough=True)
         ratio = min(coarse[body] / spacing for body, spacing in fine.items() if spacing < coarse[body])
         enough = change < _ENOUGH * (ratio**_ORDER - 1.0)
-        doubt = "" if enough else "whether it is fine enough; "
-        remark = f"{_NEEDED.format(now)}: {doubt}one of {before} changes the forces at rest by {change:.1%}"
+        question = "" if enough else "whether it is fine enough; "
+        remark = f"{_NEEDED.format(now)}: {question}one of {before} changes the forces at rest by {change:.1%}"
         found = Resting(finer, *rest(finer), remark, enough)
         if enough:
             break

@@ -1,9 +1,9 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
-from casadi_contact.verification.doubtful import doubtful_shares, doubtful_words
 from casadi_contact.verification.open_edges import share_beyond_open_edges, words_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.sharp_edges import share_at_sharp_edges, words_at_sharp_edges
+from casadi_contact.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
 from casadi_contact.verification.walls import (
@@ -18,8 +18,6 @@ __all__ = [
     "Solve",
     "Verdict",
     "Verification",
-    "doubtful_shares",
-    "doubtful_words",
     "judge",
     "own_model",
     "refine",
@@ -27,6 +25,8 @@ __all__ = [
     "share_beyond_open_edges",
     "share_on_walls",
     "share_outside_patches",
+    "uncertain_load_shares",
+    "uncertain_load_words",
     "verify",
     "words_at_sharp_edges",
     "words_beyond_open_edges",

@@ -65,12 +65,12 @@ def run(
     result = solve(problem)
     others = [solve(problem, start) for start in random_starts(problem, starts)]
     report(problem, result, others, truth, out)
-    if doubt := doubts(result):
-        print(f"{NAME}: {doubt}", file=sys.stderr)
+    if reason := failure(result):
+        print(f"{NAME}: {reason}", file=sys.stderr)
         raise typer.Exit(2)
 
 
-def doubts(result: CalibrationResult) -> str:
+def failure(result: CalibrationResult) -> str:
     """Why the estimates are not to be used, or nothing. What the data leave open is told of an unsolved problem too: it
     may be why there is no minimum to end at."""
     found = [] if result.solved else [f"not solved: {result.ipopt_status}"]

@@ -27,7 +27,7 @@ from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
-from problems.pose_estimation.estimate import doubts, estimated
+from problems.pose_estimation.estimate import cycle_warnings, estimated
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.starts import start_from_file
@@ -67,8 +67,8 @@ def run(
     joint = load_scene(scene)
     measured: Sequence[Cycle] = reference_motion_cycles(joint, cycles)  # before minutes of training
     for path, cycle in zip(cycles, measured, strict=True):
-        for doubt in doubts(joint, cycle):
-            typer.echo(f"{NAME}: {path}: {doubt}", err=True)
+        for warning in cycle_warnings(joint, cycle):
+            typer.echo(f"{NAME}: {path}: {warning}", err=True)
     poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
     folder = RESULTS / NAME / file_stem(joint.name) if out is None else out
     source = ContactSource(scene=str(scene))

@@ -72,17 +72,17 @@ def run(
         for name, one in driven.items()
     }
     poses = runs[source.kind].simulation.poses
-    doubt = doubts(driven, runs)
-    verdict = judge(model, poses, np.full(len(poses), not doubt), own_model(model.scene))
+    reason = failure(driven, runs)
+    verdict = judge(model, poses, np.full(len(poses), not reason), own_model(model.scene))
     print_verdict(PlainConsole(), verdict)
     report(driven, runs, out)
-    if doubt:
-        print(f"{NAME}: not solved: {doubt}", file=sys.stderr)
+    if reason:
+        print(f"{NAME}: not solved: {reason}", file=sys.stderr)
         raise typer.Exit(2)
     end_with(verdict, NAME, out)
 
 
-def doubts(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run]) -> str:
+def failure(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run]) -> str:
     """Why motions are not what the muscles of the walk bring about, "" where all are."""
     lost = {name: run.simulation.energy_lost for name, run in runs.items()}
     lost = {name: share for name, share in lost.items() if not share <= LARGEST_ENERGY_LOST}

@@ -14,7 +14,7 @@ from casadi_contact.scenes import Scene
 from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
-from problems.pose_estimation.estimate import doubts, estimated
+from problems.pose_estimation.estimate import cycle_warnings, estimated
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.report import report
 from problems.pose_estimation.solve import solve
@@ -54,8 +54,8 @@ def run(
     source = ContactSource.of(surrogate, scene)
     known = source.load_scene()
     measured = measured_cycle(known, cycle)
-    for doubt in doubts(known, measured):
-        typer.echo(f"{NAME}: {measured.name}: {doubt}", err=True)
+    for warning in cycle_warnings(known, measured):
+        typer.echo(f"{NAME}: {measured.name}: {warning}", err=True)
     problem = build(source.load(), measured, smoothness, compiled=True if compiled else None)
     poses = None if start is None else start_from_file(start, problem.frames)
     if warm is not None:

@@ -1,4 +1,4 @@
-"""A cycle's poses with all that a command says of them: doubts about the cycle, a verdict, random starts."""
+"""A cycle's poses with all that a command says of them: warnings about the cycle, a verdict, random starts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
-from problems.pose_estimation.sign_doubts import sign_doubts
+from problems.pose_estimation.sign_warnings import sign_warnings
 from problems.pose_estimation.solve import PoseResult
 from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
-from problems.pose_estimation.unit_doubts import centre_doubts
+from problems.pose_estimation.unit_warnings import centre_warnings
 
 
 @dataclass(frozen=True)
@@ -30,18 +30,18 @@ class Estimate:
     starts: RandomStarts | None
 
 
-def doubts(scene: Scene, cycle: Cycle) -> Iterator[str]:
+def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
     """Lines that ask about a cycle's units and signs, before any kernel is compiled for it: of its forces at once, of
     all else when the scene's surfaces are read.
 
     Raises ValueError as `wanted_loads` does.
     """
     wanted = wanted_loads(scene, cycle)
-    if doubt := force_doubt(scene, wanted.values):
-        yield doubt
+    if warning := force_doubt(scene, wanted.values):
+        yield warning
     model = own_model(scene)
-    yield from centre_doubts(wanted, model)
-    yield from sign_doubts(wanted, measured_pose(scene, cycle), model)
+    yield from centre_warnings(wanted, model)
+    yield from sign_warnings(wanted, measured_pose(scene, cycle), model)
 
 
 def estimated(

@@ -18,18 +18,18 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import LENGTH, quantity
 from casadi_contact.structures import Surrogate
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict, doubtful_shares, doubtful_words
+from casadi_contact.verification import Verdict, uncertain_load_shares, uncertain_load_words
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
-from problems.pose_estimation.elsewhere import elsewhere_in_words
 from problems.pose_estimation.estimate import Estimate
+from problems.pose_estimation.identifiability import hardly_determined_in_words
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
-CENTRE_ELSEWHERE_MM = 1.0
+CENTRE_OFF_MM = 1.0
 COMPARISONS = ("tracking", "fine_ef", "teacher_ef")
 _TITLES = {
     "Fy_med": "medial vertical force",
@@ -45,7 +45,7 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 @dataclass(frozen=True)
 class OnFoundation:
     """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
-    and tells the pressures and the shares (n,) of the load that are `doubtful_shares`; grids: in words."""
+    and tells the pressures and the shares (n,) of the load that are `uncertain_load_shares`; grids: in words."""
 
     fine: Array
     teacher: Array
@@ -63,12 +63,12 @@ class OnFoundation:
         columns = [scene.load_names.index(name) for name in wanted.load_names]
         fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
         own = models["teacher"]
-        return cls(fine, teacher, own.summary(poses), doubtful_shares(own, poses), grids_in_words(models))
+        return cls(fine, teacher, own.summary(poses), uncertain_load_shares(own, poses), grids_in_words(models))
 
     @property
-    def doubts(self) -> list[str]:
+    def caveats(self) -> list[str]:
         """What the verdict does not know of, since solution and elements share it."""
-        return list(doubtful_words(self.shares).values())
+        return list(uncertain_load_words(self.shares).values())
 
     def record(self) -> dict[str, Any]:
         """A summary's part."""
@@ -92,9 +92,9 @@ class Tracked:
         curves = np.column_stack(list(wanted.values.values()))
         return cls(tuple(wanted.values), curves, wanted.got(result.loads), OnFoundation.of(problem, result))
 
-    def doubts(self, verdict: Verdict) -> list[str]:
+    def caveats(self, verdict: Verdict) -> list[str]:
         """What the verdict, which is in newtons, does not know of."""
-        return [] if self.ef is None else [words for words in (self._lightly(verdict), *self.ef.doubts) if words]
+        return [] if self.ef is None else [words for words in (self._lightly(verdict), *self.ef.caveats) if words]
 
     def _lightly(self, verdict: Verdict) -> str:
         """Verified frames whose centre of pressure lies elsewhere on the EF, because so little presses."""
@@ -102,7 +102,7 @@ class Tracked:
         if self.ef is None or not centres:
             return ""
         away = np.nan_to_num(np.abs(self.ef.teacher - self.wanted)[:, centres].max(axis=1), nan=np.inf)
-        light = verdict.verified & (away > CENTRE_ELSEWHERE_MM)
+        light = verdict.verified & (away > CENTRE_OFF_MM)
         if not light.any():
             return ""
         largest = away[light].max()
@@ -131,8 +131,8 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     tracked = Tracked.of(problem, result)
     ef, errors = tracked.ef, tracked.errors()
     _print(problem, estimate, errors, ef, kind)
-    untold = elsewhere_in_words(problem, result.poses, result.converged)
-    for words in [*tracked.doubts(verdict), *filter(None, [untold])]:
+    untold = hardly_determined_in_words(problem, result.poses, result.converged)
+    for words in [*tracked.caveats(verdict), *filter(None, [untold])]:
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")

@@ -103,7 +103,7 @@ def test_data_that_the_model_does_not_explain_are_said_to_be_such(knee):
     assert calibration.solve(problem).explained
     result = calibration.solve(calibration.build(knee, problem.measured, ["youngs_modulus", "fixed_ty"]))
     assert not result.explained
-    assert "does not explain these data" in __main__.doubts(result)
+    assert "does not explain these data" in __main__.failure(result)
     assert "youngs_modulus" in result.uncertainty.at_bound
     assert np.isinf(result.uncertainty.deviation[0])
 
@@ -113,7 +113,7 @@ def test_an_unsolved_estimate_names_what_the_data_leave_open(knee):
     problem, _ = made_up(knee, ("youngs_modulus", "poissons_ratio"))
     result = calibration.solve(problem, max_iterations=4)
     assert not result.solved
-    assert "do not tell apart: youngs_modulus and poissons_ratio" in __main__.doubts(result)
+    assert "do not tell apart: youngs_modulus and poissons_ratio" in __main__.failure(result)
 
 
 def test_an_unsolved_estimate_far_from_the_data_asks_for_their_units(knee):
@@ -121,7 +121,7 @@ def test_an_unsolved_estimate_far_from_the_data_asks_for_their_units(knee):
     metres = replace(problem.measured, poses=problem.measured.poses / np.repeat([1000.0, 1.0], 3))
     result = calibration.solve(calibration.build(knee, metres), max_iterations=4)
     assert not result.solved
-    assert "are poses in mm and rad" in __main__.doubts(result)
+    assert "are poses in mm and rad" in __main__.failure(result)
 
 
 @pytest.mark.parametrize(("load", "value"), [("Fy_med", -5000.0), ("Fy_lat", 0.0)])
@@ -131,11 +131,11 @@ def test_one_wrong_frame_is_named_and_without_it_the_truth_is_found(knee, load, 
     loads = measured.loads.copy()
     loads[7, measured.load_names.index(load)] = value
     result = calibration.solve(calibration.build(knee, replace(measured, loads=loads)))
-    assert "frame 7 alone has " in __main__.doubts(result)
-    assert "mm and rad" not in __main__.doubts(result), "units are those of all other frames"
+    assert "frame 7 alone has " in __main__.failure(result)
+    assert "mm and rad" not in __main__.failure(result), "units are those of all other frames"
     kept = np.arange(len(loads)) != 7
     again = calibration.build(knee, replace(measured, loads=loads[kept], poses=measured.poses[kept]))
-    assert __main__.doubts(calibration.solve(again)) == ""
+    assert __main__.failure(calibration.solve(again)) == ""
 
 
 def test_forces_of_the_wrong_sign_are_refused_with_the_cure(knee):

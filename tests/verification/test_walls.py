@@ -122,7 +122,7 @@ def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)  # what is wanted, and so verified
     assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
     assert found.shares["on_walls"][1] == 0.0
-    assert found.doubts == [words_on_walls(found.shares["on_walls"])]
+    assert found.caveats == [words_on_walls(found.shares["on_walls"])]
     assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
 
 

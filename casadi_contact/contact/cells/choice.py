@@ -24,7 +24,7 @@ _USUAL_MM = 30.0
 CONVERGED, _HALF = (320, 320), (160, 160)  # elements of a patch
 _ROUGH = (40, 40)  # elements that find poses
 _MIDDLING = Cells(1.2, 1.2, 4, 4)
-_TRIES, _DRAWN, _IN_DOUBT, _AT_RIM = 384, 24, 24, 24  # poses of each patch: tried, and kept at most
+_TRIES, _DRAWN, _WORST, _AT_RIM = 384, 24, 24, 24  # poses of each patch: tried, and kept at most
 _SAFE = 0.3  # of the errors that are allowed: poses that were not tried are up to three times as wrong
 _SUB_POINT_MM = 0.3
 
@@ -101,13 +101,13 @@ class _Truth:
             wrenches = fine.wrenches(poses)[:, p]
             errors, cut_off = self._errors(p, patch, places, wrenches)
             at_rim = cut_off | fine.at_edge(poses)[:, p]
-            doubt = (errors / tolerances).max(axis=1)
+            relative = (errors / tolerances).max(axis=1)
             between = np.abs((half.wrenches(poses)[:, p] - wrenches) @ self._selection[:, p].T)
             of_allowed = Errors(scene, between, np.linalg.norm(wrenches[:, :3], axis=1), at_rim).of_allowed
             known = (of_allowed <= 1.0).all(axis=1)
             inside, outside = np.flatnonzero(known & ~at_rim), np.flatnonzero(known & at_rim)
-            worst = inside[np.argsort(-doubt[inside])]
-            kept = np.unique(np.concatenate([inside[:_DRAWN], worst[:_IN_DOUBT], outside[:_AT_RIM]]))
+            worst = inside[np.argsort(-relative[inside])]
+            kept = np.unique(np.concatenate([inside[:_DRAWN], worst[:_WORST], outside[:_AT_RIM]]))
             self.places.append([places[k] for k in kept])
             self.wrenches.append(wrenches[kept])
             cut.append(at_rim[kept])

@@ -1,4 +1,4 @@
-"""Cycles with the signs of another knee, or of forces on the other body, are doubted; those of the joint are not."""
+"""Cycles with the signs of another knee, or of forces on the other body get a warning, those of the joint get none."""
 
 from dataclasses import replace
 
@@ -10,19 +10,19 @@ from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
 from problems.pose_estimation.problem import measured_pose, wanted_loads
-from problems.pose_estimation.sign_doubts import sign_doubts
+from problems.pose_estimation.sign_warnings import sign_warnings
 from tests.support.asked import asked_before_solving
 
 WALK = reference_cycle(frames=21)
 
 
-def doubts(cycle, name="knee"):
+def warnings(cycle, name="knee"):
     scene = cc.load_scene(name)
-    return sign_doubts(wanted_loads(scene, cycle), measured_pose(scene, cycle), own_model(scene))
+    return sign_warnings(wanted_loads(scene, cycle), measured_pose(scene, cycle), own_model(scene))
 
 
 @pytest.mark.parametrize(
-    ("changes", "doubted"),
+    ("changes", "expected"),
     [
         ({}, ""),
         ({"ry": -WALK.ry, "cop_ml_mm": -WALK.cop_ml_mm}, "left knee that was not mirrored"),
@@ -32,20 +32,20 @@ def doubts(cycle, name="knee"):
         ({"fy_med": 0.0 * WALK.fy_med, "fy_lat": 0.0 * WALK.fy_lat}, ""),
     ],
 )
-def test_a_left_knee_exchanged_sides_and_reversed_flexion_are_doubted(changes, doubted):
+def test_a_left_knee_exchanged_sides_and_reversed_flexion_get_a_warning(changes, expected):
     """A knee whose sides and centre of pressure are both mirrored is a right knee again."""
-    told = doubts(replace(WALK, **changes))
-    assert len(told) == bool(doubted)
-    assert doubted in "".join(told)
+    told = warnings(replace(WALK, **changes))
+    assert len(told) == bool(expected)
+    assert expected in "".join(told)
 
 
-def test_forces_that_pull_a_hip_out_of_its_cup_are_doubted():
+def test_forces_that_pull_a_hip_out_of_its_cup_get_a_warning():
     cycle = scene_cycles(cc.load_scene("hip"))[0]
-    assert doubts(cycle, "hip") == []
-    (told,) = doubts(replace(cycle, loads={name: -curve for name, curve in cycle.loads.items()}), "hip")
+    assert warnings(cycle, "hip") == []
+    (told,) = warnings(replace(cycle, loads={name: -curve for name, curve in cycle.loads.items()}), "hip")
     assert "contact only pushes" in told
     aside = replace(cycle, loads={**cycle.loads, "Fz": -3.0 * np.abs(cycle.loads["Fz"])})
-    assert doubts(aside, "hip") == [], "a force towards the rim still pushes"
+    assert warnings(aside, "hip") == [], "a force towards the rim still pushes"
 
 
 def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):

@@ -23,13 +23,13 @@ _WHERE = {
 }
 
 
-def doubtful_shares(model: ElasticFoundation, poses: Array) -> dict[str, Array]:
+def uncertain_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, Array]:
     """Shares (n,) of the load in poses (n, 6): beyond_open_edges and at_sharp_edges of the moving mesh, on_walls and
     outside_patches of the fixed one. Raises ValueError for bad poses."""
     return {where: share(model, poses) for where, (share, _) in _WHERE.items()}
 
 
-def doubtful_words(shares: Mapping[str, Array]) -> dict[str, str]:
-    """In words those of `doubtful_shares` that are not too small to tell, by where the load lies."""
+def uncertain_load_words(shares: Mapping[str, Array]) -> dict[str, str]:
+    """In words those of `uncertain_load_shares` that are not too small to tell, by where the load lies."""
     said = {where: _WHERE[where][1](share) for where, share in shares.items()}
     return {where: words for where, words in said.items() if words}

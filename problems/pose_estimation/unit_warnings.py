@@ -11,7 +11,7 @@ from problems.pose_estimation.wanted import WantedLoads
 _SHARE = 0.01  # of the patches' extent
 
 
-def centre_doubts(wanted: WantedLoads, model: ContactModel | str) -> list[str]:
+def centre_warnings(wanted: WantedLoads, model: ContactModel | str) -> list[str]:
     """A line where all centres of pressure lie within a hundredth of the patches' extent about the origin; none where
     all are zero.
 

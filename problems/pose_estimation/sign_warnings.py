@@ -14,17 +14,17 @@ _HYPEREXTENDED_RAD = 0.35  # 20 degrees: no knee that walks goes farther
 _MIRRORED = 0.5  # of the distance, that the mirror image leaves
 
 
-def sign_doubts(wanted: WantedLoads, measured: Mapping[str, Array], model: ContactModel | str) -> list[str]:
+def sign_warnings(wanted: WantedLoads, measured: Mapping[str, Array], model: ContactModel | str) -> list[str]:
     """A line where a knee is hyperextended by more than 20 degrees, one where centres of pressure fit the forces of
     both sides far better in their mirror image, and one where all forces point out of the fixed body's surface.
 
     measured: pose parameters by name, each (n,). model: `own_model` of the scene; where it has no elements, the last
     two are not told.
     """
-    doubts = [_flexion(wanted, measured["rz"])] if "rz" in measured else []
+    warnings = [_flexion(wanted, measured["rz"])] if "rz" in measured else []
     if isinstance(model, ElasticFoundation):
-        doubts += [*_sides(wanted, model), _pull(wanted, model)]
-    return [doubt for doubt in doubts if doubt]
+        warnings += [*_sides(wanted, model), _pull(wanted, model)]
+    return [warning for warning in warnings if warning]
 
 
 def _flexion(wanted: WantedLoads, rz: Array) -> str:
@@ -44,18 +44,18 @@ def _sides(wanted: WantedLoads, model: ElasticFoundation) -> list[str]:
     if len(loads) < 2 or not wanted.centres or not set(loads) <= set(wanted.values):
         return []
     forces = np.abs(np.column_stack([wanted.values[name] for name in loads]))
-    total, doubts = forces.sum(axis=1), []
+    total, warnings = forces.sum(axis=1), []
     for name, centre in wanted.centres.items():
         middles = np.array([patch.centres_mm[:, centre.axis].mean() for patch in scene.elements(model.grid)])
         split, torque = forces @ (middles - middles.mean()), total * wanted.values[name]
         off, left = (float(np.linalg.norm(torque - sign * split)) for sign in (1.0, -1.0))
         if left < _MIRRORED * off:
             off_mm, left_mm = np.array([off, left]) / np.linalg.norm(total)
-            doubts.append(
+            warnings.append(
                 f"{name} lies {off_mm:.2g} mm from where {' and '.join(loads)} put it, its mirror image {left_mm:.2g} "
                 "mm: is this a left knee that was not mirrored, or are the sides exchanged?"
             )
-    return doubts
+    return warnings
 
 
 def _pull(wanted: WantedLoads, model: ElasticFoundation) -> str:

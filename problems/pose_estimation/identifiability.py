@@ -1,4 +1,4 @@
-"""Frames whose wanted loads hardly tell the pose: contact carries them a millimetre away as well."""
+"""Identifiability of a pose from its loads: frames in which contact carries the wanted loads a millimetre away too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AWAY_MM = 1.0  # turns count by 25 mm
 _STEP_MM = 0.01
 
 
-def elsewhere(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray, Array]:
+def hardly_determined(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray, Array]:
     """For poses (n, 6): True (n,) where in one `AWAY_MM` away no load that is wanted differs by more than the scene's
     tolerance, and the directions v (n, f) [mm] of the free parameters in which it lies.
 
@@ -36,10 +36,10 @@ def elsewhere(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray, Array]
     return np.min(changes, axis=0) <= 1.0, weakest
 
 
-def elsewhere_in_words(problem: PoseEstimation, poses: Array, solved: np.ndarray) -> str:
+def hardly_determined_in_words(problem: PoseEstimation, poses: Array, solved: np.ndarray) -> str:
     """How many of the solved frames (n,) of poses (n, 6) are carried elsewhere, which, and along what; "" for none."""
     found = solved & problem.wanted.loaded
-    there, weakest = elsewhere(problem, poses[found])
+    there, weakest = hardly_determined(problem, poses[found])
     found[found] = there
     if not there.any():
         return ""

@@ -1,4 +1,4 @@
-"""What is doubtful about a proposed scene: coarse coordinates, frames without a pose, edges that contact reaches,
+"""What is open about a proposed scene: coarse coordinates, frames without a pose, edges that contact reaches,
 shells passed through."""
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.sampling.reference import ReferenceReport
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.mesh_bodies import body_mesh
-from casadi_contact.verification import doubtful_shares, doubtful_words
+from casadi_contact.verification import uncertain_load_shares, uncertain_load_words
 
 _ASKED = {
     "beyond_open_edges": "whether the moving part ends at its open edges",
@@ -45,16 +45,16 @@ def coarse_coordinates(meshes: Mapping[str, TriangleMesh], unit: str) -> list[st
 def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
     """What may carry load where there are no elements, in the poses (n, 6): beyond open edges and cuts, on walls,
     outside of the patches; and where it is carried at sharp edges."""
-    doubts = []
+    questions = []
     if len(body_mesh(model.scene.geometry, "fixed").boundary_edges):
-        doubts.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
+        questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
     if reached := int(model.at_edge(poses).any(axis=1).sum()):
-        doubts.append(
+        questions.append(
             f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
             "the surface goes on or is cut; such poses are no samples to learn from"
         )
-    told = doubtful_words(doubtful_shares(model, poses))
-    return doubts + [f"{_ASKED[where]}: {words}" for where, words in told.items()]
+    told = uncertain_load_words(uncertain_load_shares(model, poses))
+    return questions + [f"{_ASKED[where]}: {words}" for where, words in told.items()]
 
 
 def unsettled(scene: Scene, report: ReferenceReport) -> list[str]:

@@ -1,12 +1,12 @@
-"""What a proposal doubts in mesh files."""
+"""What a proposal leaves open about mesh files."""
 
 import trimesh
 
 from casadi_contact.geometry.mesh import load_mesh
-from casadi_contact.proposal.doubts import coarse_coordinates
+from casadi_contact.proposal.open_questions import coarse_coordinates
 
 
-def test_coordinates_that_single_precision_rounds_coarsely_are_doubted(tmp_path):
+def test_coordinates_that_single_precision_rounds_coarsely_are_an_open_question(tmp_path):
     """Binary STL holds single precision: 1e5 mm to steps of 1/128 mm; an OBJ file holds all its digits."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=20.0)
     said = {}

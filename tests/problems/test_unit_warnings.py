@@ -1,4 +1,4 @@
-"""A cycle in kN, body weights or metres is doubted, one in N and mm is not, nor one without load."""
+"""A cycle in kN, body weights or metres gets a warning, one in N and mm gets none, nor does one without load."""
 
 from dataclasses import replace
 
@@ -7,18 +7,18 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
-from problems.pose_estimation.unit_doubts import centre_doubts
+from problems.pose_estimation.unit_warnings import centre_warnings
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.asked import asked_before_solving
 
 
-@pytest.mark.parametrize(("scale", "doubted"), [(1.0, []), (1e-3, ["are they in mm, or in m?"]), (0.0, [])])
-def test_centres_of_pressure_of_walking_in_metres_are_doubted(scale, doubted):
+@pytest.mark.parametrize(("scale", "expected"), [(1.0, []), (1e-3, ["are they in mm, or in m?"]), (0.0, [])])
+def test_centres_of_pressure_of_walking_in_metres_get_a_warning(scale, expected):
     scene, walking = cc.load_scene("knee"), reference_cycle(frames=11).wanted()
     values = {name: scale * curve if name[0] == "c" else curve for name, curve in walking.items()}
     wanted = WantedLoads.of(scene, values)
-    assert [line.partition(": ")[2] for line in centre_doubts(wanted, own_model(scene))] == doubted
-    assert centre_doubts(wanted, "none at hand") == []
+    assert [line.partition(": ")[2] for line in centre_warnings(wanted, own_model(scene))] == expected
+    assert centre_warnings(wanted, "none at hand") == []
 
 
 def test_the_command_asks_before_it_solves(tmp_path, monkeypatch, capsys):

@@ -9,8 +9,8 @@ from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.verification import own_model
 from problems import pose_estimation
 from problems.common.contact import ContactSource
-from problems.pose_estimation.elsewhere import elsewhere, elsewhere_in_words
 from problems.pose_estimation.estimate import estimated
+from problems.pose_estimation.identifiability import hardly_determined, hardly_determined_in_words
 from problems.pose_estimation.report import report
 from tests.support.compiler import needs_compiler
 
@@ -29,7 +29,7 @@ def problem_of(scene, names, poses):
 @pytest.mark.parametrize(("names", "told"), [(FORCES, False), (ALL, True)])
 def test_forces_do_not_tell_where_on_a_plane_a_ball_lies_and_torques_do(names, told):
     problem = problem_of("sphere_on_plane", names, POSES)
-    found, along = elsewhere(problem, POSES)
+    found, along = hardly_determined(problem, POSES)
     np.testing.assert_array_equal(found, not told)
     if not told:
         assert np.abs(along[:, 1]).max() < 0.01  # never into the plane
@@ -40,14 +40,14 @@ def test_forces_tell_where_in_a_dish_a_ball_lies():
     scene = cc.load_scene("sphere_in_dish")
     poses = np.array([scene.start_pose, scene.start_pose]) - [0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
     problem = problem_of("sphere_in_dish", FORCES, poses)
-    assert not elsewhere(problem, poses)[0].any()
-    assert elsewhere_in_words(problem, poses, np.ones(2, dtype=bool)) == ""
+    assert not hardly_determined(problem, poses)[0].any()
+    assert hardly_determined_in_words(problem, poses, np.ones(2, dtype=bool)) == ""
 
 
 @needs_compiler
 def test_only_frames_that_are_solved_are_named():
     problem = problem_of("sphere_on_plane", FORCES, POSES)
-    said = elsewhere_in_words(problem, POSES, np.array([False, True]))
+    said = hardly_determined_in_words(problem, POSES, np.array([False, True]))
     assert "in 1 of 2 frames" in said
     assert said.endswith("frames 1")
 
