@@ -32,6 +32,7 @@ from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import generalised_forces, pose_bounds, pose_steps, total_selection
 from casadi_contact.quantities import newton_scales
 from problems.common.collocation import Collocation
+from problems.common.unknowns import Unknowns
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
 
@@ -112,7 +113,6 @@ def build(
     """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals, a negative steadiness, loads
     that lack a component of the wrench, and a scene that locks or ties pose parameters."""
     model.scene.pose_space.check_whole("optimal control")
-    rig, steps = wanted.rig, pose_steps(model.scene.sensitive_pose)
     if not 0.0 <= steadiness < np.inf:
         raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")
     grid = Collocation(intervals, degree, wanted.time_s[-1] - wanted.time_s[0], scheme)
@@ -121,48 +121,53 @@ def build(
             f"wanted loads have shape {wanted.loads.shape}, expected "
             f"({len(wanted.time_s)}, {len(model.load_names)}): {' '.join(model.load_names)}"
         )
-    times, step = grid.times_s, grid.step_s
-    points = intervals * degree
-    loads, held = wanted.at(wanted.time_s[0] + times)
-
-    nodes_q, nodes_v = ca.MX.sym("node_q", 6, intervals + 1), ca.MX.sym("node_v", 6, intervals + 1)
-    q, v, u = (ca.MX.sym(name, 6, points) for name in ("q", "v", "u"))
-    point = point_function(model, rig, tuple(wanted.held))
+    steps = pose_steps(model.scene.sensitive_pose)
+    low, high = (bound / steps for bound in pose_bounds(model))
+    unknowns, points = Unknowns(), intervals * degree
+    nodes_q = unknowns.add("node_q", 6, intervals + 1, low, high)
+    nodes_v = unknowns.add("node_v", 6, intervals + 1)
+    q, v, u = (unknowns.add("q", 6, points, low, high), unknowns.add("v", 6, points), unknowns.add("u", 6, points))
+    loads, held = wanted.at(wanted.time_s[0] + grid.times_s)
+    point = point_function(model, wanted.rig, tuple(wanted.held))
     forces, off = point.map(points)(q, v, u, ca.DM(loads.T), ca.DM(held.T))
-    inertia = inertia_of(rig)
-    rates = RATE_PER_S * steps
-    to_newtons = ca.DM(inertia * rates / POSE_IN_MM / step)
-    defects = [
-        ca.vec(grid.slopes(nodes_q, q) - RATE_PER_S * step * v),
-        ca.vec(ca.repmat(to_newtons, 1, points) * grid.slopes(nodes_v, v) - forces) / LOAD_SCALE_N,
-        ca.vec(grid.jumps(nodes_q, q)),
-        ca.vec(grid.jumps(nodes_v, v)),
-    ]
+    defects = _defects(grid, steps, inertia_of(wanted.rig), (nodes_q, nodes_v), (q, v), forces)
     if periodic:
         defects += [nodes_q[:, 0] - nodes_q[:, -1], nodes_v[:, 0] - nodes_v[:, -1]]
     changes = LOAD_SCALE_N * (u[:, 1:] - u[:, :-1])
-    x = ca.vertcat(*(ca.vec(part) for part in (nodes_q, nodes_v, q, v, u)))
-    low, high = (bound / steps for bound in pose_bounds(model))
-    free_rates, free_loads = np.full(6 * points, np.inf), np.full(6 * points, np.inf)
-    node_rates = np.full(6 * (intervals + 1), np.inf)
-    parts = (np.tile(low, intervals + 1), -node_rates, np.tile(low, points), -free_rates, -free_loads)
-    tops = (np.tile(high, intervals + 1), node_rates, np.tile(high, points), free_rates, free_loads)
-    physical = [ca.DM(scale) for scale in (steps, rates, LOAD_SCALE_N * POSE_IN_MM)]
+    lower, upper = unknowns.bounds
+    units = ((q, steps), (v, RATE_PER_S * steps), (u, LOAD_SCALE_N * POSE_IN_MM), (nodes_q, steps))
+    physical = [ca.repmat(ca.DM(unit), 1, part.shape[1]) * part for part, unit in units]
     return OptimalControl(
         model=model,
         wanted=wanted,
-        times=times,
-        nlp={"x": x, "f": 0.5 * (ca.sumsqr(off) + steadiness * ca.sumsqr(changes)), "g": ca.vertcat(*defects)},
-        lower=np.concatenate(parts),
-        upper=np.concatenate(tops),
-        unpack=ca.Function(
-            "unpack",
-            [x],
-            [
-                *(ca.repmat(scale, 1, points) * part for scale, part in zip(physical, (q, v, u), strict=True)),
-                ca.repmat(physical[0], 1, intervals + 1) * nodes_q,
-            ],
-        ),
+        times=grid.times_s,
+        nlp={
+            "x": unknowns.x,
+            "f": 0.5 * (ca.sumsqr(off) + steadiness * ca.sumsqr(changes)),
+            "g": ca.vertcat(*defects),
+        },
+        lower=lower,
+        upper=upper,
+        unpack=ca.Function("unpack", [unknowns.x], physical),
         intervals=intervals,
         degree=degree,
     )
+
+
+def _defects(
+    grid: Collocation,
+    steps: Array,
+    inertia: Array,
+    nodes: tuple[ca.MX, ca.MX],
+    points: tuple[ca.MX, ca.MX],
+    forces: ca.MX,
+) -> list[ca.MX]:
+    """What is zero where scaled poses and rates, at nodes and at points, follow the forces (6, points) [N] at these."""
+    (nodes_q, nodes_v), (q, v) = nodes, points
+    to_newtons = ca.DM(inertia * (RATE_PER_S * steps) / POSE_IN_MM / grid.step_s)
+    return [
+        ca.vec(grid.slopes(nodes_q, q) - RATE_PER_S * grid.step_s * v),
+        ca.vec(ca.repmat(to_newtons, 1, q.shape[1]) * grid.slopes(nodes_v, v) - forces) / LOAD_SCALE_N,
+        ca.vec(grid.jumps(nodes_q, q)),
+        ca.vec(grid.jumps(nodes_v, v)),
+    ]

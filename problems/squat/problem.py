@@ -22,6 +22,7 @@ from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, total_selection
 from problems.common.collocation import Collocation
 from problems.common.knee_scene import check_knee
+from problems.common.unknowns import Unknowns
 from problems.squat.leg import Body, LegMechanics
 from problems.squat.muscles import MUSCLES
 
@@ -79,49 +80,62 @@ def build(
         )
     grid = Collocation(intervals, degree, duration_s)
     mechanics = LegMechanics.of(Body() if body is None else body)
-    points = intervals * degree
-    node_phi, node_rate = ca.MX.sym("node_phi", 3, intervals + 1), ca.MX.sym("node_rate", 3, intervals + 1)
-    phi, rate = ca.MX.sym("phi", 3, points), ca.MX.sym("rate", 3, points)
-    a, knee = ca.MX.sym("a", len(MUSCLES), points), ca.MX.sym("knee", 3, points)
-    moment = _moment_function(model, mechanics)
+    unknowns, nodes, points = Unknowns(), intervals + 1, intervals * degree
+    reach = _REACH / _TO_STEPS
+    node_phi = unknowns.add("node_phi", 3, nodes, _LOWEST, _HIGHEST)
+    node_rate = unknowns.add("node_rate", 3, nodes)
+    phi = unknowns.add("phi", 3, points, _LOWEST, _HIGHEST)
+    rate = unknowns.add("rate", 3, points)
+    a = unknowns.add("a", len(MUSCLES), points, LEAST_ACTIVATION, 1.0)
+    knee = unknowns.add("knee", 3, points, -reach, reach)
     bend = grid.slopes(node_rate, rate) / grid.step_s
-    left, within, medial = moment.map(points)(phi, rate, bend, a, knee)
+    left, within, medial = _moment_function(model, mechanics).map(points)(phi, rate, bend, a, knee)
     given = ca.DM(flexion_rad(grid.times_s, depth_deg, duration_s)).T
-    equal = [
-        ca.vec(grid.slopes(node_phi, phi) - grid.step_s * rate),
-        ca.vec(grid.jumps(node_phi, phi)),
-        ca.vec(grid.jumps(node_rate, rate)),
-        ca.vec(left),
-        ca.vec(phi[0, :] - phi[1, :] - given),
-        node_phi[0, 0] - node_phi[1, 0] - np.radians(STANDING_FLEXION_DEG),
-        node_rate[:, 0],
-        node_rate[[0, 2], -1],  # the thigh's follows from these and the flexion
-    ]
-    zeros = sum(part.numel() for part in equal)
-    weight = ca.MX.sym("weight")
-    weights = ca.DM(grid.weights)
-    effort = ca.dot(weights, ca.sum1(a**2).T) / len(MUSCLES)
-    cost = effort + weight * ca.dot(weights, (medial.T / mechanics.body.weight_n) ** 2)
-    cost += _STEADINESS * ca.sumsqr(a[:, 1:] - a[:, :-1])
-    cost *= _COST_SCALE
-    x = ca.vertcat(*(ca.vec(part) for part in (node_phi, node_rate, phi, rate, a, knee)))
-    lean = [np.tile(bound, intervals + 1) for bound in (_LOWEST, _HIGHEST)]
-    leans = [np.tile(bound, points) for bound in (_LOWEST, _HIGHEST)]
-    nodes, each = (np.full(n, np.inf) for n in (node_rate.numel(), rate.numel()))
-    reach = np.tile(_REACH / _TO_STEPS, points)
-    activations = np.ones(a.numel())
+    zero = _defects(grid, (node_phi, node_rate), (phi, rate), left, given)
+    weight, (lower, upper) = ca.MX.sym("weight"), unknowns.bounds
     return Squat(
         model=model,
         mechanics=mechanics,
         grid=grid,
         depth_deg=depth_deg,
-        nlp={"x": x, "p": weight, "f": cost, "g": ca.vertcat(*equal, ca.vec(within))},
-        lower=np.concatenate([lean[0], -nodes, leans[0], -each, LEAST_ACTIVATION * activations, -reach]),
-        upper=np.concatenate([lean[1], nodes, leans[1], each, activations, reach]),
-        lower_g=np.zeros(zeros + within.numel()),
-        upper_g=np.concatenate([np.zeros(zeros), np.full(within.numel(), np.inf)]),
-        unpack=ca.Function("unpack", [x], [phi, rate, a, _poses(phi, knee)]),
+        nlp={
+            "x": unknowns.x,
+            "p": weight,
+            "f": _cost(grid, a, weight, medial / mechanics.body.weight_n),
+            "g": ca.vertcat(zero, ca.vec(within)),
+        },
+        lower=lower,
+        upper=upper,
+        lower_g=np.zeros(zero.numel() + within.numel()),
+        upper_g=np.concatenate([np.zeros(zero.numel()), np.full(within.numel(), np.inf)]),
+        unpack=ca.Function("unpack", [unknowns.x], [phi, rate, a, _poses(phi, knee)]),
     )
+
+
+def _defects(
+    grid: Collocation, nodes: tuple[ca.MX, ca.MX], points: tuple[ca.MX, ca.MX], left: ca.MX, flexion: ca.DM
+) -> ca.MX:
+    """What is zero where angles and rates (3, n), at nodes and at points, are one motion with this flexion (1, n) that
+    begins and ends at rest, and nothing is left (6, n) of its balances."""
+    (node_phi, node_rate), (phi, rate) = nodes, points
+    return ca.vertcat(
+        ca.vec(grid.slopes(node_phi, phi) - grid.step_s * rate),
+        ca.vec(grid.jumps(node_phi, phi)),
+        ca.vec(grid.jumps(node_rate, rate)),
+        ca.vec(left),
+        ca.vec(phi[0, :] - phi[1, :] - flexion),
+        node_phi[0, 0] - node_phi[1, 0] - np.radians(STANDING_FLEXION_DEG),
+        node_rate[:, 0],
+        node_rate[[0, 2], -1],  # the thigh's follows from these and the flexion
+    )
+
+
+def _cost(grid: Collocation, a: ca.MX, weight: ca.MX, medial: ca.MX) -> ca.MX:
+    """Of activations (m, n), and of the medial force (1, n) over the body's weight, at the points."""
+    weights = ca.DM(grid.weights)
+    effort = ca.dot(weights, ca.sum1(a**2).T) / len(MUSCLES)
+    cost = effort + weight * ca.dot(weights, medial.T**2)
+    return _COST_SCALE * (cost + _STEADINESS * ca.sumsqr(a[:, 1:] - a[:, :-1]))
 
 
 def at_bounds(phi: Array, poses: Array) -> str:
