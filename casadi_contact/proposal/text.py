@@ -53,7 +53,7 @@ def scene_text(proposal: Proposal, folder: Path) -> str:
         f"Proposed from {Path(geometry['moving']).name} (moving) and {Path(geometry['fixed']).name} (fixed):",
         *(f"- {line}" for line in proposal.told),
         f"- {len(proposal.poses)} of {proposal.frames} frames of the reference motion settle",
-        "Not told by the meshes:",
+        "Not given by the meshes:",
         *(f"- {line}" for line in proposal.untold),
     ]
     return _commented(head, proposal.scene, folder, _PROPOSED)
@@ -102,7 +102,7 @@ def proposal_lines(proposal: Proposal) -> list[str]:
         if proposal.joint.kind != "other"
         else f"patches: {', '.join(proposal.joint.patches)}",
         *proposal.told,
-        *(f"not told by the meshes: {line}" for line in proposal.untold),
+        *(f"not given by the meshes: {line}" for line in proposal.untold),
         f"{len(proposal.poses)} of {proposal.frames} reference frames settle ({share:.1%})",
     ]
 

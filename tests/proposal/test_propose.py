@@ -46,7 +46,7 @@ def proposed(folder, moving, fixed, *options):
 def test_a_ball_in_a_cup(folder):
     said, scene = proposed(folder, "ball", "cup")
     assert "404 of 404 reference frames settle" in said
-    assert "not told by the meshes: the material's stiffness and thickness: taken as cartilage, since" in said
+    assert "not given by the meshes: the material's stiffness and thickness: taken as cartilage, since" in said
     assert "an implant's may as well (--material polyethylene)" in said  # of which a frame is no proof
     assert scene.patch_names == ("contact",)
     assert unit(np.array(scene.geometry["pressing"])) @ unit(np.array(POLE)) > 0.99

@@ -90,9 +90,9 @@ def stability_page(path: Path) -> str:
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
     settings = "; ".join(f"{name.replace('_', ' ')}: {_setting(value)}" for name, value in content["settings"].items())
     parts = [
-        "Every method is put through the same trouble by `python -m problems.studies.stability`; what each row does is "
-        "told on the page of that [study](../problems/stability.md). A dash says that the quantity makes no sense for "
-        "the method.",
+        "Every method is tried on the same hard cases by `python -m problems.studies.stability`; the page of that "
+        "[study](../problems/stability.md) says what each row does. A dash says that the quantity makes no sense for the "
+        "method.",
         f"Settings of this run: {settings}.",
         machine(content["machine"]),
     ]
