@@ -180,19 +180,14 @@ def fit_surrogate(
     kind, scene = STRUCTURES[structure], project.scene
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     posed, twins = _regressions_and_twins(kind, samples, scene, loads)
-    regressions, settings = [], {}
-    for regression in posed:
-        effort = effort_for(efforts, regression.name)
-        regressions.append(_at_most(_asked(regression, effort, weights), effort.max_rows, seed=0))
-        settings[regression.name] = TrainingSettings(
-            sizes=effort.sizes,
-            activation=effort.activation,
-            max_gflop=effort.gflop,
-            seed=seed,
-            restarts=TrainingSettings.restarts if onward is None else 0,
-            device=device,
-        )
-    first = {name: chosen.sizes[0] for name, chosen in settings.items()}
+    asked = {regression.name: effort_for(efforts, regression.name) for regression in posed}
+    restarts = TrainingSettings.restarts if onward is None else 0
+    settings = {
+        name: TrainingSettings(each.sizes, each.activation, each.gflop, seed=seed, restarts=restarts, device=device)
+        for name, each in asked.items()
+    }
+    regressions = [_at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0) for one in posed]
+    first = {name: each.sizes[0] for name, each in asked.items()}
     if onward is None:
         starts = kind.starts(first, {structure: one.networks for structure, one in (made or {}).items()})
     else:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -88,12 +89,18 @@ def with_trust(
     unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
     trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
+    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led))}
+    return kind(surrogate.scene, surrogate.networks, record, trust)
+
+
+def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples | None]) -> dict[str, Any]:
+    """Coverage on test rows of samples and of other poses, and the share of valid ones among the samples'."""
     test = samples.select(role=TEST)
-    unseen = (None if part is None else part.select(role=TEST) for part in (around, in_range, led))
-    record = {**surrogate.record, "coverage": trust_coverage(trusted, test, *unseen)}
+    unseen = (None if part is None else part.select(role=TEST) for part in others)
+    record: dict[str, Any] = {"coverage": trust_coverage(trusted, test, *unseen)}
     if len(test):
         record["valid_share"] = float(np.mean(trusted.validity(test.poses) > 0.9))
-    return kind(surrogate.scene, surrogate.networks, record, trust)
+    return record
 
 
 def _tube(surrogate: Surrogate, training: Samples, validation: Samples) -> Trust:
