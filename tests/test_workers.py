@@ -51,7 +51,7 @@ def test_work_that_is_left_by_an_error_is_not_ended_first(tmp_path):
     def leave():
         with worker_pool() as workers:
             workers.submit(os.getpid).result()
-            workers.submit(lambda: (time.sleep(20.0), done.touch()))
+            workers.submit(lambda: (time.sleep(120.0), done.touch()))
             raise RuntimeError("left")
 
     with pytest.raises(RuntimeError, match="left"):

@@ -59,13 +59,6 @@ def test_any_weights_survive(seed, activation, structure, tmp_path_factory):
             np.testing.assert_array_equal(a, b)
 
 
-@pytest.fixture
-def saved(tmp_path):
-    path = tmp_path / "knee.h5"
-    random_surrogate(load_scene("knee"), "patch").save(path)
-    return path
-
-
 def test_damaged_files_are_refused(saved):
     whole = saved.read_bytes()
     for size in (0, 7, 100, len(whole) // 2):

@@ -8,7 +8,6 @@ import pytest
 
 from casadi_contact.files import hdf5_copy, open_hdf5
 from casadi_contact.files.hdf5 import sealed
-from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.file import _digest, _read_content
 from casadi_contact.structures.trust import Trust
@@ -24,13 +23,6 @@ def code_that_marks(mark):
         "x(void) {} extern int creat(const char *, unsigned); __attribute__((constructor)) void run(void) "
         f'{{ creat("{mark}", 420); }} void y'
     )
-
-
-@pytest.fixture
-def saved(tmp_path):
-    path = tmp_path / "knee.h5"
-    random_surrogate(load_scene("knee"), "patch").save(path)
-    return path
 
 
 def forged(path, change):
