@@ -19,9 +19,17 @@ def surrogate():
     return random_surrogate(SCENE, "patch", seed=3)
 
 
-def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
-    samples = made_up_samples(surrogate)
-    trusted = with_trust(surrogate, samples)
+@pytest.fixture(scope="module")
+def samples(surrogate):
+    return made_up_samples(surrogate)
+
+
+@pytest.fixture(scope="module")
+def trusted(surrogate, samples):
+    return with_trust(surrogate, samples)
+
+
+def test_the_stated_share_of_unseen_errors_lies_below(surrogate, samples, trusted):
     coverage = trusted.info().coverage["D1"]
     assert coverage["valid"] > 0.98
     for load in trusted.load_names:
@@ -32,10 +40,8 @@ def test_the_stated_share_of_unseen_errors_lies_below(surrogate):
     assert 2.0 < np.median(ratio) < 4.5
 
 
-def test_95_in_100_unseen_errors_lie_below_and_test_rows_take_no_part(surrogate):
+def test_95_in_100_unseen_errors_lie_below_and_test_rows_take_no_part(surrogate, samples, trusted):
     """No row's own error helps to bound it in the fit: of unseen rows, spread alike, the share is the fitted one."""
-    samples = made_up_samples(surrogate)
-    trusted = with_trust(surrogate, samples)
     unseen = made_up_samples(surrogate, count=20_000, seed=99)
     wanted = unseen.loads(surrogate.load_names)
     below = np.abs(surrogate(unseen.poses) - wanted) <= trusted.expected_error(unseen.poses)
@@ -61,18 +67,16 @@ def test_each_domain_has_its_share_and_not_their_mean_alone(surrogate):
     assert min(coverage["D3"][load] for load in surrogate.load_names) > 0.93
 
 
-def test_a_root_load_that_a_network_gets_wrong_lets_no_other_like_it_pass(surrogate):
+def test_a_root_load_that_a_network_gets_wrong_lets_no_other_like_it_pass(surrogate, samples):
     """The contact model's own loads say how large root loads were sampled."""
-    samples = made_up_samples(surrogate)
     trust = with_trust(surrogate, replace(samples, wrenches=0.01 * samples.wrenches)).trust
     largest = 0.01 * -samples.wrenches[samples.role == TRAIN, 0, 1].min()
     assert trust.root_high == pytest.approx(np.sqrt(largest / SCENE.reference_load))
     assert trust.validity(samples.poses[:1], (trust.root_high + 4.0 * trust.margin_high)[None])[0] < 0.1
 
 
-def test_a_tube_is_a_tube_not_a_box(surrogate):
+def test_a_tube_is_a_tube_not_a_box(trusted):
     """tx and rz lie each within its range, but together they were never sampled."""
-    trusted = with_trust(surrogate, made_up_samples(surrogate))
     bottom, off = POSE_CENTRE.copy(), POSE_CENTRE.copy()
     bottom[0] -= POSE_SPREAD[0]
     off[0] += 0.9 * POSE_SPREAD[0]
@@ -108,10 +112,9 @@ def test_parameters_that_no_root_load_stands_for_tell_the_state_themselves(name,
     assert state_columns(load_scene(name)) == columns
 
 
-def test_nothing_is_valid_where_samples_were_dropped(surrogate):
+def test_nothing_is_valid_where_samples_were_dropped(surrogate, samples):
     """A plane through the sampled region, beyond which everything was dropped: most there is not valid, most of what
     was kept is, and the file keeps the border."""
-    samples = made_up_samples(surrogate)
     beyond = samples.poses[:, 5] > POSE_CENTRE[5] + 0.5 * POSE_SPREAD[5]
     kept = replace(samples.rows(~beyond), dropped=Dropped(samples.poses[beyond], samples.domain[beyond]))
     trusted = with_trust(surrogate, kept)
@@ -120,9 +123,7 @@ def test_nothing_is_valid_where_samples_were_dropped(surrogate):
     assert np.mean(validity[~beyond] > 0.9) > 0.95
 
 
-def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_valid(surrogate):
-    samples = made_up_samples(surrogate)
-    trusted = with_trust(surrogate, samples)
+def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_valid(samples, trusted):
     inside = samples.poses[np.argmax(samples.poses[:, 2])]
     outside = inside + 0.05 * np.ptp(samples.poses[:, 2]) * np.eye(6)[2]
     root = 0.5 * (trusted.trust.root_low + trusted.trust.root_high)[None]
@@ -130,10 +131,10 @@ def test_just_beyond_the_sampled_range_of_an_insensitive_parameter_nothing_is_va
     assert trusted.trust.validity(outside[None], root)[0] < 0.1
 
 
-def test_contact_that_no_root_load_confirms_is_not_valid(surrogate):
+def test_contact_that_no_root_load_confirms_is_not_valid(trusted):
     """Claims of 10 N count where the root load says contact, and not where it says that the surfaces are apart."""
     confirmation = Confirmation(tolerance=np.array([0.5]), root=np.array([0.05]), width=np.array([0.02]))
-    trust = replace(with_trust(surrogate, made_up_samples(surrogate)).trust, confirmation=confirmation)
+    trust = replace(trusted.trust, confirmation=confirmation)
     pose, roots = POSE_CENTRE[None], np.array([[0.1], [-0.2], [-0.2]])
     assert trust.validity(np.repeat(pose, 3, axis=0), roots, np.array([[10.0], [10.0], [0.1]])).round(1).tolist() == [
         pytest.approx(v, abs=0.11) for v in (1.0, 0.0, 1.0)
@@ -160,9 +161,8 @@ def test_contact_is_confirmed_well_above_the_largest_root_load_of_a_false_claim(
     assert confirmation.root == pytest.approx(largest + 2.5 * width)
 
 
-def test_the_expected_error_covers_moved_poses_too(surrogate):
+def test_the_expected_error_covers_moved_poses_too(surrogate, samples):
     """Away from the samples the truth bends off, growing with the distance: most of these errors are expected."""
-    samples = made_up_samples(surrogate)
     rng = np.random.default_rng(5)
     moved = samples.rows(rng.integers(len(samples), size=2000))
     moves = 0.4 * POSE_SPREAD * rng.standard_normal((2000, 6))
