@@ -34,19 +34,8 @@ def report(
     """
     console = PlainConsole()
     total = volume_mm3(wear)
-    table = Table(title=f"Wear of {model.scene.name} in a million cycles, k = {wear_factor:g} mm³/(N·m), {model.label}")
-    for name in ("patch", "volume (mm³)", "deepest (mm)", "slid there in a cycle (mm)", "worn area (mm²)"):
-        table.add_column(name, justify="left" if name == "patch" else "right")
-    for patch in wear:
-        at = int(patch.depth_mm.argmax())
-        table.add_row(
-            patch.patch,
-            f"{CYCLES * patch.volume_mm3:.3g}",
-            f"{CYCLES * patch.depth_mm[at]:.3g}",
-            f"{patch.sliding_mm[at]:.3g}",
-            f"{patch.areas_mm2[patch.depth_mm > 0.0].sum():.3g}",
-        )
-    console.print(table)
+    title = f"Wear of {model.scene.name} in a million cycles, k = {wear_factor:g} mm³/(N·m), {model.label}"
+    console.print(_table(wear, title))
     console.print(f"{CYCLES * total:.4g} mm³ in a million cycles, {seconds:.1f} s", highlight=False)
     for what, volume in coarser.items():
         console.print(f"{what}: {100.0 * (volume / total - 1.0):+.2g} %" if total else f"{what}: none", highlight=False)
@@ -76,6 +65,23 @@ def report(
     write_summary(out / "wear.json", summary)
     draw(wear, out / "wear.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _table(wear: Sequence[PatchWear], title: str) -> Table:
+    """Volume, greatest depth, way slid there and worn area of each patch."""
+    table = Table(title=title)
+    for name in ("patch", "volume (mm³)", "deepest (mm)", "slid there in a cycle (mm)", "worn area (mm²)"):
+        table.add_column(name, justify="left" if name == "patch" else "right")
+    for patch in wear:
+        at = int(patch.depth_mm.argmax())
+        table.add_row(
+            patch.patch,
+            f"{CYCLES * patch.volume_mm3:.3g}",
+            f"{CYCLES * patch.depth_mm[at]:.3g}",
+            f"{patch.sliding_mm[at]:.3g}",
+            f"{patch.areas_mm2[patch.depth_mm > 0.0].sum():.3g}",
+        )
+    return table
 
 
 def draw(wear: Sequence[PatchWear], path: Path) -> None:

@@ -114,7 +114,7 @@ def test_parameters_that_no_root_load_stands_for_tell_the_state_themselves(name,
 
 def test_nothing_is_valid_where_samples_were_dropped(surrogate, samples):
     """A plane through the sampled region, beyond which everything was dropped: most there is not valid, most of what
-    was kept is, and the file keeps the border."""
+    was kept is."""
     beyond = samples.poses[:, 5] > POSE_CENTRE[5] + 0.5 * POSE_SPREAD[5]
     kept = replace(samples.rows(~beyond), dropped=Dropped(samples.poses[beyond], samples.domain[beyond]))
     trusted = with_trust(surrogate, kept)

@@ -1,6 +1,7 @@
 """Surrogate files: exact round trips; damaged, foreign and newer files get one clear line."""
 
 from dataclasses import replace
+from importlib import resources
 
 import h5py
 import numpy as np
@@ -14,6 +15,7 @@ from casadi_contact.structures import PatchSurrogate, load_surrogate
 from casadi_contact.structures.file import FORMAT
 from tests.support.hdf5_files import resealed
 from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_trust import random_trust
 
 RECORD = {
     "samples": {"D1": 21600, "D5": 270},
@@ -57,6 +59,34 @@ def test_any_weights_survive(seed, activation, structure, tmp_path_factory):
         np.testing.assert_array_equal(network.output_scale, want.output_scale)
         for a, b in zip((*network.weights, *network.biases), (*want.weights, *want.biases), strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+def test_every_part_of_a_trust_survives(tmp_path):
+    surrogate = random_surrogate(load_scene("knee"), "two_stage")
+    trust = random_trust(2, 7, confirmation=True)
+    type(surrogate)(surrogate.scene, surrogate.networks, {}, trust).save(tmp_path / "it.h5")
+    again = load_surrogate(tmp_path / "it.h5").trust
+    assert again is not None
+    assert again.numbers().keys() == trust.numbers().keys()
+    for name, numbers in trust.numbers().items():
+        np.testing.assert_array_equal(again.numbers()[name], numbers, name)
+
+
+def test_a_shipped_surrogate_saved_again_has_the_arrays_of_its_file_by_the_same_names(tmp_path):
+    """So that what this version writes is what other versions read."""
+
+    def arrays(path):
+        found = {}
+        with h5py.File(path) as file:
+            file.visititems(lambda name, item: found.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+        return {name: value for name, value in found.items() if isinstance(value, np.ndarray | np.floating)}
+
+    load_surrogate("knee_reach").save(tmp_path / "again.h5")
+    ready = resources.files("casadi_contact.structures") / "ready" / "knee_reach.h5"
+    shipped, again = arrays(ready), arrays(tmp_path / "again.h5")
+    assert shipped.keys() == again.keys()
+    for name, value in shipped.items():
+        np.testing.assert_array_equal(again[name], value, name)
 
 
 def test_damaged_files_are_refused(saved):
