@@ -61,15 +61,17 @@ def test_a_cut_moves_no_force_and_no_gap(tmp_path, elements):
 def test_cells_tell_parts_apart_as_elements_do(tmp_path):
     """Where elements lie on one side of a cut or the other, cells end at it: fine elements come near."""
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.0, 2.5]", lat="split_z = [-1.0]")
-    cells, poses = CellFoundation(scene, Cells(0.35, 0.35)), poses_about(40)
+    cells, poses = CellFoundation(scene, Cells(0.35, 0.35)), poses_about(16)
     parts = cells.part_wrenches(poses)
     fine = cc.ElasticFoundation(scene, (600, 700))
     size = np.repeat([np.abs(parts[..., :3]).max(), np.abs(parts[..., 3:]).max()], 3)
     np.testing.assert_allclose(parts / size, fine.part_wrenches(poses) / size, rtol=0.0, atol=0.02)
     whole = np.stack([parts[:, :3].sum(axis=1), parts[:, 3:].sum(axis=1)], axis=1)
     np.testing.assert_allclose(whole / size, cells.wrenches(poses) / size, rtol=0.0, atol=0.005)
-    free = fine.part_gaps(poses) > 0.0
-    np.testing.assert_allclose(cells.part_gaps(poses)[free], fine.part_gaps(poses)[free], atol=0.02)
+    gaps = fine.part_gaps(poses)
+    free = gaps > 0.0
+    assert free.any()
+    np.testing.assert_allclose(cells.part_gaps(poses)[free], gaps[free], atol=0.02)
 
 
 def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
