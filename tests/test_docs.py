@@ -136,6 +136,16 @@ def test_links_and_pictures_of_a_page_are_there(page):
             assert (ROOT / page.parent / target).is_file(), f"{page}: {target}"
 
 
+def test_python_files_that_comments_of_c_name_are_there():
+    named = {
+        (path.name, name)
+        for path in (ROOT / "casadi_contact").rglob("*.h")
+        for name in re.findall(r"\b[a-z_]+/[a-z_/]+\.py\b", path.read_text("utf-8"))
+    }
+    assert named
+    assert {(where, name) for where, name in named if not (ROOT / "casadi_contact" / name).is_file()} == set()
+
+
 def test_pages_of_results_are_what_the_command_writes_from_the_stored_files():
     written = pages(RESULTS)
     stored = {path.name: path.read_text("utf-8") for path in (ROOT / "docs" / "results").glob("*.md")}

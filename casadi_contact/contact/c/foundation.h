@@ -11,7 +11,7 @@ typedef struct {
 
 INLINE double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* ---- pressure at a depth, see contact/pressure.py */
+/* ---- pressure at a depth, see contact/pressure/law.py */
 #define STIFFNESS_AT_ZERO (MODULUS / THICKNESS)
 
 #if LOGARITHMIC

@@ -32,7 +32,7 @@ class CompiledPressures(CompiledFoundation, PressureOutputs):
         """Moments (n, P, 6) and their derivatives by the twist (n, P, 6, 6), in NumPy."""
 
     def pressure_moments(self, poses: Array) -> tuple[Array, Array]:
-        """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `pressure_outputs`."""
+        """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressure.outputs`."""
         if self._pressure_library is None:
             values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
             return values, by_pose(by_twist, poses)
