@@ -91,8 +91,8 @@ def stability_page(path: Path) -> str:
     settings = "; ".join(f"{name.replace('_', ' ')}: {_setting(value)}" for name, value in content["settings"].items())
     parts = [
         "Every method is tried on the same hard cases by `python -m problems.studies.stability`; the page of that "
-        "[study](../problems/stability.md) says what each row does. A dash says that the quantity makes no sense for the "
-        "method.",
+        "[study](../problems/stability.md) says what each row does. A dash says that the quantity makes no sense for "
+        "the method.",
         f"Settings of this run: {settings}.",
         machine(content["machine"]),
     ]
