@@ -98,6 +98,17 @@ class Blocks:
         if len(self.factors) != self.count:
             self.factors = _aligned((self.count, self.part.vectors, self.part.lanes))
 
+    def jacobian(self, places: np.ndarray) -> np.ndarray:
+        """∂output/∂parameters (len(places), parameters) at the rows of these places, in single precision."""
+        factors, start, column = self.factors[places // self.part.lanes, :, places % self.part.lanes], 0, 0
+        jacobian = np.empty((len(places), self.part.parameters), np.float32)
+        for neurons, width in self.part.shapes:
+            inputs, derivatives = np.split(factors[:, start : start + width + neurons], [width], axis=1)
+            layer = jacobian[:, column : column + neurons * width].reshape(len(places), neurons, width)
+            np.multiply(derivatives[:, :, None], inputs[:, None, :], out=layer)
+            start, column = start + width + neurons, column + neurons * width
+        return jacobian
+
     def struct(self) -> Piece:
         """As C reads it; valid as long as this object."""
         of = self.part

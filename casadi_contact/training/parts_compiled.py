@@ -137,20 +137,8 @@ class CompiledParts:
             if blocks.part is part:
                 own = np.isin(rows, blocks.rows, assume_unique=True)
                 places = blocks.place[np.searchsorted(blocks.rows, rows[own])]
-                jacobian[own] = self._jacobian(blocks, places, self._scales[number] * scales[own])
+                jacobian[own] = self._scales[number] * scales[own, None] * blocks.jacobian(places)
         return np.asarray(dsyrk(1.0, jacobian.T))
-
-    @staticmethod
-    def _jacobian(blocks: Blocks, places: np.ndarray, scales: Array) -> Array:
-        """∂output/∂parameters (len(places), parameters), each row times its scale."""
-        block, lane = np.divmod(places, blocks.part.lanes)
-        factors, start, columns = blocks.factors[block, :, lane], 0, []
-        for neurons, width in blocks.part.shapes:
-            inputs, derivatives = np.split(factors[:, start : start + width + neurons], [width], axis=1)
-            weighted = derivatives * scales[:, None]
-            columns.append((weighted[:, :, None] * inputs[:, None, :]).reshape(len(places), neurons * width))
-            start += width + neurons
-        return np.concatenate(columns, axis=1)
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:
