@@ -28,7 +28,8 @@ class ContactModel(Protocol):
     """Loads on the fixed body as functions of the pose (n, 6); elastic foundations and surrogates alike.
 
     A model that has wrench_jacobian(poses) as well, wrenches (n, patches, 6) and their derivatives by the pose (n,
-    patches, 6, 6), settles under any load of its patches, others under those of load_names.
+    patches, 6, 6), settles under any load of its patches, others under those of load_names. One that has
+    jacobian_and_roots(poses) too, all that `jacobian` and `root_loads` return, is evaluated once for both.
     """
 
     scene: Scene
@@ -47,6 +48,12 @@ class ContactModel(Protocol):
         s = √(N/N0) in contact, with N the patch's normal load (see the scene); out of contact s = -c·gap, or a like
         falling quantity.
         """
+
+
+def jacobian_and_roots(model: ContactModel, poses: Array) -> tuple[Array, Array, Array, Array]:
+    """Named loads, their derivatives, signed root loads and theirs (see `ContactModel`)."""
+    together = getattr(model, "jacobian_and_roots", None)
+    return together(poses) if together else (*model.jacobian(poses), *model.root_loads(poses))
 
 
 def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.model import ContactModel, jacobian_and_roots
 from casadi_contact.contact.named_loads import with_loads
 from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
@@ -146,11 +146,13 @@ class Equilibrium:
         """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]; NaN all three
         where the model gives no finite loads, or none within a difference's step of them."""
         model, n0 = self.model, self.model.scene.reference_load
-        loads, jacobian = model.jacobian(poses)
+        directed, vectors, totals = self._directed_targets, self._vector_targets, self._total_targets
+        if directed or vectors or totals:
+            loads, jacobian, *roots = jacobian_and_roots(model, poses)
+        else:
+            loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
         r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
-        directed, vectors, totals = self._directed_targets, self._vector_targets, self._total_targets
-        roots = model.root_loads(poses) if directed or vectors or totals else (np.empty(0), np.empty(0))
         for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
             r[:, column] = misfit[:, column] / scale
             slope[:, column] = jacobian[:, model.load_names.index(name)] / scale

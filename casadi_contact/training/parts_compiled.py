@@ -1,4 +1,4 @@
-"""Networks of a patch's parts in training, in C (``c/parts_products.h``): about four times as fast as in NumPy."""
+"""Networks of a patch's parts in training, in C (``c/parts_products.h``): a step takes half as long as in NumPy."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def compiled_parts(
     try:
         return CompiledParts(networks, inputs, weighted, parts_library(activations.pop()))
     except CompilerError as error:
-        warn_once(f"{error}; parts are trained in NumPy, about four times slower")
+        warn_once(f"{error}; parts are trained in NumPy, twice as long")
         return None
 
 

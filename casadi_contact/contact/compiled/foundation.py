@@ -92,9 +92,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         if self._library is None:
-            wrenches, by_pose, _ = self._wrenches(poses, slopes=True)
-            selection = self._rows(loads)
-            return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, by_pose)
+            return self._named(*self.wrench_jacobian(poses), loads)
         values = np.empty((len(poses), len(self.load_names)))
         slopes = np.empty((*values.shape, 6))
         call_in_shares(self._library, "array_jacobians", poses, values, slopes)
@@ -103,6 +101,10 @@ class CompiledFoundation(ContactFunctions, Exportable):
             return values, slopes
         columns = [self.load_names.index(name) for name in asked]
         return values[:, columns], slopes[:, columns]
+
+    def _named(self, wrenches: Array, slopes: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
+        selection = self._rows(loads)
+        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
@@ -145,8 +147,16 @@ class CompiledFoundation(ContactFunctions, Exportable):
 
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
-        wrenches, slopes, _ = self._wrenches(poses, slopes=True)
+        return self._roots(poses, *self.wrench_jacobian(poses))
+
+    def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
         return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(poses[rows]))
+
+    @pose_or_poses
+    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `jacobian` and `root_loads` return, from one evaluation."""
+        found = self.wrench_jacobian(poses)
+        return *self._named(*found), *self._roots(poses, *found)
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""

@@ -101,7 +101,9 @@ class ElasticFoundation:
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes = self.wrench_jacobian(poses)
+        return self._named(*self.wrench_jacobian(poses))
+
+    def _named(self, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
 
@@ -137,8 +139,16 @@ class ElasticFoundation:
 
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
-        wrenches, slopes = self._evaluate(self._patches, poses, derivatives=True)
+        return self._roots(poses, *self.wrench_jacobian(poses))
+
+    def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
         return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(self._patches, poses[rows]))
+
+    @pose_or_poses
+    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `jacobian` and `root_loads` return, from one evaluation."""
+        found = self.wrench_jacobian(poses)
+        return *self._named(*found), *self._roots(poses, *found)
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
