@@ -20,7 +20,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from casadi_contact.contact import CellFoundation, ContactModel, ElasticFoundation, foundation
+from casadi_contact.contact import CallableModel, CellFoundation, ContactModel, ElasticFoundation, foundation
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.agreement import refuse_other_loads
@@ -82,6 +82,11 @@ def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel,
 
 
 MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
+_STORED: dict[Any, str] = {  # in samples files, which must stay readable wherever the code moves
+    elastic_foundations: "casadi_contact.sampling.draw.elastic_foundations",
+    foundations: "casadi_contact.sampling.draw.foundations",
+    CallableModel: "casadi_contact.contact.model.CallableModel",
+}
 
 
 def model_pair(name: str) -> ModelPair:
@@ -123,9 +128,9 @@ def models_identity(models: ModelPair) -> dict[str, str]:
 
 
 def _full_name(models: ModelPair) -> str:
-    """The name of what makes the models, or of what it says that it stands for."""
+    """The name of what makes the models, or of what it says that it stands for, as files hold it."""
     named = getattr(models, "stands_for", models)
-    return f"{named.__module__}.{named.__qualname__}"
+    return _STORED.get(named) or f"{named.__module__}.{named.__qualname__}"
 
 
 def draw_samples(

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from casadi_contact.contact import CellFoundation, Cells, ElasticFoundation
+from casadi_contact.contact import CallableModel, CellFoundation, Cells, ElasticFoundation
 from casadi_contact.dataset import read_samples
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import (
@@ -14,6 +14,7 @@ from casadi_contact.sampling import (
     SamplingSettings,
     draw_samples,
     model_pair,
+    models_identity,
     reference_motion,
     teacher_of,
 )
@@ -65,6 +66,20 @@ def test_contact_that_ends_within_the_outermost_cell_does_not_reach_the_rim():
     assert teacher.at_edge(poses)[:, 0].tolist() == [False, False, True]
     np.testing.assert_array_equal(teacher.wrenches(poses), cells.wrenches(poses))
     np.testing.assert_array_equal(teacher.gaps(poses), cells.gaps(poses))
+
+
+@pytest.mark.parametrize(
+    ("what", "stored"),
+    [
+        (MODELS["elements"], "casadi_contact.sampling.draw.elastic_foundations"),
+        (MODELS["foundation"], "casadi_contact.sampling.draw.foundations"),
+        (CallableModel, "casadi_contact.contact.model.CallableModel"),
+    ],
+)
+def test_files_name_their_model_alike_when_its_code_has_moved(what, stored, monkeypatch):
+    """Samples on disc outlive the modules that they were drawn with."""
+    monkeypatch.setattr(what, "__module__", "casadi_contact.elsewhere")
+    assert models_identity(what)["models"] == stored
 
 
 def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_error(tmp_path):
