@@ -3,6 +3,7 @@ or be learned, is told at once."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,7 +12,9 @@ import numpy as np
 from casadi_contact.contact.model import CallableModel, ContactModel
 from casadi_contact.contact.touch import ways_of_pressing
 from casadi_contact.conventions import Array, evenly, pose_text
-from casadi_contact.quantities import FORCE, of_kind, two_digits
+from casadi_contact.quantities import FORCE, of_kind, quantity, two_digits
+
+_log = logging.getLogger(__name__)
 
 _POSES = 5
 _PLACES, _BACK_MM, _FURTHEST_MM = 16, 1.0, 20.0
@@ -20,6 +23,8 @@ _CLEARLY = 0.01  # of a load: noise of a model is less
 _ABOUT = 10.0  # times the wanted force: poses that carry more tell less
 _NOISY = 2.0  # times the tolerance: a little noise still lets poses settle
 _STEPS_PER_NOISE = 100.0  # differences over such a step tell slopes to a per cent
+_ROUNDS = 4
+_REMEMBERED = 6.0  # times the spread of one force asked again: differences of noise alone are less
 
 
 @dataclass(frozen=True)
@@ -45,10 +50,11 @@ class _Contact:
 
 
 def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array], tolerance_n: float) -> None:
-    """Raise ValueError for a model that cannot be settled on: `_refuse_reversed`, `_refuse_noise`.
+    """Raise ValueError for a model that cannot be settled on: `_refuse_reversed`, `_refuse_memory`, `_refuse_noise`.
 
     It is asked at up to 5 of the poses (n, 6) at the first touch, pressed on so far that they carry about the wanted
-    forces (n,), which are by load name as `first_touch` takes them. A model without wrenches is not tried.
+    forces (n,), which are by load name as `first_touch` takes them. A model without wrenches is not tried. A logged
+    warning names loads whose noise is larger than the scene's tolerance.
     """
     if not len(touching) or not hasattr(model, "wrenches"):
         return
@@ -64,7 +70,9 @@ def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array],
     if len(rows):
         contact = _Contact(model, poses[rows], patches, forces[rows, patches])
         slope = _refuse_reversed(contact)
+        _refuse_memory(contact, tolerance_n)
         _refuse_noise(contact, slope, tolerance_n)
+        _tell_noise(contact)
 
 
 def _pressed(model: ContactModel, poses: Array, ways: Array, wanted_n: Array) -> Array:
@@ -113,6 +121,33 @@ def _refuse_reversed(contact: _Contact) -> Array:
     return np.asarray((ahead - behind) / (2.0 * _MOVED_MM))
 
 
+def _refuse_memory(contact: _Contact, tolerance_n: float) -> None:
+    """ValueError for forces that depend on what was asked before, as with hysteresis or a solver that goes on from its
+    last solution: no function of the pose fits them.
+
+    A model that takes pose after pose is asked 0.1 mm behind, here, 0.1 mm ahead and here again, in four rounds. Means
+    of the forces here, after behind, after ahead and at first, may differ by twice the tolerance [N] of settling and
+    six times the spread of the rounds.
+    """
+    size = np.linalg.norm(contact.forces, axis=1)
+    along = (contact.forces / size[:, None])[:, None, None, :]
+    moved = np.tile(contact.poses[:, None, None, :], (1, _ROUNDS, 4, 1))
+    moved[..., :3] += _MOVED_MM * np.array([-1.0, 0.0, 1.0, 0.0])[:, None] * along
+    found = _forces(contact.model, moved.reshape(-1, 6)).reshape(len(size), -1, len(contact.model.patch_names), 3)
+    here = found[np.arange(len(size)), :, contact.patches].reshape(len(size), _ROUNDS, 4, 3)[:, :, 1::2]
+    means = np.concatenate([here.mean(axis=1), contact.forces[:, None]], axis=1)
+    off = np.linalg.norm(means[:, [0, 0, 1]] - means[:, [1, 2, 2]], axis=2).max(axis=1)
+    spread = np.sqrt(here.var(axis=1, ddof=1).sum(axis=2).mean(axis=1)) / size
+    off = np.where(np.isfinite(off), off, 0.0)
+    row = int(off.argmax())
+    if off[row] > _NOISY * tolerance_n + _REMEMBERED * float(np.fmax.reduce(spread)) * size[row]:
+        raise ValueError(
+            f"the contact model remembers: its {contact.text(row)} differs by {two_digits(off[row])} N with the poses "
+            "asked before, expected a function of the pose alone: start its solver from one state at every pose, "
+            "without friction, plasticity or other hysteresis"
+        )
+
+
 def _refuse_noise(contact: _Contact, slope: Array, tolerance_n: float) -> None:
     """ValueError for forces that differ, asked once more δ = 1e-10 mm beside, by more than twice the tolerance [N] of
     settling and what contact itself changes there, slope·δ."""
@@ -129,6 +164,25 @@ def _refuse_noise(contact: _Contact, slope: Array, tolerance_n: float) -> None:
         f"the contact model is noisy: its {contact.text(row)} differs by {two_digits(noise[row])} N when asked once "
         f"more, expected at most twice the {tolerance_n:g} N within which poses settle: {cure}"
     )
+
+
+def _tell_noise(contact: _Contact) -> None:
+    """A warning of loads that differ by more than their tolerance (RMS) when asked again: settling may allow what a
+    surrogate cannot learn."""
+    model, count = contact.model, len(contact.poses)
+    again = model(np.repeat(contact.poses, _ROUNDS, axis=0)).reshape(count, _ROUNDS, -1)
+    noise = dict(zip(model.load_names, np.sqrt(again.var(axis=1, ddof=1).mean(axis=0)), strict=True))
+    tolerances = model.scene.tolerances
+    if said := ", ".join(
+        f"{name} differs by {two_digits(noise[name])} {quantity(name).unit} (tolerance {tolerances[name]:g})"
+        for name in noise
+        if noise[name] > tolerances[name]
+    ):
+        _log.warning(
+            "the contact model is noisier than the scene's tolerances, asked again at one pose (RMS): %s; errors on "
+            "held-back samples cannot fall below that: let its solver converge further, or raise [tolerances]",
+            said,
+        )
 
 
 def _forces(model: ContactModel, poses: Array) -> Array:

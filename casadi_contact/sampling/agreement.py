@@ -24,12 +24,14 @@ _GAP_MM = 0.01
 _COMPONENTS = {FORCE: slice(0, 3), TORQUE: slice(3, 6)}
 
 
-def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> None:
+def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path, tolerance_n: float) -> None:
     """Raise ValueError, naming pose and load, where a model no longer says what samples drawn from it say.
 
     It is asked at up to 8 of the samples that carry a load and 2 that carry none, spread over all. The RMS difference
-    of a load may reach the scene's tolerance of it, or 0.5 % of the RMS force (torque) of all parts where that is more;
-    that of gaps 0.01 mm, or 0.5 %. Poses at which the model now gives no finite loads are passed over, up to half.
+    of a load may reach the scene's tolerance of it, or a share of the RMS force (torque) of all parts where that is
+    more: 0.5 %, or what the force tolerance [N] of settling is of the RMS force, by which a noisy model may differ.
+    That of gaps may reach 0.01 mm, or 0.5 %. Poses at which the model now gives no finite loads are passed over,
+    up to half.
     """
     if not len(samples):
         return
@@ -43,7 +45,7 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> Non
     if 2 * int(finite.sum()) < len(rows):
         at = pose_text(asked.poses[~finite][0], asked.scene.patch_names)
         raise ValueError(f"{where} was drawn from another contact model: {NOT_FINITE} now at {at}: {cure}")
-    for name, kept, now, limit in _compared(asked.rows(finite), wrenches[finite], gaps[finite]):
+    for name, kept, now, limit in _compared(asked.rows(finite), wrenches[finite], gaps[finite], tolerance_n):
         off, unit = np.abs(now - kept), quantity(name).unit
         if _rms(off) > limit:
             row = int(np.nanargmax(off))
@@ -54,13 +56,16 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path) -> Non
             )
 
 
-def _compared(kept: Samples, wrenches: Array, gaps: Array) -> Iterator[tuple[str, Array, Array, float]]:
+def _compared(
+    kept: Samples, wrenches: Array, gaps: Array, tolerance_n: float
+) -> Iterator[tuple[str, Array, Array, float]]:
     """Each load, and the gap of each part: its name, what it was (n,), what it is now, and how far RMS may be off."""
     scene, names = kept.scene, kept.scene.load_names
     now = replace(kept, wrenches=wrenches).loads()
     sizes = {kind: _rms(np.linalg.norm(kept.wrenches[..., of], axis=(1, 2))) for kind, of in _COMPONENTS.items()}
+    share = max(_SHARE, tolerance_n / sizes[FORCE]) if sizes[FORCE] > 0.0 else _SHARE
     for column, name in enumerate(names):
-        limit = max(scene.tolerances[name], _SHARE * sizes[quantity(name).kind])
+        limit = max(scene.tolerances[name], share * sizes[quantity(name).kind])
         yield name, kept.loads()[:, column], now[:, column], limit
     for column, part in enumerate(scene.parts):
         before = kept.gaps[:, column]

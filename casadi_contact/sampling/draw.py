@@ -166,6 +166,7 @@ def draw_samples(
         "plan_digest": plan_digest(chunks),
     }
     job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+    tolerance_n = settings.settle_tolerance_n
     own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
@@ -174,14 +175,14 @@ def draw_samples(
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
         if own:
-            refuse_other_loads(_models(job)[1], replace(samples, scene=scene), path)
+            refuse_other_loads(_models(job)[1], replace(samples, scene=scene), path, tolerance_n)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     # One foundation draws all chunks: it is chosen for the tolerances.
     folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
-        refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder)
+        refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder, tolerance_n)
     _draw_missing(job, chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)

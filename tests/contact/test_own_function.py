@@ -160,6 +160,54 @@ def test_a_noisy_model_is_told_what_settles_it(share):
     assert report.converged.mean() > 0.95
 
 
+def with_friction(share, noise=0.0, seed=4):
+    """Hysteresis: forces larger by a share where the pose before lay less deep, smaller where it lay deeper."""
+    rng, before = np.random.default_rng(seed), [0.0]
+
+    def loop(poses):
+        depth = -own_contact.gaps(poses)[:, 0]
+        way = np.sign(np.diff(np.concatenate([before, depth])))
+        before[0] = depth[-1]
+        factor = 1.0 + share * way + noise * rng.standard_normal(len(poses))
+        return own_contact.wrenches(poses) * factor[:, None, None]
+
+    return loop
+
+
+@pytest.mark.parametrize(("share", "noise"), [(0.001, 0.0), (0.1, 0.0), (0.1, 0.005)])
+def test_hysteresis_is_refused_by_its_name_and_not_as_noise(share, noise):
+    _, estimate = estimated(own_contact.SCENE, with_friction(share, noise), own_contact.gaps)
+    with pytest.raises(
+        ValueError, match=r"remembers: its force .* at tx .* differs by .* expected a function"
+    ) as error:
+        estimate()
+    assert "\n" not in str(error.value)
+    off = float(re.search(r"differs by (\S+) N", str(error.value)).group(1))
+    size = np.linalg.norm(
+        [float(each) for each in re.search(r"force \((.*?)\) N", str(error.value)).group(1).split(",")]
+    )
+    assert 1.5 * share * size < off < 2.8 * share * size, "from one branch of the loop to the other"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_is_not_taken_for_hysteresis(seed):
+    _, estimate = estimated(own_contact.SCENE, with_friction(0.0, 0.01, seed), own_contact.gaps)
+    with pytest.raises(ValueError, match="the contact model is noisy"):
+        estimate()
+
+
+def test_noise_beyond_the_tolerances_is_told_where_settling_allows_it(caplog):
+    """1 % of 500 N is 5 N, where 2 N are wanted: no error on noisy held-back samples can be smaller."""
+    for noise, told in ((0.0, False), (0.01, True)):
+        model = cc.CallableModel(own_contact.SCENE, with_friction(0.0, noise), own_contact.gaps)
+        poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
+        wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
+        try_model(model, first_touch(model, poses, wanted), wanted, tolerance_n=30.0)
+        assert bool(caplog.messages) == told
+    (line,) = caplog.messages
+    assert 2.5 < float(re.search(r"Fy differs by (\S+) N \(tolerance 2\)", line).group(1)) < 10.0
+
+
 @pytest.mark.parametrize("name", ["knee", "hip"])
 def test_a_stiff_contact_is_not_taken_for_noise_however_closely_poses_shall_settle(name):
     scene = cc.load_scene(name)

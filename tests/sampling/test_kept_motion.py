@@ -56,6 +56,26 @@ def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 
 
+def test_a_model_noisy_to_a_percent_goes_on_where_settling_allows_as_much(project):
+    """1 % of loads up to 770 N, where poses settle to 30 N: asked once more it is still the same model."""
+    text = project.scene.to_toml().replace("liftoff_mm", "settle_tolerance_n = 30.0\nliftoff_mm")
+    lenient = replace(project, scene=Scene.from_toml(text))
+    rng = np.random.default_rng(2)
+
+    def noisy(poses):
+        return own_contact.wrenches(poses) * (1.0 + 0.01 * rng.standard_normal((len(poses), 1, 1)))
+
+    def given():
+        return cc.CallableModel(lenient.scene, noisy, own_contact.gaps, step_mm=0.02, step_rad=0.001)
+
+    with pytest.raises(StopError):
+        drawn(lenient, given(), 4)
+    assert len(drawn(lenient, given())) > 100
+    assert len(drawn(lenient, given())) > 100, "the whole file, too"
+    with pytest.raises(ValueError, match="drawn from another contact model"):
+        drawn(lenient, model(lenient, 1.2))
+
+
 def allowing(project, most_dropped):
     """The project, in the same folder, after its user has set how much of a domain may be dropped."""
     text = project.scene.to_toml().replace("liftoff_mm", f"most_dropped = {most_dropped}\nliftoff_mm")
