@@ -43,8 +43,11 @@ def odd_rows(samples: Samples) -> list[OddRow]:
     the pose says, and by more than a fifth of itself, the oddest first, each with its oddest load.
 
     Of each part the root √N of the normal load and the other components W over N, which are smooth in the pose, are
-    fitted by least absolute deviations, min Σ w·|y - A·c| with w = 1 for √N and w = N for W/N: a few wrong rows do not
-    move such a fit. The degree is 3, or less where there are fewer than 4 rows for each term.
+    fitted by least absolute deviations, min Σ w·|y - A·c| with w = 1 for √N and for W/N the lesser of N and its fit: a
+    few wrong rows do not move such a fit. The degree is 3, or less where there are fewer than 4 rows for each term.
+
+    A component is odd beside its row's normal load and beside the fitted one: of a row whose normal load alone is wrong
+    W/N is, and W is not.
     """
     scene = samples.scene
     oddest: dict[int, tuple[float, OddRow]] = {}
@@ -57,16 +60,18 @@ def odd_rows(samples: Samples) -> list[OddRow]:
         normal, alone = part.normal.of(wrench[rows]), len(scene.parts) == 1
         root = _least_deviations(terms, np.sqrt(normal), np.ones(len(rows)))
         pressing = "normal load" if alone else f"normal load of {part.name}"
-        found = [(pressing, "N", normal, root**2, _times_usual(np.sqrt(normal), root))]
+        times = np.where(_wrong(normal, root**2), _times_usual(np.sqrt(normal), root), 0.0)
+        found = [(pressing, "N", normal, root**2, times)]
         for k, name in enumerate(WRENCH_NAMES):
             if name != part.normal.component:
                 load = wrench[rows, k]
-                expected = normal * _least_deviations(terms, load / normal, normal)
+                ratio = _least_deviations(terms, load / normal, np.minimum(normal, root**2))
                 column = name if alone else f"{name}_{part.name}"
-                found.append((column, quantity(name).unit, load, expected, _times_usual(load, expected)))
+                wrong = _wrong(load, ratio * normal) & _wrong(load, ratio * root**2)
+                times = np.where(wrong, _times_usual(load, ratio * normal), 0.0)
+                found.append((column, quantity(name).unit, load, ratio * root**2, times))
         for load_name, unit, values, expected, times in found:
-            wrong = np.abs(values - expected) > _WRONG * np.maximum(np.abs(values), np.abs(expected))
-            for j in np.flatnonzero(wrong & (times > _TIMES)):
+            for j in np.flatnonzero(times > _TIMES):
                 odd = OddRow(int(rows[j]) + 1, load_name, unit, float(values[j]), float(expected[j]))
                 if odd.row not in oddest or oddest[odd.row][0] < times[j]:
                     oddest[odd.row] = (float(times[j]), odd)
@@ -103,6 +108,11 @@ def _least_deviations(terms: Array, values: Array, weights: Array) -> Array:
         off = np.abs(values - fitted)
         squares = weights / np.maximum(off, 1e-3 * np.median(off) + 1e-300)
     return np.asarray(fitted)
+
+
+def _wrong(values: Array, expected: Array) -> np.ndarray:
+    """Where values (n,) differ from what is expected by more than a fifth of either."""
+    return np.asarray(np.abs(values - expected) > _WRONG * np.maximum(np.abs(values), np.abs(expected)))
 
 
 def _times_usual(values: Array, fitted: Array) -> Array:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
@@ -52,6 +53,19 @@ def test_one_load_of_a_row_with_the_wrong_sign_is_named():
     row = int(samples.wrenches[:, 0, 1].argmax())
     (odd,) = odd_rows(changed(samples, row, -1.0, columns=5))
     assert (odd.row, odd.load, odd.unit) == (row + 1, "Tz", "N·mm")
+
+
+@pytest.mark.parametrize("times", [10.0, 2.0, 0.5, 0.1])
+def test_of_a_row_whose_pressing_force_alone_is_wrong_no_other_load_is_named(times):
+    """Its other loads are right: they are what the rows around it say, and not what its own force says."""
+    for scene in (SCENE, PRESSED):
+        samples = noisy_samples(scene)
+        for row in np.argsort(-samples.wrenches[:, 0, 1])[[0, 80, 160]]:
+            (odd,) = odd_rows(changed(samples, row, times, columns=1))
+            pressing = samples.scene.parts[0].normal.of(samples.wrenches[row, 0])
+            right = {"normal load": pressing, "Fy": samples.wrenches[row, 0, 1]}
+            assert odd.row == row + 1
+            assert np.isclose(odd.expected, right[odd.load], rtol=0.1)
 
 
 def test_rows_that_differ_from_the_fit_by_less_than_a_fifth_of_themselves_are_not_odd():
