@@ -15,7 +15,8 @@ _LEAST, _MOST = 0.01, 20.0  # of the scene's reference load
 
 def force_doubt(scene: Scene, wanted: Mapping[str, Array]) -> str:
     """A line where the largest force of a cycle is below a hundredth of the scene's reference load or above 20 times
-    it; "" where it is not, and where all are zero.
+    it; "" where it is not, and where all are zero. Pounds-force and percent of body weight, 4 and 7 times as small
+    numbers, lie within what joints carry.
 
     wanted: loads and centres of pressure by name, each (n,).
     """
@@ -24,7 +25,12 @@ def force_doubt(scene: Scene, wanted: Mapping[str, Array]) -> str:
     if largest == 0.0 or _LEAST <= share <= _MOST:
         return ""
     made_for = f"where the scene's reference load is {scene.reference_load:.4g} N"
-    found = f"the largest force is {two_digits(largest)} N, {made_for}"
     if share < _LEAST:
-        return f"{found}: are forces in kN or body weights? Multiply them by 1000 or by the weight in N"
-    return f"{found}: are forces in mN, or converted twice? Give them in N"
+        return (
+            f"the largest force is {two_digits(largest)} N, {made_for}: are forces in kN or body weights? Multiply "
+            "them by 1000 or by the weight in N"
+        )
+    return (
+        f"the largest force is {float(two_digits(largest)):,.0f} N, {made_for}: are forces in mN, or converted twice? "
+        "Give them in N"
+    )

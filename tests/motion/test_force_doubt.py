@@ -2,6 +2,7 @@
 
 import logging
 
+import numpy as np
 import pytest
 
 import casadi_contact as cc
@@ -27,6 +28,15 @@ def test_forces_of_walking_in_another_unit_are_doubted(scale, asked):
     said = force_doubt(cc.load_scene("knee"), wanted)
     assert asked in said
     assert bool(asked) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("force_n", "text"), [(0.00213, "0.0021 N"), (2.13, "2.1 N"), (21300, "21,000"), (1e6, "1,000,000 N")]
+)
+def test_the_force_is_written_as_people_write_it(force_n, text):
+    said = force_doubt(cc.load_scene("knee"), {"Fy_med": -force_n * np.ones(3)})
+    assert text in said
+    assert "e+" not in said
 
 
 def test_three_body_weights_on_a_hip_are_not_doubted():
