@@ -127,6 +127,18 @@ def test_a_wrong_row_of_a_table_is_named_in_the_surrogate_and_its_report(scene_f
     assert named in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
+def test_rows_of_one_pose_with_different_loads_are_named_as_a_table_is_taken(scene_file, tmp_path, caplog):
+    columns = table_rows(60)
+    pressed = int(columns["Fy"].argmax())
+    again = {name: np.append(column, column[pressed]) for name, column in columns.items()}
+    again["Fy"][-1] *= 0.95
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    samples = pipeline.take_table(project, write_csv(tmp_path / "t.csv", again))
+    named = f"keep one row of each or their mean: 1 (Fy of row {pressed + 1} "
+    assert named in caplog.text
+    assert named in samples.provenance["odd_rows"]
+
+
 def test_a_table_that_was_mended_replaces_one_that_nothing_was_learned_from(scene_file, tmp_path):
     columns, table = table_rows(60), tmp_path / "t.csv"
     gaps = columns.pop("gap")

@@ -15,6 +15,7 @@ from casadi_contact.dataset import Samples, read_sample_table, write_samples
 from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
+from casadi_contact.dataset.repeated_poses import contradictions_text
 from casadi_contact.motion.force_doubt import force_doubt
 from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
@@ -154,7 +155,8 @@ def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
     Raises ValueError for a table that cannot serve the preset's structures, and for a folder in which other samples are
-    drawn or learned already. A logged warning, and the samples' provenance, name rows that contradict the others.
+    drawn or learned already. A logged warning, and the samples' provenance, name rows that contradict the others, or
+    each other at one pose.
     """
     samples = read_sample_table(table, project.scene)
     if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
@@ -167,7 +169,7 @@ def take_table(project: Project, table: Path) -> Samples:
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
-    if odd := odd_rows_text(odd_rows(samples)):
+    if odd := "; ".join(filter(None, (odd_rows_text(odd_rows(samples)), contradictions_text(samples)))):
         _log.warning("%s: %s", table, odd)
         samples = replace(samples, provenance={**samples.provenance, "odd_rows": odd})
     project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
