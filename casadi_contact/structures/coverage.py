@@ -7,6 +7,8 @@ import numpy as np
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.structures.base import Surrogate
 
+_LEAST = 10  # poses that tell a share: of a single one it is 0 or 100 %
+
 
 def trust_coverage(
     surrogate: Surrogate,
@@ -16,9 +18,9 @@ def trust_coverage(
     led: Samples | None = None,
 ) -> dict[str, dict[str, float]]:
     """By domain: share of poses with validity above 0.9 ("valid") and, by load, share of errors below those
-    expected, over the poses that carry the load. Of the poses around: "around" those with validity above 0.5, "edge"
-    those of all with validity between 0.1 and 0.9, "outside" those below 0.1. Of the poses in range "range", of
-    those to which the surrogate leads "led": those with validity above 0.5."""
+    expected, over the poses that carry the load, where there are ten or more. Of the poses around: "around" those with
+    validity above 0.5, "edge" those of all with validity between 0.1 and 0.9, "outside" those below 0.1. Of the poses
+    in range "range", of those to which the surrogate leads "led": those with validity above 0.5."""
     groups = {domain: samples.select(domain) for domain in DOMAINS}
     for name, part in (("range", in_range), ("led", led)):
         if part is not None:
@@ -41,6 +43,6 @@ def _coverage(surrogate: Surrogate, part: Samples) -> dict[str, float]:
     below = np.abs(surrogate(part.poses) - wanted) <= surrogate.expected_error(part.poses)
     row = {"valid": float(np.mean(surrogate.validity(part.poses) > 0.9))}
     for load, column, loaded in zip(surrogate.load_names, below.T, (wanted != 0.0).T, strict=True):
-        if loaded.any():
+        if loaded.sum() >= _LEAST:
             row[load] = float(np.mean(column[loaded]))
     return row

@@ -8,6 +8,7 @@ import pytest
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate, load_surrogate, with_trust
+from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.distrust import Confirmation
 from casadi_contact.structures.states import state_columns
 from tests.support.noisy_samples import NOISE, SCENE, made_up_samples
@@ -93,6 +94,18 @@ def test_validity_survives_the_file(surrogate, tmp_path):
     np.testing.assert_array_equal(again.validity(poses), trusted.validity(poses))
     np.testing.assert_array_equal(again.expected_error(poses), trusted.expected_error(poses))
     assert again.info().coverage == trusted.info().coverage
+
+
+@pytest.mark.parametrize("count", [1, 9, 10])
+def test_a_share_of_errors_is_told_of_ten_poses_and_more(surrogate, count):
+    """Of one pose it is 0 or 100 %, and says nothing of a bound that holds for 95 %."""
+    samples = made_up_samples(surrogate)
+    trusted = with_trust(surrogate, samples)
+    loaded = samples.rows((samples.loads() != 0.0).all(axis=1)).select("D1")
+    coverage = trust_coverage(trusted, loaded.rows(np.arange(count)), led=loaded.rows(np.arange(200)))
+    (domain,) = set(coverage) - {"led"}
+    assert set(coverage[domain]) == {"valid", *(surrogate.load_names if count >= 10 else ())}
+    assert set(coverage["led"]) == {"valid", *surrogate.load_names}
 
 
 def test_what_cannot_be_calibrated_is_named(surrogate):
