@@ -179,8 +179,8 @@ def _tell_noise(contact: _Contact) -> None:
         if noise[name] > tolerances[name]
     ):
         _log.warning(
-            "the contact model is noisier than the scene's tolerances, asked again at one pose (RMS): %s; errors on "
-            "held-back samples cannot fall below that: let its solver converge further, or raise [tolerances]",
+            "the contact model is noisier than the scene's tolerances, asked again at one pose (RMS): %s; on held-back "
+            "samples such noise counts as error: let its solver converge further, or raise [tolerances]",
             said,
         )
 

@@ -197,7 +197,7 @@ def test_noise_is_not_taken_for_hysteresis(seed):
 
 
 def test_noise_beyond_the_tolerances_is_told_where_settling_allows_it(caplog):
-    """1 % of 500 N is 5 N, where 2 N are wanted: no error on noisy held-back samples can be smaller."""
+    """1 % of 500 N is 5 N, where 2 N are wanted: held-back samples count as much as error."""
     for noise, told in ((0.0, False), (0.01, True)):
         model = cc.CallableModel(own_contact.SCENE, with_friction(0.0, noise), own_contact.gaps)
         poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
