@@ -126,9 +126,10 @@ class CallableModel:
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch (n, patches, 6); raises ValueError if the user's function returns another shape, or
-        complex numbers."""
-        return asked("wrenches", self._wrenches, poses, (len(self.patch_names), 6), self.patch_names)
+        """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
+        can be taken; raises ValueError if it returns another shape, or complex numbers."""
+        wrenches = asked("wrenches", self._wrenches, poses, (len(self.patch_names), 6), self.patch_names)
+        return np.where(np.isfinite(wrenches), wrenches, np.nan)
 
     @pose_or_poses
     def __call__(self, poses: Array) -> Array:

@@ -300,6 +300,29 @@ def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_an
     np.testing.assert_array_equal(report.converged, wanted["Fy"] < 300.0, report.reason)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("limit_n", [300.0, 0.0])
+def test_infinite_loads_are_loads_that_are_not_known(limit_n):
+    """Frames settle where loads are finite, or not, as with loads that are no numbers; numpy warns of nothing."""
+
+    def estimate(value):
+        def fails_deep(poses):
+            loads = own_contact.wrenches(poses)
+            loads[np.linalg.norm(loads[:, 0, :3], axis=1) > limit_n] = value
+            return loads
+
+        model = cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps)
+        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=5)
+        cycles = reference_motion_cycles(own_contact.SCENE, ())[:1]
+        try:
+            return str(reference_motion(model, cycles, settings)[1])
+        except ValueError as error:
+            return str(error)
+
+    assert estimate(np.inf) == estimate(-np.inf) == estimate(np.nan)
+    assert "not finite" in estimate(np.inf)
+
+
 def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
     """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads."""
     asked = []
