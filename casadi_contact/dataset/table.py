@@ -24,7 +24,7 @@ from casadi_contact.dataset.loads import refuse_small_forces
 from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import existing_file, open_hdf5, short
 from casadi_contact.motion.columns import read_columns
-from casadi_contact.motion.load_cycle import check_radians
+from casadi_contact.motion.load_cycle import check_radians, check_size
 from casadi_contact.scenes import Scene
 
 _LEAST_ROWS = 10
@@ -35,9 +35,10 @@ _LEAST_WAY_MM = 0.05  # over which a joint's samples lie at least: what lifts it
 def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     """Samples from a table; of rows without a role a tenth each, at random, is for validation and for the test.
 
-    Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers, angles too large
-    for radians, translations too small for mm, columns of different length, too few rows, a role without rows, forces
-    too small for N (`loads.refuse_small_forces`), and gaps of the wrong sign (`gaps.refuse_wrong_gaps`).
+    Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers or beyond 1e15,
+    angles too large for radians, translations too small for mm, columns of different length, too few rows, a role
+    without rows, forces too small for N (`loads.refuse_small_forces`), and gaps of the wrong sign
+    (`gaps.refuse_wrong_gaps`).
     """
     path = Path(path)
     wrench_columns = _wrench_columns(scene)
@@ -52,6 +53,8 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     count = len(table[POSE_NAMES[0]])
     if count < _LEAST_ROWS:
         raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
+    for name, column in table.items():
+        check_size(str(path), name, column)
     for name in ("rx", "ry", "rz"):
         check_radians(str(path), name, table[name])
     way_mm = max(float(np.ptp(table[name])) for name in ("tx", "ty", "tz"))

@@ -56,6 +56,8 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
         (lambda c: c.pop("Tx"), "lacks the columns Tx; it has"),
         (lambda c: c.pop("rz"), "lacks the columns rz"),
         (lambda c: c.update(Fy=np.full(20, np.nan)), "finite number"),
+        (lambda c: c["Tx"].put(3, 1e30), r"Tx is 1e\+30 in row 4, expected numbers within .*: remove rows of missing"),
+        (lambda c: c["ty"].put(19, -9.97e36), r"ty is -9\.97e\+36 in row 20, expected"),
         (lambda c: c.update(role=np.full(20, 0.5)), "role holds other numbers"),
         (lambda c: c.update(role=np.full(20, 7.0)), "role holds numbers outside"),
         (lambda c: c.update(domain=np.full(20, 9.0)), "domain holds numbers outside"),

@@ -134,6 +134,12 @@ def test_columns_in_other_units_are_refused_with_the_unit_that_is_expected(tmp_p
     [
         ([0.0, 1.0, 2.0], {}, {"Fy": [1.0, 2.0]}, "Fy is not 3 finite numbers"),
         ([0.0, 1.0], {"rx": [0.0, np.nan]}, {"Fy": [1.0, 2.0]}, "rx is not 2 finite numbers"),
+        (
+            [0.0, 1.0],
+            {},
+            {"Fy": [1.0, 1e20]},
+            r"Fy is 1e\+20 in row 2, expected numbers within .*: remove rows of missing",
+        ),
         ([0.0, 1.0, 1.0], {}, {"Fy": [1.0, 2.0, 3.0]}, "time does not rise at frame 2"),
         ([0.0], {}, {"Fy": [1.0]}, "has 1 frames"),
     ],
