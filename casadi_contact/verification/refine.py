@@ -74,7 +74,8 @@ def refine(
     `TrainingSettings`.
     progress(text) is told each step. Nothing given is changed.
 
-    Raises ValueError like `verify` and `with_trust`, and where no new sample could be drawn.
+    Raises ValueError like `verify` and `with_trust`, for another answer of solve than a tuple of two, and where no new
+    sample could be drawn.
     """
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
@@ -102,7 +103,12 @@ def refine(
 
 
 def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verification:
-    poses, solved = solve(surrogate)
+    solution = solve(surrogate)
+    if not isinstance(solution, tuple) or len(solution) != 2:
+        raise ValueError(
+            f"solve returned a {type(solution).__name__}, expected a tuple of poses (n, 6) and which (n,) are solved"
+        )
+    poses, solved = solution
     return verify(surrogate, poses, model, solved)
 
 

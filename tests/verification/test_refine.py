@@ -107,3 +107,6 @@ def test_mistakes_are_named(start):
     sunk = np.array([[1e4, 500.0, 0.0, 0.0, 0.0, 0.0]])
     with pytest.raises(ValueError, match="no sample could be drawn"):
         cc.refine(surrogate, samples, lambda _: (sunk, np.array([True])), MODEL)
+    for answer in (sunk, [sunk, np.array([True])], (sunk,)):
+        with pytest.raises(ValueError, match=r"solve returned a \w+, expected a tuple of poses .* are solved"):
+            cc.refine(surrogate, samples, lambda _, answer=answer: answer, MODEL)
