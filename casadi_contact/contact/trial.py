@@ -70,7 +70,7 @@ def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array],
     if len(rows):
         contact = _Contact(model, poses[rows], patches, forces[rows, patches])
         slope = _refuse_reversed(contact)
-        _refuse_memory(contact, tolerance_n)
+        _refuse_memory(contact, slope, tolerance_n)
         _refuse_noise(contact, slope, tolerance_n)
         _tell_noise(contact)
 
@@ -121,13 +121,13 @@ def _refuse_reversed(contact: _Contact) -> Array:
     return np.asarray((ahead - behind) / (2.0 * _MOVED_MM))
 
 
-def _refuse_memory(contact: _Contact, tolerance_n: float) -> None:
+def _refuse_memory(contact: _Contact, slope: Array, tolerance_n: float) -> None:
     """ValueError for forces that depend on what was asked before, as with hysteresis or a solver that goes on from its
     last solution: no function of the pose fits them.
 
     A model that takes pose after pose is asked 0.1 mm behind, here, 0.1 mm ahead and here again, in four rounds. Means
     of the forces here, after behind, after ahead and at first, may differ by twice the tolerance [N] of settling and
-    six times the spread of the rounds.
+    six times the spread of the rounds. What is less than 1 % of the force may be taken for noise; the cure says how.
     """
     size = np.linalg.norm(contact.forces, axis=1)
     along = (contact.forces / size[:, None])[:, None, None, :]
@@ -141,10 +141,11 @@ def _refuse_memory(contact: _Contact, tolerance_n: float) -> None:
     off = np.where(np.isfinite(off), off, 0.0)
     row = int(off.argmax())
     if off[row] > _NOISY * tolerance_n + _REMEMBERED * float(np.fmax.reduce(spread)) * size[row]:
+        noise = f", or {_let_pass(contact, row, off[row], slope)}" if off[row] < _CLEARLY * size[row] else ""
         raise ValueError(
             f"the contact model remembers: its {contact.text(row)} differs by {two_digits(off[row])} N with the poses "
             "asked before, expected a function of the pose alone: start its solver from one state at every pose, "
-            "without friction, plasticity or other hysteresis"
+            f"without friction, plasticity or other hysteresis{noise}"
         )
 
 
@@ -156,14 +157,20 @@ def _refuse_noise(contact: _Contact, slope: Array, tolerance_n: float) -> None:
     row = int(noise.argmax())
     if noise[row] <= _NOISY * (tolerance_n + float(np.fmax(slope[row], 0.0)) * _BESIDE_MM):
         return
-    cure = f"set settle_tolerance_n = {two_digits(3.0 * noise[row])} or more in the scene's [sampling]"
-    if isinstance(contact.model, CallableModel) and slope[row] > 0.0:
-        step = two_digits(_STEPS_PER_NOISE * noise[row] / slope[row])
-        cure += f", and give cc.CallableModel step_mm={step}, step_rad={two_digits(float(step) / 25.0)} or more"
     raise ValueError(
         f"the contact model is noisy: its {contact.text(row)} differs by {two_digits(noise[row])} N when asked once "
-        f"more, expected at most twice the {tolerance_n:g} N within which poses settle: {cure}"
+        f"more, expected at most twice the {tolerance_n:g} N within which poses settle: "
+        f"{_let_pass(contact, row, noise[row], slope)}"
     )
+
+
+def _let_pass(contact: _Contact, row: int, noise_n: float, slope: Array) -> str:
+    """What to set so that poses settle on a model whose force differs by so much there."""
+    cure = f"set settle_tolerance_n = {two_digits(3.0 * noise_n)} or more in the scene's [sampling]"
+    if isinstance(contact.model, CallableModel) and slope[row] > 0.0:
+        step = two_digits(_STEPS_PER_NOISE * noise_n / slope[row])
+        cure += f", and give cc.CallableModel step_mm={step}, step_rad={two_digits(float(step) / 25.0)} or more"
+    return cure
 
 
 def _tell_noise(contact: _Contact) -> None:

@@ -189,6 +189,24 @@ def test_hysteresis_is_refused_by_its_name_and_not_as_noise(share, noise):
     assert 1.5 * share * size < off < 2.8 * share * size, "from one branch of the loop to the other"
 
 
+def test_a_little_memory_of_a_solver_may_be_taken_for_noise_and_much_may_not():
+    """0.1 % of the force: poses settle with what the refusal names. A loop of 10 % is none of noise."""
+
+    def estimate(share, tolerance_n, **steps):
+        model = cc.CallableModel(own_contact.SCENE, with_friction(share), own_contact.gaps, **steps)
+        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=11, settle_tolerance_n=tolerance_n)
+        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ())[:1], settings)[1]
+
+    with pytest.raises(ValueError, match="remembers") as error:
+        estimate(0.1, 1e-3)
+    assert "settle_tolerance_n" not in str(error.value)
+    with pytest.raises(ValueError, match="remembers") as error:
+        estimate(0.001, 1e-3)
+    said = re.search(r"hysteresis, or set .*_n = (\S+) .*step_mm=(\S+), step_rad=(\S+) or", str(error.value)).groups()
+    tolerance, step_mm, step_rad = map(float, said)
+    assert estimate(0.001, tolerance, step_mm=step_mm, step_rad=step_rad).converged.all()
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_is_not_taken_for_hysteresis(seed):
     _, estimate = estimated(own_contact.SCENE, with_friction(0.0, 0.01, seed), own_contact.gaps)
