@@ -37,7 +37,7 @@ class Fitness:
             return "not judged: the file records no errors on held-back samples"
         unfit = [domain for domain in self.errors if domain not in self.fit]
         reasons = "; ".join(f"{domain}: {self._reason(domain)}" for domain in unfit)
-        if not self.fit:
+        if unfit and set(self.fit) <= {"D5"}:  # where nothing touches
             return f"not fit for use: {reasons}"
         text = f"fit for use within {self._within()} (RMS of held-back samples) in {', '.join(self.fit)}"
         text += f"; not in {reasons}" if unfit else ""

@@ -95,6 +95,15 @@ def test_the_verdict_names_what_is_within_and_what_is_off():
     assert str(lost).endswith("in D1, D2; dropped and not judged: of D2 93 %, of D3 100 %")
 
 
+def test_a_surrogate_that_is_right_only_where_nothing_touches_is_not_fit_for_use():
+    nothing, off, tolerances = {"Fy": 0.0}, {"Fy": 9.0}, {"Fy": 1.0}
+    said = str(Fitness({"D1": off, "D5": nothing}, tolerances))
+    assert said == "not fit for use: D1: Fy is off by 9 N, tolerance 1"
+    assert str(Fitness({"D1": off, "D5": nothing, "D7": {"Fy": 0.5}}, tolerances)).startswith(
+        "fit for use within 0.5 N"
+    )
+
+
 def test_fit_domains_whose_error_few_held_back_samples_tell_are_named(surrogate):
     counts = SAMPLES.counts()
     assert samples_record(SAMPLES)["test_samples"] == {d: c["test"] for d, c in counts.items() if c["test"]}
