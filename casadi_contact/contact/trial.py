@@ -23,7 +23,7 @@ _CLEARLY = 0.01  # of a load: noise of a model is less
 _ABOUT = 10.0  # times the wanted force: poses that carry more tell less
 _NOISY = 2.0  # times the tolerance: a little noise still lets poses settle
 _STEPS_PER_NOISE = 100.0  # differences over such a step tell slopes to a per cent
-_ROUNDS = 4
+_ROUNDS = 3
 _REMEMBERED = 6.0  # times the spread of one force asked again: differences of noise alone are less
 
 
@@ -125,18 +125,21 @@ def _refuse_memory(contact: _Contact, slope: Array, tolerance_n: float) -> None:
     """ValueError for forces that depend on what was asked before, as with hysteresis or a solver that goes on from its
     last solution: no function of the pose fits them.
 
-    A model that takes pose after pose is asked 0.1 mm behind, here, 0.1 mm ahead and here again, in four rounds. Means
-    of the forces here, after behind, after ahead and at first, may differ by twice the tolerance [N] of settling and
-    six times the spread of the rounds. What is less than 1 % of the force may be taken for noise; the cure says how.
+    A model that takes pose after pose is asked 0.1 mm behind, here, 0.1 mm ahead, here again, and so to both sides, in
+    three rounds. Means of the forces here, by where it came from, and the first one asked, may differ by twice the
+    tolerance [N] of settling and six times the spread of the rounds. What is less than 1 % of the force may be taken
+    for noise; the cure says how.
     """
     size = np.linalg.norm(contact.forces, axis=1)
-    along = (contact.forces / size[:, None])[:, None, None, :]
-    moved = np.tile(contact.poses[:, None, None, :], (1, _ROUNDS, 4, 1))
-    moved[..., :3] += _MOVED_MM * np.array([-1.0, 0.0, 1.0, 0.0])[:, None] * along
+    along = contact.forces / size[:, None]
+    aside = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    ways = np.stack([-along, along, -aside, aside], axis=1)
+    moved = np.tile(contact.poses[:, None, None, None, :], (1, _ROUNDS, len(ways[0]), 2, 1))
+    moved[:, :, :, 0, :3] += _MOVED_MM * ways[:, None]
     found = _forces(contact.model, moved.reshape(-1, 6)).reshape(len(size), -1, len(contact.model.patch_names), 3)
-    here = found[np.arange(len(size)), :, contact.patches].reshape(len(size), _ROUNDS, 4, 3)[:, :, 1::2]
+    here = found[np.arange(len(size)), :, contact.patches].reshape(len(size), _ROUNDS, len(ways[0]), 2, 3)[..., 1, :]
     means = np.concatenate([here.mean(axis=1), contact.forces[:, None]], axis=1)
-    off = np.linalg.norm(means[:, [0, 0, 1]] - means[:, [1, 2, 2]], axis=2).max(axis=1)
+    off = np.linalg.norm(means[:, :, None] - means[:, None], axis=-1).max(axis=(1, 2))
     spread = np.sqrt(here.var(axis=1, ddof=1).sum(axis=2).mean(axis=1)) / size
     off = np.where(np.isfinite(off), off, 0.0)
     row = int(off.argmax())

@@ -189,6 +189,26 @@ def test_hysteresis_is_refused_by_its_name_and_not_as_noise(share, noise):
     assert 1.5 * share * size < off < 2.8 * share * size, "from one branch of the loop to the other"
 
 
+def test_friction_to_the_side_is_refused_as_memory():
+    """A twentieth of the force against the last way across it: presses and lifts alone show nothing."""
+    before = [own_contact.CENTRE_MM]
+
+    def rubbed(poses):
+        loads = own_contact.wrenches(poses)
+        for load, place in zip(loads[:, 0], poses[:, :3], strict=True):
+            size = np.linalg.norm(load[:3])
+            way = place - before[0]
+            across = way - (way @ load[:3]) * load[:3] / size**2 if size else np.zeros(3)
+            if (length := np.linalg.norm(across)) > 1e-9:
+                load[:3] += 0.05 * size * across / length
+            before[0] = place
+        return loads
+
+    _, estimate = estimated(own_contact.SCENE, rubbed, own_contact.gaps)
+    with pytest.raises(ValueError, match="the contact model remembers"):
+        estimate()
+
+
 def test_a_little_memory_of_a_solver_may_be_taken_for_noise_and_much_may_not():
     """0.1 % of the force: poses settle with what the refusal names. A loop of 10 % is none of noise."""
 
