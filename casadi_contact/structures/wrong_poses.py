@@ -18,7 +18,7 @@ from casadi_contact.structures.trust import KEPT, SURE, Trust
 from casadi_contact.training import TrainingSettings, fit
 
 WRONG = 10.0  # times the scene's tolerance, or the RMS error on validation rows where that is more
-LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses that are wrong: for fewer a classifier costs more right poses
+LEAST_SHARE, LEAST_WRONG = 0.05, 20  # of other valid poses, wrong: for fewer a classifier costs more right poses
 _USUAL = 0.95  # share of the validation rows, those of least error: a single gross one may outweigh all others
 _SAMPLES = 20_000  # at most, that are shown as right
 _ITERATIONS = 150

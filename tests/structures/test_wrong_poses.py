@@ -127,17 +127,18 @@ def test_a_surrogate_that_is_right_everywhere_has_no_classifier(surrogate, sampl
     assert with_error_classifier(trust, surrogate, right, [samples_at(surrogate, SCENE, poses)]).classifier is None
 
 
-def test_one_gross_error_on_a_validation_row_hides_no_other_wrong_pose(surrogate, model, samples, doubting):
+def test_one_gross_error_on_a_validation_row_hides_no_other_wrong_pose(surrogate, model, samples, classified):
     """Beyond the rim all of a load is missing, and one lifted pose claims ten thousand times as much."""
     wrenches = samples.wrenches.copy()
     wrenches[np.flatnonzero(samples.role == VALIDATION)[0]] *= 1e4
     shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
-    trust = with_doubt(with_trust(surrogate, samples).trust, surrogate, replace(samples, wrenches=wrenches), [shown])
-    assert trust.doubt is not None
+    gross = replace(samples, wrenches=wrenches)
+    trust = with_error_classifier(with_trust(surrogate, samples).trust, surrogate, gross, [shown])
+    assert trust.classifier is not None
     poses = other_poses(surrogate, 2)
-    astray = ~model.on_the_plane(poses)
-    told = type(surrogate)(SCENE, surrogate.networks, doubting.record, trust).validity(poses)
-    assert (told[astray] > 0.5).mean() < 0.03
+    wrong = ~model.on_the_plane(poses)
+    validity = type(surrogate)(SCENE, surrogate.networks, classified.record, trust).validity(poses)
+    assert (validity[wrong] > 0.5).mean() < 0.03
 
 
 def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
