@@ -44,8 +44,9 @@ def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
 
 def check_orientation(mesh: TriangleMesh) -> None:
     """The two triangles of every manifold edge run through it in opposite directions."""
-    directed, count = np.unique(directed_edges(mesh.faces), axis=0, return_counts=True)
     size = len(mesh.vertices_mm)
+    codes, count = np.unique(directed_edges(mesh.faces) @ [size, 1], return_counts=True)
+    directed = np.stack([codes // size, codes % size], axis=1)
     twice = directed[(count > 1) & ~np.isin(np.sort(directed, axis=1) @ [size, 1], mesh.nonmanifold_edges @ [size, 1])]
     if len(twice):
         raise ValueError(
