@@ -85,7 +85,7 @@ def joint_of(pair: Pair, meeting: Meeting, regions: Regions, kind: str | None = 
         names: Sequence[str] = ("contact",) if count == 1 else [f"p{k + 1}" for k in range(count)]
     else:
         names = ("contact",) if count == 1 else ("med", "lat")
-    turning = count == 1 and meeting.concentration < _CUP
+    turning = count == 1 and (kind == "hip" or meeting.concentration < _CUP)  # a hip that is asked for may be shallow
     return Joint(kind, tuple(names), "" if turning else "+x" if kind == "patella" else "-y")
 
 

@@ -20,6 +20,7 @@ _SMOOTH_BINS = 2.0
 _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
 _HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
 _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a saddle little is
+_ABOUT_COS, _ABOUT = 0.985, 0.9  # of a ball's socket most is seen within 10 degrees, of a groove half within 10 to 16
 _ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
@@ -51,7 +52,8 @@ class Regions:
 
 def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
-    there are valleys between places."""
+    there are valleys between places. What lies about one centre, as a ball's socket, is one patch whatever pit or notch
+    it has: no turn shifts load within it."""
     centre, pivot = _centre_and_pivot(pair, meeting)
     touched = []
     for angles in itertools.product(np.radians(_TURNS_DEG), repeat=3):
@@ -62,6 +64,8 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     weight = np.zeros(len(pair.points_mm))
     for near, _, _ in touched:
         weight[near] += pair.areas_mm2[near] * pair.areas_mm2[near].sum()  # what a corner touches tells little
+    facing = np.einsum("nk,nk->n", _unit(centre - pair.points_mm), pair.normals)
+    parted = parted and float(weight @ (np.abs(facing) > _ABOUT_COS)) < _ABOUT * float(weight.sum())
     across = [axis for axis in range(3) if parted and axis != int(np.abs(meeting.pressing).argmax())]
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
     for axis in across:
@@ -69,7 +73,6 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
         depth, cuts = _valleys(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
-    facing = np.einsum("nk,nk->n", _unit(centre - pair.points_mm), pair.normals)
     seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
     hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
     found = Regions(weight, best[1], best[2], centre, np.zeros((0, 3)), round=True, hollow=hollow, centred=True)

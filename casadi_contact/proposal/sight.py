@@ -75,6 +75,8 @@ def _seen(meshes: Mapping[str, TriangleMesh], kind: str | None, turned: Array) -
     meeting = meeting_of(pair)
     check_moving_outside(pair, meeting)
     regions = regions_of(pair, meeting)
+    if kind == "hip" and regions.hollow:
+        regions = regions_of(pair, meeting, parted=False)
     joint, places = joint_of(pair, meeting, regions, kind), len(regions.anchors_mm)
     if kind is None and places > 1 and not patches_part(pair, meeting, regions, joint):
         regions = regions_of(pair, meeting, parted=False)

@@ -9,8 +9,8 @@ from casadi_contact.proposal.pair import Pair
 from casadi_contact.proposal.propose import _shell
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.sight import sight_of
-from tests.support.joint_meshes import ball_in_cup, button_on_groove, revolved, seen
-from tests.support.meshes import cap_mesh, sheet_mesh, shell_mesh, slab_mesh
+from tests.support.joint_meshes import POLE, ball_in_cup, button_on_groove, revolved, seen
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, unit
 from tests.support.shared_data import shared_file
 
 
@@ -66,6 +66,29 @@ def test_a_spool_that_bears_on_both_sides_of_its_notch_has_one_patch():
     assert (sight.joint.kind, sight.joint.patches) == ("other", ("contact",))
     assert len(sight.regions.anchors_mm) == 1
     assert sight.joint.sensitive_pose == ["tx", "ty", "tz"]
+
+
+@pytest.mark.parametrize(("asked", "noise_mm"), [(None, 0.0), ("hip", 0.25)])
+def test_a_socket_is_one_patch_whatever_pit_and_notch_it_has(asked, noise_mm):
+    """As an acetabulum's: what bears is a horseshoe, and all of it lies about one centre. A rough scan's lies so far
+    from one that the joint has to be named."""
+    ball, (socket, faces) = ball_mesh(25.0, 2.5), shell_mesh(25.3, 32.0, 1.5, 1.5, POLE)
+    across, aside = unit(np.cross(POLE, [0.0, 0.0, 1.0])), np.cross(POLE, unit(np.cross(POLE, [0.0, 0.0, 1.0])))
+    pit, notch = socket @ POLE > 25.3 * np.cos(0.56), (socket @ across > 0.0) & (np.abs(socket @ aside) < 12.0)
+    socket[(np.linalg.norm(socket, axis=1) < 26.0) & (pit | notch)] *= 29.3 / 25.3
+    socket += noise_mm * np.random.default_rng(0).standard_normal((len(socket), 1)) * unit(socket)
+    meshes = {"moving": checked_mesh("ball", *ball), "fixed": checked_mesh("socket", socket, faces)}
+    sight = sight_of(meshes, asked)
+    assert sight.regions.hollow
+    assert (sight.joint.kind, sight.joint.sensitive, sight.places) == ("hip", ["F"], 1)
+
+
+@pytest.mark.parametrize(("asked", "sensitive"), [(None, ["-Fy"]), ("hip", ["F"])])
+def test_a_hip_that_is_asked_for_may_have_a_shallow_socket(asked, sensitive):
+    ball, faces = ball_mesh(25.0, 2.5)
+    dish = checked_mesh("dish", *sheet_mesh(24.0, 1.5, lambda x, z: -np.sqrt(26.0**2 - x**2 - z**2)))
+    meshes = {"moving": checked_mesh("ball", ball - [0.0, 0.95, 0.0], faces), "fixed": dish}
+    assert sight_of(meshes, asked).joint.sensitive == sensitive
 
 
 def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
