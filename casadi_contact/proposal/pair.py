@@ -126,3 +126,17 @@ def centre_of_normals(points_mm: Array, normals: Array, weights: Array) -> Array
             np.einsum("n,nij,nj->i", weights, across, points_mm - middle),
         )
     )
+
+
+def axis_of_normals(points_mm: Array, normals: Array, weights: Array) -> tuple[Array, Array]:
+    """A point (3,) on the axis about which the points turn most nearly within their surface, and its unit direction
+    (3,): a spool's.
+
+    With v + ω × x the speed of a point x, that is the least Σ w (n·v + (x × n)·ω)² with |ω| = 1, over all screws.
+    """
+    middle = weights @ points_mm / weights.sum()
+    rows = np.sqrt(weights)[:, None] * np.hstack([normals, np.cross(points_mm - middle, normals)])
+    of_v, mixed, of_w = rows[:, :3].T @ rows[:, :3], rows[:, :3].T @ rows[:, 3:], rows[:, 3:].T @ rows[:, 3:]
+    best_v = -np.linalg.pinv(of_v, hermitian=True) @ mixed  # of each ω
+    turn = np.linalg.eigh(of_w + mixed.T @ best_v)[1][:, 0]
+    return np.asarray(middle + np.cross(turn, best_v @ turn)), turn

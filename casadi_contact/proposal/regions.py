@@ -11,7 +11,7 @@ from scipy import ndimage
 from casadi_contact.conventions import Array, rotation
 from casadi_contact.geometry.projection import LEAST_UPWARD
 from casadi_contact.proposal.meeting import REACH_MM, Meeting
-from casadi_contact.proposal.pair import Pair, centre_of_normals
+from casadi_contact.proposal.pair import Pair, axis_of_normals, centre_of_normals
 
 _SPOT_MM = 1.0  # as near as two bodies that touch side by side; farther, the middle of a groove would count
 _TURNS_DEG = (-15.0, 0.0, 15.0)  # about each axis
@@ -21,6 +21,7 @@ _VALLEY = 0.5  # of the lower of two peaks: a shallower valley parts nothing
 _HOLLOW = 0.95  # of what comes near, seen from the middle of a cup
 _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a saddle little is
 _ABOUT_COS, _ABOUT = 0.985, 0.9  # of a ball's socket most is seen within 10 degrees, of a groove half within 10 to 16
+_WALLS, _LEFT = 0.02, 0.2  # of what comes near, for a notch's axis to be needed; of that, what may be unseen from there
 _ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
 _LEAST_SHARE = 0.1  # of all that comes near, for a patch
 
@@ -31,8 +32,10 @@ class Regions:
     the files, along which patches lie beside each other (None for one patch); cuts_mm: between neighbouring patches,
     rising. centre_mm (3,): of the fixed body's curvature where the bodies meet. anchors_mm (patches, 3): that of each
     patch, on the moving body's file. round: whether the moving body bulges all over where it touches, away from its
-    anchors. hollow: whether the fixed body is a cup about the centre. centred: whether most of the moving normals there
-    run through the anchors, as all of a ball's do and few of a spool's, which turns about an axis."""
+    anchors. hollow: whether the fixed body is a cup about the centre. cup_mm (3,): from where all of a cup or of a
+    notch with steep walls is seen: the centre, or the nearest point on the notch's axis; None for other bodies.
+    centred: whether most of the moving normals there run through the anchors, as all of a ball's do and few of a
+    spool's, which turns about an axis."""
 
     weight: Array
     axis: int | None
@@ -41,6 +44,7 @@ class Regions:
     anchors_mm: Array
     round: bool
     hollow: bool
+    cup_mm: Array | None
     centred: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
@@ -75,7 +79,17 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
             best = (depth, axis, cuts)
     seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
     hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
-    found = Regions(weight, best[1], best[2], centre, np.zeros((0, 3)), round=True, hollow=hollow, centred=True)
+    found = Regions(
+        weight,
+        best[1],
+        best[2],
+        centre,
+        np.zeros((0, 3)),
+        round=True,
+        hollow=hollow,
+        cup_mm=centre if hollow else _within_notch(pair, weight, centre, meeting.pressing),
+        centred=True,
+    )
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
     anchors = [
@@ -108,6 +122,17 @@ def _centre_and_pivot(pair: Pair, meeting: Meeting) -> tuple[Array, Array]:
     rolled_mm = np.sin(np.radians(max(_TURNS_DEG))) * float(np.linalg.norm(fixed - moving))
     share = min(1.0, float(np.sqrt(pair.areas_mm2[spot].sum() / np.pi)) / rolled_mm)
     return fixed, moving + share * (fixed - moving)
+
+
+def _within_notch(pair: Pair, weight: Array, centre: Array, pressing: Array) -> Array | None:
+    """The point (3,) on a notch's axis nearest to the centre; None where nothing of what comes near is too steep to be
+    seen along the direction of pressing, or much of it is not seen from that point either."""
+    near = weight > 0.0
+    on_axis, way = axis_of_normals(pair.points_mm[near], pair.normals[near], weight[near])
+    point = on_axis + ((centre - on_axis) @ way) * way
+    from_point = np.einsum("nk,nk->n", _unit(point - pair.points_mm), pair.normals)
+    unseen, left = (float(weight @ (cos <= LEAST_UPWARD)) for cos in (-pair.normals @ pressing, from_point))
+    return point if unseen > _WALLS * float(weight.sum()) and left < _LEFT * unseen else None
 
 
 def _unit(vectors: Array) -> Array:

@@ -50,8 +50,8 @@ def first_tables(
     pressing = direction_of(joint, frame, meeting)
     if pressing != list(DOWN):
         geometry["pressing"] = pressing
-    if not joint.pressing and regions.hollow:
-        geometry["cup_centre"] = (frame.points(regions.centre_mm[None], "fixed")[0].round(2) + 0.0).tolist()
+    if not joint.pressing and regions.cup_mm is not None:
+        geometry["cup_centre"] = (frame.points(regions.cup_mm[None], "fixed")[0].round(2) + 0.0).tolist()
     geometry["start_pose"] = _start_pose(meeting, frame)
     if placement:
         geometry["placement"] = placement

@@ -22,7 +22,7 @@ _PROPOSED = {
     "units": "of both files",
     "axes": "which file axis x (posterior), y (superior) and z (medial) are",
     "pressing": "where to the moving body presses; elements lie on the side that faces it",
-    "cup_centre": "middle of the cup [mm]: elements and cells lie on rays from it",
+    "cup_centre": "middle of the cup, or on the axis of the notch [mm]: elements and cells lie on rays from it",
     "start_pose": "tx, ty, tz [mm], rx, ry, rz [rad]: in contact, where static analyses begin",
     "open_edges": 'the fixed mesh\'s open edges: "cut" of a larger part, or "rim" of the part, which contact may reach',
     "shell": 'of the moving mesh: "outer" counts its side away from the anchors alone, "whole" all of it',

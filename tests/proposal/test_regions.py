@@ -5,12 +5,12 @@ import pytest
 
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
 from casadi_contact.proposal.meeting import meeting_of
-from casadi_contact.proposal.pair import Pair
+from casadi_contact.proposal.pair import Pair, axis_of_normals
 from casadi_contact.proposal.propose import _shell
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.sight import sight_of
 from tests.support.joint_meshes import POLE, ball_in_cup, button_on_groove, revolved, seen
-from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, unit
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, turn_to, unit
 from tests.support.shared_data import shared_file
 
 
@@ -66,6 +66,17 @@ def test_a_spool_that_bears_on_both_sides_of_its_notch_has_one_patch():
     assert (sight.joint.kind, sight.joint.patches) == ("other", ("contact",))
     assert len(sight.regions.anchors_mm) == 1
     assert sight.joint.sensitive_pose == ["tx", "ty", "tz"]
+    assert not sight.regions.hollow
+    np.testing.assert_allclose(sight.regions.cup_mm, 0.0, atol=0.1)  # on its axis, from where its walls are seen
+
+
+def test_the_axis_of_a_surface_of_revolution_is_the_one_it_turns_about_in_itself():
+    points, faces = revolved(lambda z: 10.0 + 0.05 * z**2, 1.3, 9.0)
+    turn, aside = turn_to([0.3, -0.5, 0.8]), np.array([40.0, -7.0, 3.0])
+    mesh = checked_mesh("notch", points @ turn.T + aside, faces)
+    place, way = axis_of_normals(mesh.corners_mm.mean(axis=1), mesh.normals, mesh.areas_mm2)
+    assert abs(way @ turn[:, 2]) > 1.0 - 1e-6
+    np.testing.assert_allclose(np.cross(place - aside, way), 0.0, atol=0.02)
 
 
 @pytest.mark.parametrize(("asked", "noise_mm"), [(None, 0.0), ("hip", 0.25)])
@@ -97,6 +108,7 @@ def test_a_saddle_in_a_saddle_is_no_ball_in_a_cup():
     moving = checked_mesh("moving", points, faces[:, ::-1])
     _, regions, joint, frame = seen(moving, checked_mesh("fixed", *fixed), side="left")
     assert not regions.hollow
+    assert regions.cup_mm is None, "nor a notch with walls"
     assert joint.kind == "other"
     assert any("what left means here" in said for said in frame.untold)
 
