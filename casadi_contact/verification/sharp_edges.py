@@ -42,6 +42,6 @@ def words_at_sharp_edges(share: Array) -> str | None:
     return share_in_words(
         share,
         "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
-        "wrong; a finer geometry.spacing.moving mends it",
+        "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
         least=_REPORTED,
     )
