@@ -104,7 +104,7 @@ class CompiledParts:
         slopes, weights = slopes * self._scales[:, None], weights * self._scales
         unit = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(weights).max(initial=0.0))) or 1.0
         self._unit = unit  # numbers in single precision are near 1
-        self._effects = ((slopes / unit).astype(np.float32), ((weights / unit) ** 2).astype(np.float32))
+        self._effects = [np.ascontiguousarray(a, np.float32) for a in (slopes / unit, (weights / unit) ** 2)]
         return gradients
 
     def _call(self, function: Callable[..., None], blocks: Blocks, *arrays: Array) -> None:
@@ -142,4 +142,7 @@ class CompiledParts:
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """To the first number of an array whose numbers lie in the order that C reads them in."""
+    if not array.flags.c_contiguous:
+        raise AssertionError(f"an array {array.shape} for C has strides {array.strides}, expected it contiguous")
     return ctypes.c_void_p(array.ctypes.data)

@@ -79,12 +79,18 @@ def test_products_are_those_of_the_jacobian(given, compiled, networks, request):
 @pytest.mark.parametrize("activation", ["algebraic", "tanh"])
 @pytest.mark.parametrize(("hidden", "unit"), [((1,), 1e-12), ((5, 4), 1.0), ((9, 2, 3), 1e12)])
 def test_parts_of_any_size_are_the_same_in_c_and_in_numpy(hidden, unit, activation, thinned):
-    """More rows than a group holds, parts of different sizes, a count of rows that fills no block, and any unit."""
+    """More rows than a group holds, parts of different sizes, a count of rows that fills no block, any unit, and arrays
+    in another order than C's."""
     rows = np.arange(1201) % 400
     many = replace(
         thinned, **{k: getattr(thinned, k)[rows] for k in ROWS}, inputs=tuple(x[rows] for x in thinned.inputs)
     )
-    many = replace(many, shares=unit * many.shares, wanted=unit * many.wanted, weights=unit * many.weights)
+    many = replace(
+        many,
+        shares=np.asfortranarray(unit * many.shares),
+        wanted=unit * many.wanted,
+        weights=np.asfortranarray(unit * many.weights),
+    )
     sizes = (hidden, hidden, tuple(n + 1 for n in hidden))
     pairs = zip(many.inputs, many.targets.T, sizes, strict=True)
     networks = [initial_network(x, s, size, activation, 7) for x, s, size in pairs]

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.callback import check_loads, contact_callback, model_callback
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
-from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
+from casadi_contact.contact.wrench_roots import WrenchRoots
 from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
@@ -37,7 +37,7 @@ BOTH = "contact_loads_and_roots"
 EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load
 
 
-class CompiledFoundation(ContactFunctions, Exportable):
+class CompiledFoundation(WrenchRoots, ContactFunctions, Exportable):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
@@ -92,7 +92,9 @@ class CompiledFoundation(ContactFunctions, Exportable):
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         if self._library is None:
-            return self._named(*self.wrench_jacobian(poses), loads)
+            wrenches, by_pose, _ = self._wrenches(poses, slopes=True)
+            selection = self._rows(loads)
+            return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, by_pose)
         values = np.empty((len(poses), len(self.load_names)))
         slopes = np.empty((*values.shape, 6))
         call_in_shares(self._library, "array_jacobians", poses, values, slopes)
@@ -101,10 +103,6 @@ class CompiledFoundation(ContactFunctions, Exportable):
             return values, slopes
         columns = [self.load_names.index(name) for name in asked]
         return values[:, columns], slopes[:, columns]
-
-    def _named(self, wrenches: Array, slopes: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
-        selection = self._rows(loads)
-        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
@@ -134,29 +132,12 @@ class CompiledFoundation(ContactFunctions, Exportable):
     @pose_or_poses
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self._gaps(poses)[0]
+        return self._gap_jacobian(poses)[0]
 
     @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
         return self._wrenches(poses, slopes=False)[2]
-
-    @pose_or_poses
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
-
-        s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
-        """
-        return self._roots(poses, *self.wrench_jacobian(poses))
-
-    def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
-        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(poses[rows]))
-
-    @pose_or_poses
-    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        """All that `jacobian` and `root_loads` return, from one evaluation."""
-        found = self.wrench_jacobian(poses)
-        return *self._named(*found), *self._roots(poses, *found)
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
@@ -291,7 +272,7 @@ class CompiledFoundation(ContactFunctions, Exportable):
         call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut)
         return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
 
-    def _gaps(self, poses: Array) -> tuple[Array, Array]:
+    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
             _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
             return gaps, by_pose(by_twist, poses)

@@ -11,11 +11,11 @@ import numpy as np
 from casadi_contact.compilation import threads_for
 from casadi_contact.contact.elements.compiled import CompiledElements
 from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
-from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.pressure.law import law_of, pressures
 from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
+from casadi_contact.contact.wrench_roots import WrenchRoots
 from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Material, Scene
@@ -50,7 +50,7 @@ class _Bed(NamedTuple):
         return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
 
 
-class ElasticFoundation:
+class ElasticFoundation(WrenchRoots):
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
@@ -101,9 +101,7 @@ class ElasticFoundation:
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        return self._named(*self.wrench_jacobian(poses))
-
-    def _named(self, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
+        wrenches, slopes = self.wrench_jacobian(poses)
         loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
         return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
 
@@ -132,23 +130,6 @@ class ElasticFoundation:
                 for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
             ]
         return np.stack(touched, axis=1)
-
-    @pose_or_poses
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
-
-        s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
-        """
-        return self._roots(poses, *self.wrench_jacobian(poses))
-
-    def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
-        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gaps(self._patches, poses[rows]))
-
-    @pose_or_poses
-    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        """All that `jacobian` and `root_loads` return, from one evaluation."""
-        found = self.wrench_jacobian(poses)
-        return *self._named(*found), *self._roots(poses, *found)
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
@@ -201,6 +182,9 @@ class ElasticFoundation:
         if not derivatives:
             return wrenches, np.empty(0)
         return wrenches, by_pose(np.stack([k for _, k in results], axis=1), poses)
+
+    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        return self._gaps(self._patches, poses)
 
     def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
