@@ -42,6 +42,12 @@ def thinned(patch):
     return replace(patch, weights=np.where(skipped, 0.0, patch.weights))
 
 
+@pytest.fixture(scope="module")
+def reordered(patch):
+    """Its numbers in another order of memory, as they lie once parts are picked from samples."""
+    return replace(patch, **{name: np.asfortranarray(getattr(patch, name)) for name in ROWS})
+
+
 def residuals(patch, networks, parameters):
     parts = zip(unflatten_parts(parameters, networks), patch.inputs, strict=True)
     return patch.residuals(np.stack([network.value(x) for network, x in parts], axis=1)).ravel()
@@ -52,7 +58,7 @@ def test_true_root_loads_leave_nothing(patch):
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize("given", ["patch", "thinned"])
+@pytest.mark.parametrize("given", ["patch", "thinned", "reordered"])
 def test_products_are_those_of_the_jacobian(given, compiled, networks, request):
     """Against central differences of the residuals."""
     patch = request.getfixturevalue(given)
