@@ -40,7 +40,7 @@ def surrogate_page(
     parts = [heading(f"Surrogates of the scene {scene.name}", 1)]
     for name, surrogate in surrogates.items():
         verdict = fitness(surrogate)
-        parts.append(paragraph(f"{name}: {verdict}", "verdict" if verdict.fit else "verdict unfit"))
+        parts.append(paragraph(f"{name}: {verdict}", "verdict" if verdict.usable else "verdict unfit"))
     parts += [heading("Scene"), _scene_picture(scene)]
     for name, surrogate in surrogates.items():
         parts += _surrogate(name, surrogate)

@@ -32,12 +32,17 @@ class Fitness:
         """Domains in which every load is within its tolerance."""
         return [domain for domain in self.errors if not self.failing(domain)]
 
+    @property
+    def usable(self) -> bool:
+        """Whether all domains are fit, or one besides D5, where nothing touches."""
+        return bool(self.errors) and (self.fit == list(self.errors) or bool(set(self.fit) - {"D5"}))
+
     def __str__(self) -> str:
         if not self.errors:
             return "not judged: the file records no errors on held-back samples"
         unfit = [domain for domain in self.errors if domain not in self.fit]
         reasons = "; ".join(f"{domain}: {self._reason(domain)}" for domain in unfit)
-        if unfit and set(self.fit) <= {"D5"}:  # where nothing touches
+        if not self.usable:
             return f"not fit for use: {reasons}"
         text = f"fit for use within {self._within()} (RMS of held-back samples) in {', '.join(self.fit)}"
         text += f"; not in {reasons}" if unfit else ""

@@ -104,6 +104,17 @@ def test_a_surrogate_that_is_right_only_where_nothing_touches_is_not_fit_for_use
     )
 
 
+@pytest.mark.parametrize(("off_n", "kind"), [(9.0, "verdict unfit"), (0.5, "verdict")])
+def test_the_page_marks_a_verdict_by_what_it_says(surrogate, off_n, kind):
+    errors = {domain: {"Fy": {"rms": rms, "max": rms}} for domain, rms in (("D1", off_n), ("D5", 0.0))}
+    scene = replace(SPHERE, tolerances={**SPHERE.tolerances, "Fy": 1.0})
+    made = PatchSurrogate(scene, surrogate.networks, {"test_errors": errors}, surrogate.trust)
+    text = surrogate_page({"patch": made})
+    ((found, said),) = re.findall(r'<p class="(verdict[^"]*)">([^<]*)', text)
+    assert found == kind
+    assert ("not fit for use" in said) == (off_n > 1.0)
+
+
 def test_fit_domains_whose_error_few_held_back_samples_tell_are_named(surrogate):
     counts = SAMPLES.counts()
     assert samples_record(SAMPLES)["test_samples"] == {d: c["test"] for d, c in counts.items() if c["test"]}
