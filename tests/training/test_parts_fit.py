@@ -123,6 +123,15 @@ def test_the_patch_becomes_right(given, networks, request):
     assert set(fit.networks) == set(NAMES)
 
 
+def test_without_a_compiler_the_patch_becomes_right_too_and_a_warning_says_why_it_takes_long(
+    patch, networks, monkeypatch
+):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(RuntimeWarning, match=r"no C compiler: .*no-such-compiler.*; parts are trained in NumPy"):
+        fit = fit_parts(patch, TrainingSettings(max_gflop=0.5), None, None, networks)
+    assert fit.rms < 0.05 * fit.history["training_rms"][0]
+
+
 def test_an_interrupted_fit_goes_on_to_the_same_weights(patch, networks, tmp_path):
     settings = TrainingSettings(max_gflop=0.2, checkpoint_every_s=0.0)
     whole = fit_parts(patch, settings, None, None, networks)
