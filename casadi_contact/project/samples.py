@@ -16,7 +16,7 @@ from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
 from casadi_contact.dataset.repeated_poses import contradictions_text
-from casadi_contact.motion.force_doubt import force_doubt
+from casadi_contact.motion.force_units import force_unit_warning
 from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
@@ -111,8 +111,8 @@ def sample(
             return sample(project, cycle_files, update, here, _on_device(models, device))
     cycles = reference_motion_cycles(project.scene, cycle_files)
     for cycle in cycles:
-        if doubt := force_doubt(project.scene, cycle.wanted()):
-            _log.warning("cycle %s: %s", cycle.name, doubt)
+        if warning := force_unit_warning(project.scene, cycle.wanted()):
+            _log.warning("cycle %s: %s", cycle.name, warning)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn, space = begun(project.samples_path), project.scene.pose_space

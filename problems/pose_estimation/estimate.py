@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.motion.force_doubt import force_doubt
+from casadi_contact.motion.force_units import force_unit_warning
 from casadi_contact.scenes import Scene
 from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.contact import ContactSource
@@ -37,7 +37,7 @@ def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
     Raises ValueError as `wanted_loads` does.
     """
     wanted = wanted_loads(scene, cycle)
-    if warning := force_doubt(scene, wanted.values):
+    if warning := force_unit_warning(scene, wanted.values):
         yield warning
     model = own_model(scene)
     yield from centre_warnings(wanted, model)

@@ -1,4 +1,4 @@
-"""Cycles that may be in other units than they say: centres of pressure in metres. Forces: `motion.force_doubt`."""
+"""Cycles that may be in other units than they say: centres of pressure in metres. Forces: `motion.force_units`."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from casadi_contact.motion.opensim.mapping import (
     ColumnMap,
-    degrees_doubt,
+    degrees_warning,
     loads_table,
     mapped_curves,
     poses_table,
@@ -14,7 +14,7 @@ __all__ = [
     "TIME",
     "ColumnMap",
     "Table",
-    "degrees_doubt",
+    "degrees_warning",
     "loads_table",
     "mapped_curves",
     "poses_table",

@@ -74,7 +74,7 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
     return curves
 
 
-def degrees_doubt(table: Table, maps: Iterable[ColumnMap]) -> str:
+def degrees_warning(table: Table, maps: Iterable[ColumnMap]) -> str:
     """A line where a file says that its rotations are in degrees and those taken as such stay below pi; "" else."""
     taken = [item.column for item in maps if item.unit is None and quantity(item.name).kind == ANGLE]
     largest = max((float(np.abs(table.column(column)).max(initial=0.0)) for column in taken), default=0.0)

@@ -1,4 +1,4 @@
-"""A cycle whose forces are in kN, body weights or mN is doubted, one in N is not, nor one without load."""
+"""A cycle whose forces are in kN, body weights or mN gets a warning, one in N does not, nor one without load."""
 
 import logging
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.force_doubt import force_doubt
+from casadi_contact.motion.force_units import force_unit_warning
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.motion.load_cycle import write_cycle
 from casadi_contact.motion.walking import reference_cycle
@@ -23,9 +23,9 @@ SCALES = [
 
 
 @pytest.mark.parametrize(("scale", "asked"), SCALES)
-def test_forces_of_walking_in_another_unit_are_doubted(scale, asked):
+def test_forces_of_walking_in_another_unit_get_a_warning(scale, asked):
     wanted = {name: scale * curve if name[0] == "F" else curve for name, curve in reference_cycle().wanted().items()}
-    said = force_doubt(cc.load_scene("knee"), wanted)
+    said = force_unit_warning(cc.load_scene("knee"), wanted)
     assert asked in said
     assert bool(asked) == bool(said)
 
@@ -34,15 +34,17 @@ def test_forces_of_walking_in_another_unit_are_doubted(scale, asked):
     ("force_n", "text"), [(0.00213, "0.0021 N"), (2.13, "2.1 N"), (21300, "21,000"), (1e6, "1,000,000 N")]
 )
 def test_the_force_is_written_as_people_write_it(force_n, text):
-    said = force_doubt(cc.load_scene("knee"), {"Fy_med": -force_n * np.ones(3)})
+    said = force_unit_warning(cc.load_scene("knee"), {"Fy_med": -force_n * np.ones(3)})
     assert text in said
     assert "e+" not in said
 
 
-def test_three_body_weights_on_a_hip_are_not_doubted():
+def test_three_body_weights_on_a_hip_get_none():
     scene = cc.load_scene("hip")
-    assert force_doubt(scene, scene_cycles(scene)[0].wanted()) == ""
-    assert "in mN" in force_doubt(scene, {name: 1e3 * curve for name, curve in scene_cycles(scene)[0].wanted().items()})
+    assert force_unit_warning(scene, scene_cycles(scene)[0].wanted()) == ""
+    assert "in mN" in force_unit_warning(
+        scene, {name: 1e3 * curve for name, curve in scene_cycles(scene)[0].wanted().items()}
+    )
 
 
 def test_it_is_told_before_poses_and_samples_are_looked_for(tmp_path, monkeypatch, caplog):

@@ -13,7 +13,7 @@ from casadi_contact.scenes.scene import Scene
 _LEAST, _MOST = 0.01, 20.0  # of the scene's reference load
 
 
-def force_doubt(scene: Scene, wanted: Mapping[str, Array]) -> str:
+def force_unit_warning(scene: Scene, wanted: Mapping[str, Array]) -> str:
     """A line where the largest force of a cycle is below a hundredth of the scene's reference load or above 20 times
     it; "" where it is not, and where all are zero. Pounds-force and percent of body weight, 4 and 7 times as small
     numbers, lie within what joints carry.
