@@ -43,11 +43,11 @@ def odd_rows(samples: Samples) -> list[OddRow]:
     the pose says, and by more than a fifth of itself, the oddest first, each with its oddest load.
 
     Of each part the root √N of the normal load and the other components W over N, which are smooth in the pose, are
-    fitted by least absolute deviations, min Σ w·|y - A·c| with w = 1 for √N and for W/N the lesser of N and its fit: a
-    few wrong rows do not move such a fit. The degree is 3, or less where there are fewer than 4 rows for each term.
+    fitted by least absolute deviations, min Σ w·|y - A·c| with w = 1 for √N and w = N for W/N: a few wrong rows do not
+    move such a fit. The degree is 3, or less where there are fewer than 4 rows for each term.
 
-    A component is odd beside its row's normal load and beside the fitted one: of a row whose normal load alone is wrong
-    W/N is, and W is not.
+    Where N is odd, w is the lesser of N and its fit, and W is odd only beside the fit too: of a row whose normal load
+    alone is wrong W/N is, and W is not.
     """
     scene = samples.scene
     oddest: dict[int, tuple[float, OddRow]] = {}
@@ -62,14 +62,15 @@ def odd_rows(samples: Samples) -> list[OddRow]:
         pressing = "normal load" if alone else f"normal load of {part.name}"
         times = np.where(_wrong(normal, root**2), _times_usual(np.sqrt(normal), root), 0.0)
         found = [(pressing, "N", normal, root**2, times)]
+        carried = np.where(times > _TIMES, root**2, normal)
         for k, name in enumerate(WRENCH_NAMES):
             if name != part.normal.component:
                 load = wrench[rows, k]
-                ratio = _least_deviations(terms, load / normal, np.minimum(normal, root**2))
+                ratio = _least_deviations(terms, load / normal, np.minimum(normal, carried))
                 column = name if alone else f"{name}_{part.name}"
-                wrong = _wrong(load, ratio * normal) & _wrong(load, ratio * root**2)
+                wrong = _wrong(load, ratio * normal) & _wrong(load, ratio * carried)
                 times = np.where(wrong, _times_usual(load, ratio * normal), 0.0)
-                found.append((column, quantity(name).unit, load, ratio * root**2, times))
+                found.append((column, quantity(name).unit, load, ratio * carried, times))
         for load_name, unit, values, expected, times in found:
             for j in np.flatnonzero(times > _TIMES):
                 odd = OddRow(int(rows[j]) + 1, load_name, unit, float(values[j]), float(expected[j]))
