@@ -71,7 +71,7 @@ class CompiledParts:
         self._is_weighted = weighted
         self._current: list[Blocks] = []
         widest = max(part.vectors for part in self._parts)
-        self._room = np.empty(MOST_BLOCKS * widest * self._lanes)
+        self._room = np.empty(MOST_BLOCKS * widest * self._lanes // 2)
         self._scales = np.array([float(part.like.output_scale) for part in self._parts])
 
     def roots(self, parameters: Sequence[Array]) -> Array:
