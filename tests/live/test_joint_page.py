@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure import pressures
+from casadi_contact.contact.pressure.law import pressures
 from casadi_contact.conventions import pose_index
 from casadi_contact.live import write_joint_page
 from casadi_contact.live.contact_model import page_contact
