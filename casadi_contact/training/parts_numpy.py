@@ -34,6 +34,7 @@ class NumpyParts:
         self, networks: Sequence[Network], inputs: Sequence[Array], weighted: np.ndarray, chunk_rows: int
     ) -> None:
         self._shape = weighted.shape
+        self._sizes = [network.parameter_count for network in networks]
         self._pieces: list[_Piece] = []
         for k, (network, x) in enumerate(zip(networks, inputs, strict=True)):
             own, others = np.flatnonzero(weighted[:, k]), np.flatnonzero(~weighted[:, k])
@@ -67,10 +68,9 @@ class NumpyParts:
 
     def _by_parts(self, changes: Array, *, rough: bool) -> list[Array]:
         """Jᵀ·changes of each part, of the changes (n, K) of root loads."""
-        totals = [np.zeros(0)] * self._shape[1]
+        totals = [np.zeros(size) for size in self._sizes]
         for piece in self._mattering:
-            product = piece.mlp.vjp(changes[piece.rows, piece.part], rough=rough)
-            totals[piece.part] = totals[piece.part] + product if len(totals[piece.part]) else product
+            totals[piece.part] += piece.mlp.vjp(changes[piece.rows, piece.part], rough=rough)
         return totals
 
     def gram_product(self, directions: Sequence[Array]) -> list[Array]:
@@ -83,9 +83,9 @@ class NumpyParts:
 
     def gram(self, number: int, rows: np.ndarray, scales: Array) -> Array:
         """JᵀJ of a part's root load on these ascending rows, which matter, each times its scale."""
-        blocks = []
+        gram = np.zeros((self._sizes[number], self._sizes[number]))
         for piece in self._mattering:
             if piece.part == number:
                 own = np.isin(rows, piece.rows, assume_unique=True)
-                blocks.append(piece.mlp.gram(np.searchsorted(piece.rows, rows[own]), scales[own]))
-        return np.asarray(sum(blocks))
+                gram += piece.mlp.gram(np.searchsorted(piece.rows, rows[own]), scales[own])
+        return gram

@@ -8,6 +8,7 @@ import pytest
 
 from casadi_contact.network import PartsRegression
 from casadi_contact.training import TrainingSettings, fit_all_parts
+from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt
 from casadi_contact.training.parts_fit import fit_parts
 from casadi_contact.training.parts_mlp import PartsMlp, flatten_parts, unflatten_parts
 from casadi_contact.training.weights import initial_network
@@ -121,6 +122,21 @@ def test_the_patch_becomes_right(given, networks, request):
     assert fit.rms < 0.05 * training[0]
     assert fit.validation_rms < 0.1 * training[0]
     assert set(fit.networks) == set(NAMES)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_part_that_no_row_presses_stays_as_it_is(compiled, patch, networks):
+    """Out of contact everywhere, without weight."""
+    far = replace(networks[1], biases=(*networks[1].biases[:-1], networks[1].biases[-1] - 100.0))
+    weights = patch.weights * np.array([1.0, 0.0, 1.0])
+    mlp = PartsMlp([networks[0], far, networks[2]], replace(patch, weights=weights), np.arange(400), compiled=compiled)
+    at = flatten_parts([networks[0], far, networks[2]])
+    lm = LevenbergMarquardt(mlp, at, 0)
+    before = lm.loss
+    assert lm.step()
+    assert lm.loss < before
+    own = slice(networks[0].parameter_count, networks[0].parameter_count + far.parameter_count)
+    np.testing.assert_array_equal(lm.parameters[own], at[own])
 
 
 def test_without_a_compiler_the_patch_becomes_right_too_and_a_warning_says_why_it_takes_long(
