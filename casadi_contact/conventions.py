@@ -196,3 +196,9 @@ def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Arr
         for p in patches:
             selection[row, p, WRENCH_NAMES.index(component)] = 1.0
     return selection
+
+
+def load_jacobian(selection: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
+    """Named loads (n, L) and their derivatives by the pose (n, L, 6), from wrenches (n, P, 6) and theirs (n, P, 6, 6)
+    by a `load_selection`."""
+    return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)

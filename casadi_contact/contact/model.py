@@ -13,6 +13,7 @@ from casadi_contact.contact.way_until import way_until
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
+    load_jacobian,
     load_selection,
     pose_or_poses,
     pose_text,
@@ -145,9 +146,7 @@ class CallableModel:
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads and their central-difference derivatives (n, loads, 6)."""
-        wrenches, slopes = self.wrench_jacobian(poses)
-        selection = self._selection
-        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, slopes)
+        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, load_selection, possible_loads
+from casadi_contact.conventions import Array, load_jacobian, load_selection, possible_loads
 
 
 class NamedLoads:
@@ -24,8 +24,7 @@ class NamedLoads:
 
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, L) and their derivatives by the pose (n, L, 6)."""
-        wrenches, slopes = self._model.wrench_jacobian(poses)
-        return np.einsum("lpk,npk->nl", self._selection, wrenches), np.einsum("lpk,npkj->nlj", self._selection, slopes)
+        return load_jacobian(self._selection, *self._model.wrench_jacobian(poses))
 
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Those of the model: (n, patches), (n, patches, 6)."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-
 from casadi_contact.contact.model import signed_roots
-from casadi_contact.conventions import Array, pose_or_poses
+from casadi_contact.conventions import Array, load_jacobian, pose_or_poses
 from casadi_contact.scenes import Scene
 
 
@@ -37,9 +35,7 @@ class WrenchRoots(ABC):
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return, from one evaluation."""
         wrenches, slopes = self.wrench_jacobian(poses)
-        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
-        by_pose = np.einsum("lpk,npkj->nlj", self._selection, slopes)
-        return loads, by_pose, *self._roots(poses, wrenches, slopes)
+        return *load_jacobian(self._selection, wrenches, slopes), *self._roots(poses, wrenches, slopes)
 
     def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
         return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gap_jacobian(poses[rows]))

@@ -19,7 +19,7 @@ from casadi_contact.contact.parameters import check_parameters, parametric_funct
 from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation
+from casadi_contact.conventions import Array, load_jacobian, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
@@ -92,9 +92,7 @@ class CompiledFoundation(WrenchRoots, ContactFunctions, Exportable):
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         if self._library is None:
-            wrenches, by_pose, _ = self._wrenches(poses, slopes=True)
-            selection = self._rows(loads)
-            return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, by_pose)
+            return load_jacobian(self._rows(loads), *self.wrench_jacobian(poses))
         values = np.empty((len(poses), len(self.load_names)))
         slopes = np.empty((*values.shape, 6))
         call_in_shares(self._library, "array_jacobians", poses, values, slopes)

@@ -16,7 +16,7 @@ from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
+from casadi_contact.conventions import Array, as_poses, load_jacobian, load_selection, pose_or_poses, rotation
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
@@ -101,9 +101,7 @@ class ElasticFoundation(WrenchRoots):
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        wrenches, slopes = self.wrench_jacobian(poses)
-        loads = np.einsum("lpk,npk->nl", self._selection, wrenches)
-        return loads, np.einsum("lpk,npkj->nlj", self._selection, slopes)
+        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:

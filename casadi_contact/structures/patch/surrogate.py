@@ -23,7 +23,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import REFLECTION, WRENCH_NAMES, Array, pose_or_poses
+from casadi_contact.conventions import REFLECTION, WRENCH_NAMES, Array, load_jacobian, pose_or_poses
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.scenes.parts import Part
@@ -132,7 +132,7 @@ class PatchSurrogate(Surrogate):
     def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
         selection = self.scene.part_selection(loads)
         wrenches, derivative = self._wrenches(poses, _used(selection), derivative=True)
-        return np.einsum("lpk,npk->nl", selection, wrenches), np.einsum("lpk,npkj->nlj", selection, derivative)
+        return load_jacobian(selection, wrenches, derivative)
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
