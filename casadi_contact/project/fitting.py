@@ -181,23 +181,26 @@ def fit_surrogate(
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     posed, twins = _regressions_and_twins(kind, samples, scene, loads)
     asked = {regression.name: effort_for(efforts, regression.name) for regression in posed}
-    restarts = TrainingSettings.restarts if onward is None else 0
-    settings = {
-        name: TrainingSettings(each.sizes, each.activation, each.gflop, seed=seed, restarts=restarts, device=device)
-        for name, each in asked.items()
-    }
-    regressions = [_at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0) for one in posed]
     first = {name: each.sizes[0] for name, each in asked.items()}
     if onward is None:
         starts = kind.starts(first, {structure: one.networks for structure, one in (made or {}).items()})
     else:
         starts = {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
+    kept = {} if onward is None else {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
+    restarts = TrainingSettings.restarts if onward is None else 0
+    settings = {
+        name: TrainingSettings(each.sizes, each.activation, each.gflop, seed=seed, restarts=restarts, device=device)
+        for name, each in asked.items()
+        if name not in kept
+    }
+    fitted = [one for one in posed if one.name not in kept]
+    regressions = [_at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0) for one in fitted]
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
     single = fit_all(regressions, settings, executor, checkpoints, progress, starts)
     if progress is not None:
         _tell_ends(single, progress)
     fits: dict[str, Any] = {**single}
-    networks = {name: fit.network for name, fit in fits.items()}
+    networks = kept | {name: fit.network for name, fit in single.items()}
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)

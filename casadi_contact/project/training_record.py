@@ -40,10 +40,10 @@ def training_record(
 def gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     """The record of networks that went on from others: work and time are those of both, dropped shares the former's,
     since of what a round draws only the worst is kept; all else is the later's."""
-    both = {
-        key: {name: round(spent + before[key].get(name, 0.0), 1) for name, spent in record[key].items()}
-        for key in ("gflop", "seconds")
-    }
+    both = {}
+    for key in ("gflop", "seconds"):
+        spent, later = before[key], record[key]
+        both[key] = {name: round(spent.get(name, 0.0) + later.get(name, 0.0), 1) for name in {**spent, **later}}
     added = sum(record["samples"].values()) - sum(before["samples"].values())
     return {**record, **both, "dropped": before["dropped"], "active": [*before.get("active", []), added]}
 

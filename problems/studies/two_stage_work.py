@@ -6,11 +6,13 @@ Networks of 4 hidden layers grow from 15 to 30 neurons a layer [EF15 §2.6], on 
     python -m problems.studies.two_stage_work knee --preset paper
 
 Budgets are work (Gflop for each network of loads), so that a busy machine gives the same networks; the file says how
-many seconds of a core they took. Errors and times stand beside those of the scene's shipped surrogates and foundations.
+many seconds of a core they took. Each fit goes on from where the one of the next smaller budget ended. Errors and times
+stand beside those of the scene's shipped surrogates and foundations.
 """
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -43,8 +45,9 @@ app = new_app()
 
 @alone
 def train_with_work(project: Project, gflop: Sequence[float], update: Update | None = None) -> dict[str, Surrogate]:
-    """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads; that of the largest
-    budget bears the size alone. Those on disk are not trained again, interrupted ones go on.
+    """`two_stage` surrogates by their name on the chart, one for each budget of a network of loads, the smallest first;
+    that of the largest budget bears the size alone. Those on disk are not trained again, interrupted ones go on, and
+    each goes on from the fits of the budget before.
 
     Raises ValueError for a preset that does not train `two_stage` and for a scene that it does not fit.
     """
@@ -56,18 +59,21 @@ def train_with_work(project: Project, gflop: Sequence[float], update: Update | N
     samples, efforts = project.samples(), project.preset.efforts[STRUCTURE]
     model = f"{STRUCTURE} {size_text(efforts[''].sizes[-1])}"
     made: dict[str, Surrogate] = {}
+    before: Path | None = None
     with worker_pool() as workers:
-        for budget in gflop:
+        for budget in sorted(gflop):
             name = model if budget == max(gflop) else f"{model} ({budget:g} Gflop)"
             folder = project.folder / NAME / f"{budget:g}_gflop"
             path = folder / "surrogate.h5"
             surrogate = on_disk(project, path)
             if surrogate is None:
+                if before is not None and not folder.exists():
+                    shutil.copytree(before, folder, ignore=shutil.ignore_patterns(path.name))
                 chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
                 made_by = _command(project, [budget])
                 surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, made_by, name, update, workers)
                 surrogate.save(path)
-            made[name] = surrogate
+            made[name], before = surrogate, folder
     return made
 
 

@@ -18,6 +18,7 @@ from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_
 from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
+from casadi_contact.files import read_npz
 from casadi_contact.project.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.quantities import FORCE, quantity
 from problems.studies import seeds, two_stage_work
@@ -236,6 +237,10 @@ def test_the_paper_s_method_is_measured_with_several_budgets(project, monkeypatc
     assert more.parameters > less.parameters, "with more work its networks grow"
     assert all(0.0 < point.force_rms_n < 1000.0 and point.value.median_us > 0.0 for point in (less, more))
     assert {"foundation", "EF"} <= {point.family for point in front.models}
+    folders = (project.folder / "two_stage_work" / f"{gflop}_gflop" for gflop in ("0.02", "0.5"))
+    first, gone_on = (read_npz(folder / "Fy_med.npz")["history_size"] for folder in folders)
+    assert first[-1] == 1, "grown within the smaller budget"
+    np.testing.assert_array_equal(gone_on[: len(first)], first, "the larger budget goes on from there")
 
 
 def test_a_preset_without_two_stage_is_refused(project):

@@ -112,6 +112,20 @@ def test_a_build_goes_on_through_its_rounds_on_wider_networks_and_ends_alike_whe
             np.testing.assert_array_equal(before, after, "what was drawn and trained is gone on from")
 
 
+def test_a_round_without_work_for_a_network_only_makes_it_wider(project):
+    alone = replace(project, own=replace(project.own, active=()))
+    samples, before = built(alone)
+    efforts = {"trunk": {"root": Effort(((8, 8),), 0.0), "ratios": Effort(((8, 8),), 0.1)}}
+    _, after = built(replace(project, own=replace(project.own, active=(ActiveRound(2.0, 0.1, efforts),))))
+    assert {network.hidden for network in after.networks.values()} == {(8, 8)}
+    roots = [each.root_loads(samples.poses)[0] for each in (after, before)]
+    np.testing.assert_allclose(*roots, rtol=1e-9, atol=1e-12)
+    assert after.record["gflop"]["root_med"] == before.record["gflop"]["root_med"], "work of the rounds before counts"
+    assert after.record["gflop"]["ratios_med"] > before.record["gflop"]["ratios_med"]
+    with pytest.raises(ValueError, match="max_gflop is 0"):  # nothing is there to go on from
+        built(replace(project, folder=project.folder / "none", own=Preset(0.005, efforts)))
+
+
 def two_sides(count):
     """Columns of samples of a scene of two parts."""
     return {"wrenches": np.zeros((count, 2, 6)), "gaps": np.zeros((count, 2))}

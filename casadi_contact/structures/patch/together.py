@@ -2,21 +2,25 @@
 
 With the ratios ρ_kc = W_kc/N_k that samples tell of each part k, and its normal load N_k = N0·max(s_k, 0)², the
 residuals of a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of
-what each may be off by, divided by the root of their number; and `_OWN` times those of the parts' own root loads. Of
-parts that are far from contact one row in `_FAR_ROWS` stands for all: the others weigh nothing of their own.
+what each may be off by, divided by the root of their number, and `_NORMAL` times where c belongs to the normal load,
+which all others follow from; and those of the parts' own root loads, `_OWN_LOAD` times where a part bears, since which
+part bears what matters little beside what all of them carry, and `_OWN_GAP` times where it does not. Of parts that are
+far from contact one row in `_FAR_ROWS` stands for all: the others weigh nothing of their own.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import Array, load_selection
+from casadi_contact.conventions import WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset import Samples
 from casadi_contact.network import PartsRegression, Regression
+from casadi_contact.scenes.normal_load import FORCE_NAMES, NormalLoad
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.sample_rows import fitted_rows
 
-_OWN = 0.1  # keeps gaps, and which part bears what, about where they are
+_NORMAL = 3.0
+_OWN_GAP, _OWN_LOAD = 0.1, 0.03  # with 0.1 for both a fit takes twice as long for the same error of the patch
 _FAR, _FAR_ROWS = 0.3, 8  # root loads below minus the first are far from contact
 
 
@@ -36,7 +40,7 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
             continue
         wrenches = samples.wrenches[rows][:, parts][:, :, used]
         normal = np.stack([scene.parts[k].normal.of(samples.wrenches[rows, k]) for k in parts], axis=1)
-        scale = allowed[used] * np.sqrt(used.sum())
+        scale = (allowed / np.where(_pressing(scene.parts[parts[0]].normal), _NORMAL, 1.0))[used] * np.sqrt(used.sum())
         own = [roots[scene.parts[k].name] for k in parts]
         found.append(
             PartsRegression(
@@ -46,7 +50,7 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
                 scene.reference_load * _ratios(wrenches, normal) / scale,
                 wrenches.sum(axis=1) / scale,
                 np.stack([root.targets for root in own], axis=1),
-                _OWN * np.stack([_thinned(root) / root.tolerance for root in own], axis=1) / np.sqrt(len(own)),
+                np.stack([_own_weights(root) for root in own], axis=1) / np.sqrt(len(own)),
                 validation,
                 tolerance=1.0,
                 domain=samples.domain[rows],
@@ -55,11 +59,17 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
     return found
 
 
-def _thinned(root: Regression) -> Array:
+def _pressing(normal: NormalLoad) -> np.ndarray:
+    """True for the wrench components (6,) that a normal load is made of."""
+    return np.isin(WRENCH_NAMES, FORCE_NAMES if normal.component is None else normal.component)
+
+
+def _own_weights(root: Regression) -> Array:
     """The weights (n,) of a part's root load, in most rows far from contact 0."""
     far = root.targets < -_FAR
     drawn = np.random.default_rng(0).random(len(far)) < 1.0 / _FAR_ROWS
-    return np.where(far, np.where(drawn, np.sqrt(_FAR_ROWS), 0.0), 1.0) * root.weights
+    of_gaps = np.where(far, np.where(drawn, np.sqrt(_FAR_ROWS), 0.0), 1.0) * _OWN_GAP
+    return np.where(root.targets > 0.0, _OWN_LOAD, of_gaps) * root.weights / root.tolerance
 
 
 def _allowed(scene: Scene, p: int) -> Array:
