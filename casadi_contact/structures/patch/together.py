@@ -3,9 +3,10 @@
 With the ratios ρ_kc = W_kc/N_k that samples tell of each part k, and its normal load N_k = N0·max(s_k, 0)², the
 residuals of a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of
 what each may be off by, divided by the root of their number, and `_NORMAL` times where c belongs to the normal load,
-which all others follow from; and those of the parts' own root loads, `_OWN_LOAD` times where a part bears, since which
-part bears what matters little beside what all of them carry, and `_OWN_GAP` times where it does not. Of parts that are
-far from contact one row in `_FAR_ROWS` stands for all: the others weigh nothing of their own.
+which all others follow from. Those of the parts' own root loads are added: `_OWN_LOAD` times where a part bears, since
+which part bears what matters little beside what all of them carry, and `_OWN_GAP` times where it does not. Far from
+contact it is the share of a gap that counts, lest a part bear there, and one row in `_FAR_ROWS` stands for all: the
+others weigh nothing of their own.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.sample_rows import fitted_rows
 
 _NORMAL = 3.0
-_OWN_GAP, _OWN_LOAD = 0.1, 0.03  # with 0.1 for both a fit takes twice as long for the same error of the patch
-_FAR, _FAR_ROWS = 0.3, 8  # root loads below minus the first are far from contact
+_OWN_LOAD, _OWN_GAP = 0.015, 0.1  # with 0.1 for both a fit takes twice as long for the same error of the patch
+_FAR, _OWN_FAR, _FAR_ROWS = 0.3, 0.12, 8  # root loads s below -_FAR are far from contact, and weigh _OWN_FAR/|s|
 
 
 def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[PartsRegression]:
@@ -68,8 +69,9 @@ def _own_weights(root: Regression) -> Array:
     """The weights (n,) of a part's root load, in most rows far from contact 0."""
     far = root.targets < -_FAR
     drawn = np.random.default_rng(0).random(len(far)) < 1.0 / _FAR_ROWS
-    of_gaps = np.where(far, np.where(drawn, np.sqrt(_FAR_ROWS), 0.0), 1.0) * _OWN_GAP
-    return np.where(root.targets > 0.0, _OWN_LOAD, of_gaps) * root.weights / root.tolerance
+    of_far = np.where(drawn, np.sqrt(_FAR_ROWS), 0.0) * _OWN_FAR / np.maximum(-root.targets, _FAR)
+    own = np.where(far, of_far, np.where(root.targets > 0.0, _OWN_LOAD, _OWN_GAP))
+    return own * root.weights / root.tolerance
 
 
 def _allowed(scene: Scene, p: int) -> Array:
