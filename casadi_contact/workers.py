@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
@@ -30,6 +31,8 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
         if executor is not None:
             yield executor
             return
+        # loky replaces a worker whose memory has grown; nothing is lost, and a user can do nothing about it.
+        warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
         pool = _OwnPool(cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
         try:
             yield pool
