@@ -25,8 +25,8 @@ from casadi_contact.training.settings import TrainingSettings
 # As in `levenberg_marquardt`. What parts do to each other is not in the preconditioner: steps take many products, and
 # half as many give the same error in less work.
 _ACCURACY = 0.3
-# Times the training RMS: what a validation row counts at most. Where no row tells what a part does, single poses are off
-# by hundreds of newtons at one step and not at the next: they are not to choose among networks.
+# Times the training RMS: what a validation row counts at most. Where no row tells what a part does, single poses are
+# off by hundreds of newtons at one step and not at the next: they are not to choose among networks.
 _MOST = 10.0
 
 

@@ -124,6 +124,19 @@ def test_the_patch_becomes_right(given, networks, request):
     assert set(fit.networks) == set(NAMES)
 
 
+def test_a_single_validation_row_does_not_choose_the_networks(patch, networks):
+    """One that the start meets, and that goes far off with every step that is good for all others."""
+    row = int(np.flatnonzero(patch.validation & (patch.wanted[:, 0] > 0.5))[0])
+    start = np.array([network.value(x[[row]])[0] for network, x in zip(networks, patch.inputs, strict=True)])
+    shares, wanted = patch.shares.copy(), patch.wanted.copy()
+    shares[row] *= 1000.0
+    wanted[row] = np.maximum(start, 0.0) ** 2 @ shares[row]
+    odd = replace(patch, shares=shares, wanted=wanted)
+    fit = fit_parts(odd, TrainingSettings(max_gflop=0.5), None, None, networks)
+    assert fit.rms < 0.05 * fit.history["training_rms"][0]
+    assert fit.validation_rms > 10.0, "what is told of the fit is true"
+
+
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_part_that_no_row_presses_stays_as_it_is(compiled, patch, networks):
     """Out of contact everywhere, without weight."""
