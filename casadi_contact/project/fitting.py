@@ -193,8 +193,11 @@ def fit_surrogate(
         for name, each in asked.items()
         if name not in kept
     }
-    fitted = [one for one in posed if one.name not in kept]
-    regressions = [_at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0) for one in fitted]
+    regressions = [
+        _at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0)
+        for one in posed
+        if one.name not in kept
+    ]
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
     single = fit_all(regressions, settings, executor, checkpoints, progress, starts)
     if progress is not None:

@@ -39,6 +39,7 @@ from problems.common.command import new_app, run_command
 
 NAME = "two_stage_work"
 STRUCTURE = TwoStageSurrogate.structure
+_SURROGATE = "surrogate.h5"
 GFLOP = (2_000.0, 20_000.0, 60_000.0)
 app = new_app()
 
@@ -64,17 +65,25 @@ def train_with_work(project: Project, gflop: Sequence[float], update: Update | N
         for budget in sorted(gflop):
             name = model if budget == max(gflop) else f"{model} ({budget:g} Gflop)"
             folder = project.folder / NAME / f"{budget:g}_gflop"
-            path = folder / "surrogate.h5"
+            path = folder / _SURROGATE
             surrogate = on_disk(project, path)
             if surrogate is None:
                 if before is not None and not folder.exists():
-                    shutil.copytree(before, folder, ignore=shutil.ignore_patterns(path.name))
+                    _copy_checkpoints(before, folder)
                 chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
                 made_by = _command(project, [budget])
                 surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, made_by, name, update, workers)
                 surrogate.save(path)
             made[name], before = surrogate, folder
     return made
+
+
+def _copy_checkpoints(before: Path, folder: Path) -> None:
+    """What fits go on from, as a whole: a copy that was cut off is made again."""
+    part = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    shutil.copytree(before, part, ignore=shutil.ignore_patterns(_SURROGATE))
+    part.rename(folder)
 
 
 def measured_front(project: Project, trained: dict[str, Surrogate], gflop: Sequence[float]) -> Front:
