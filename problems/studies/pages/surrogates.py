@@ -198,7 +198,9 @@ def kernel_speed_page(path: Path) -> str:
     parts = [
         "Time per pose of all loads on one core: a CasADi graph and the compiled C kernel in single buffered calls as "
         "an optimiser makes them, EF in one batch. Medians of repeats taken in turn; where other programs ran "
-        "beside it, the lowest is the better guide. `casadi-contact speed knee` measures this.",
+        "beside it, the lowest is the better guide. The Jacobian here is that of an expression in which the loads are "
+        "called, as in IPOPT; charts time the kernel's own Jacobian function, which saves the call around it. "
+        "`casadi-contact speed knee` measures this.",
         machine(content["machine"]),
     ]
     for structure, found in content["surrogates"].items():
