@@ -207,7 +207,7 @@ def fit_surrogate(
     if TOGETHER in efforts and loads is None:
         effort = efforts[TOGETHER]
         together = TrainingSettings(max_gflop=effort.gflop, seed=seed)
-        whole = [_asked(regression, effort, weights) for regression in kind.parts_regressions(samples)]
+        whole = [_asked(regression, effort, weights) for regression in kind(scene, networks).parts_regressions(samples)]
         of_patches = fit_all_parts(whole, together, networks, executor, checkpoints, progress)
         networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
         fits |= of_patches

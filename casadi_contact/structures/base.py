@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
-from casadi_contact.network import Network
+from casadi_contact.dataset import Samples
+from casadi_contact.network import Network, PartsRegression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
 from casadi_contact.structures.distrust import OffSpace
@@ -77,6 +78,10 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
+
+    def parts_regressions(self, samples: Samples) -> list[PartsRegression]:
+        """What its networks of root loads are to be fitted on to together, a patch that is cut into parts each."""
+        return []
 
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""

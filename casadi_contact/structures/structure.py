@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 
 
@@ -50,11 +50,6 @@ class Structure(ABC):
     @abstractmethod
     def regressions(samples: Samples) -> list[Regression]:
         """The regressions, one for each network, that samples pose."""
-
-    @staticmethod
-    def parts_regressions(samples: Samples) -> list[PartsRegression]:
-        """What networks of root loads are fitted on to together, a patch that is cut into parts each."""
-        return []
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:

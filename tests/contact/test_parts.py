@@ -86,11 +86,15 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     assert {"root_med_1", "root_med_2", "root_lat", "ratio_med_2_Tz"} <= {r.name for r in regressions}
     fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((8, 8),), max_iterations=60))
     surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
-    (whole,) = PatchSurrogate.parts_regressions(samples)
+    (whole,) = surrogate.parts_regressions(samples)
     assert whole.names == ("root_med_1", "root_med_2")
-    normal = np.stack([part.normal.of(samples.wrenches[:, k]) for k, part in enumerate(scene.parts[:2])], axis=1)
-    true = np.sqrt(normal[role != TEST] / scene.reference_load)
-    np.testing.assert_allclose(whole.residuals(true)[:, :-2], 0.0, atol=1e-9, err_msg="of the patch's wrench")
+    fitted = samples.poses[role != TEST]
+    pairs = zip(whole.names, whole.inputs, strict=True)
+    roots = [surrogate.networks[name].value(inputs) for name, inputs in pairs]
+    wrong = surrogate.wrenches(fitted)[:, 0] - samples.wrenches[role != TEST, :2].sum(axis=1)
+    residuals = whole.residuals(np.stack(roots, axis=1))[:, :-2]
+    of_error = residuals.std(axis=0) / wrong.std(axis=0)
+    np.testing.assert_allclose(residuals, of_error * wrong, atol=1e-9, err_msg="what the surrogate's patch is off by")
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
     assert error[1] < 0.02 * np.abs(test.loads()[:, 1]).max(), error
@@ -110,7 +114,10 @@ def test_what_the_patch_carries_counts_more_than_which_part_bears_it(tmp_path):
     poses[:200, 2] = np.random.default_rng(3).uniform(-6.0, -3.0, 200)  # beside the patch: its parts are far from it
     ones = np.ones(len(poses), dtype=np.uint8)
     samples = Samples(scene, poses, model.part_wrenches(poses), model.part_gaps(poses), ones, np.full_like(ones, TRAIN))
-    (parts,) = PatchSurrogate.parts_regressions(samples)
+    regressions = PatchSurrogate.regressions(samples)
+    fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((4,),), max_iterations=10))
+    surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
+    (parts,) = surrogate.parts_regressions(samples)
     normal = scene.reference_load * np.maximum(parts.targets, 0.0) ** 2
     both = (normal > 5.0).all(axis=1)
     assert both.sum() > 20
@@ -122,7 +129,7 @@ def test_what_the_patch_carries_counts_more_than_which_part_bears_it(tmp_path):
 
     shifted, added = misfit(normal + np.array([2.0, -2.0])), misfit(normal + np.array([2.0, 0.0]))
     assert shifted < 0.5 * added, "2 N of one part borne by the other, and 2 N too much"
-    alone = {root.name: root for root in PatchSurrogate.regressions(samples)}
+    alone = {root.name: root for root in regressions}
     for name, targets, weights in zip(parts.names, parts.targets.T, parts.weights.T, strict=True):
         far = (targets < -0.5) & (weights > 0.0)
         assert far.sum() > 10

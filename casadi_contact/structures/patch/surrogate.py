@@ -81,13 +81,6 @@ class PatchSurrogate(Surrogate):
         """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
         return patch_regressions(samples)
 
-    @staticmethod
-    def parts_regressions(samples: Samples) -> list[PartsRegression]:
-        """Root loads of the parts of each patch that is cut; see `together.parts_regressions`."""
-        known = patch_regressions(samples)
-        roots = {root.name.removeprefix("root_"): root for root in known if root.name.startswith("root_")}
-        return parts_regressions(samples, roots)
-
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:
         """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
@@ -120,6 +113,25 @@ class PatchSurrogate(Surrogate):
     def ratio_network(part: str, component: str) -> str:
         """Name of the network that gives a ratio."""
         return ratio_name(part, component)
+
+    def parts_regressions(self, samples: Samples) -> list[PartsRegression]:
+        """Root loads of the parts of each patch that is cut, under the ratios of its networks; see
+        `together.parts_regressions`."""
+        known = patch_regressions(samples)
+        roots = {root.name.removeprefix("root_"): root for root in known if root.name.startswith("root_")}
+        return parts_regressions(samples, roots, self._part_ratios)
+
+    def _part_ratios(self, poses: Array, p: int) -> Array:
+        """What a newton of part p's normal load brings of each wrench component (n, 6): ±1 of its own, 0 of those that
+        no load needs."""
+        part, used = self.scene.parts[p], _used(self.scene.part_selection(self.load_names))[p]
+        ratios = np.zeros((len(poses), 6))
+        components = [k for c, k in enumerate(WRENCH_NAMES) if used[c] and k != part.normal.component]
+        for k, (values, _) in self._ratios(poses, part, components, derivative=False).items():
+            ratios[:, WRENCH_NAMES.index(k)] = values
+        if part.normal.component is not None:
+            ratios[:, WRENCH_NAMES.index(part.normal.component)] = part.normal.sign
+        return ratios
 
     def _root_networks(self) -> list[str]:
         return [root_name(part.name) for part in self.scene.parts]

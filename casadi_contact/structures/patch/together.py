@@ -1,15 +1,17 @@
 """What the parts of a patch are to carry together (`network.PartsRegression`): the wrench of the whole patch.
 
-With the ratios ρ_kc = W_kc/N_k that samples tell of each part k, and its normal load N_k = N0·max(s_k, 0)², the
-residuals of a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of
-what each may be off by, divided by the root of their number, and `_NORMAL` times where c belongs to the normal load,
-which all others follow from. Those of the parts' own root loads are added: `_OWN_LOAD` times where a part bears, since
-which part bears what matters little beside what all of them carry, and `_OWN_GAP` times where it does not. Far from
-contact it is the share of a gap that counts, lest a part bear there, and one row in `_FAR_ROWS` stands for all: the
-others weigh nothing of their own.
+With the ratios ρ_kc that the networks of each part k give, and its normal load N_k = N0·max(s_k, 0)², the residuals of
+a row are (Σ_k ρ_kc·N_k - W_c)/τ_c over the wrench components c that the scene's loads need, in shares of what each may
+be off by, divided by the root of their number, and `_NORMAL` times where c belongs to the normal load, which all others
+follow from. That is what the surrogate is off by: root loads make up for what ratios miss. Those of the parts' own root
+loads are added: `_OWN_LOAD` times where a part bears, since which part bears what matters little beside what all of
+them carry, and `_OWN_GAP` times where it does not. Far from contact it is the share of a gap that counts, lest a part
+bear there, and one row in `_FAR_ROWS` stands for all: the others weigh nothing of their own.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -25,13 +27,17 @@ _OWN_LOAD, _OWN_GAP = 0.015, 0.1  # with 0.1 for both a fit takes twice as long 
 _FAR, _OWN_FAR, _FAR_ROWS = 0.3, 0.12, 8  # root loads s below -_FAR are far from contact, and weigh _OWN_FAR/|s|
 
 
-def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[PartsRegression]:
+def parts_regressions(
+    samples: Samples, roots: dict[str, Regression], ratios: Callable[[Array, int], Array]
+) -> list[PartsRegression]:
     """One for each patch that is cut into parts and carries something that the scene's loads need.
 
-    roots: regressions of the parts' root loads by part (`patch_regressions`), of the same samples.
+    roots: regressions of the parts' root loads by part (`patch_regressions`), of the same samples. ratios: what a
+    newton of a part's normal load brings of each wrench component, (n, 6) of poses and the part's index.
     """
     scene = samples.scene
     rows, validation = fitted_rows(samples)
+    poses = samples.poses[rows]
     found = []
     for p, patch in enumerate(scene.patch_names):
         parts = [k for k, part in enumerate(scene.parts) if part.patch == p]
@@ -39,8 +45,7 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
         used = np.isfinite(allowed)
         if len(parts) < 2 or not used.any():
             continue
-        wrenches = samples.wrenches[rows][:, parts][:, :, used]
-        normal = np.stack([scene.parts[k].normal.of(samples.wrenches[rows, k]) for k in parts], axis=1)
+        wrench = samples.wrenches[rows][:, parts].sum(axis=1)[:, used]
         scale = (allowed / np.where(_pressing(scene.parts[parts[0]].normal), _NORMAL, 1.0))[used] * np.sqrt(used.sum())
         own = [roots[scene.parts[k].name] for k in parts]
         found.append(
@@ -48,8 +53,8 @@ def parts_regressions(samples: Samples, roots: dict[str, Regression]) -> list[Pa
                 f"together_{patch}",
                 tuple(root.name for root in own),
                 tuple(root.inputs for root in own),
-                scene.reference_load * _ratios(wrenches, normal) / scale,
-                wrenches.sum(axis=1) / scale,
+                scene.reference_load * np.stack([ratios(poses, k)[:, used] for k in parts], axis=1) / scale,
+                wrench / scale,
                 np.stack([root.targets for root in own], axis=1),
                 np.stack([_own_weights(root) for root in own], axis=1) / np.sqrt(len(own)),
                 validation,
@@ -81,11 +86,3 @@ def _allowed(scene: Scene, p: int) -> Array:
     tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
     shares = tolerances[:, None] / np.sqrt(np.maximum(selection.sum(axis=1), 1))
     return np.where(selection[:, p], shares, np.inf).min(axis=0)
-
-
-def _ratios(wrenches: Array, normal: Array) -> Array:
-    """ρ (n, K, m) of parts that bear, and of all others their mean where they bear: a false load counts there."""
-    bears = normal > 0.0
-    ratios = wrenches / np.where(bears, normal, 1.0)[:, :, None]
-    mean = wrenches.sum(axis=0) / np.maximum(np.where(bears, normal, 0.0).sum(axis=0), 1e-300)[:, None]
-    return np.where(bears[:, :, None], ratios, mean)
