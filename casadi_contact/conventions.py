@@ -11,7 +11,7 @@ component moves, flexion is rz < 0 and compression is Fy < 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -179,6 +179,14 @@ def loads_of_total(component: str, load_names: Sequence[str], patch_names: Seque
         return (component,)
     parts = tuple(f"{component}_{patch}" for patch in patch_names)
     return parts if set(parts) <= set(load_names) else ()
+
+
+def check_loads(load_names: Sequence[str], loads: Iterable[str] | None) -> tuple[str, ...]:
+    """The loads asked for (None: all of load_names); ValueError where one is not the scene's."""
+    names = tuple(load_names) if loads is None else tuple([loads] if isinstance(loads, str) else loads)
+    if not names or any(name not in load_names for name in names):
+        raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(load_names)}")
+    return names
 
 
 def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -24,14 +24,6 @@ def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.
     callback = _Values(check_name(name), outputs, size)
     _KEPT.append(callback)
     return callback
-
-
-def check_loads(load_names: Sequence[str], loads: Iterable[str] | None) -> tuple[str, ...]:
-    """The loads asked for (None: all of load_names); ValueError where one is not the scene's."""
-    names = tuple(load_names) if loads is None else tuple([loads] if isinstance(loads, str) else loads)
-    if not names or any(name not in load_names for name in names):
-        raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(load_names)}")
-    return names
 
 
 def model_callback(

@@ -7,9 +7,9 @@ from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 
-from casadi_contact.contact.callback import check_loads, model_callback
+from casadi_contact.contact.callback import model_callback
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, pose_or_poses
+from casadi_contact.conventions import Array, check_loads, pose_or_poses
 from casadi_contact.transcription.contact_functions import ContactFunctions
 
 

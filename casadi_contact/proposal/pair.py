@@ -8,11 +8,13 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh, joined_by_edges
 
 _SPACING_MM = 1.5
 _COARSE_MM = 4.0  # longest edge of triangles whose centres alone tell where the surface is
 _FULL_SIZE_MM = 40.0  # across: a fixed surface smaller than this, of a finger, is looked at on a smaller scale
+_FULL_PIECE_MM = 28.0  # across: a surface whose largest piece is smaller, less than a plateau of a knee, carries less
+_PIECE_SHARE = 0.25  # of the area, in the largest piece: less, and the file is in fragments
 _MOST_POINTS = 6000
 _FACING = 0.5  # cos of the angle between a fixed normal and the direction to the moving body, at least
 _AHEAD = 0.7  # cos of the angle to the direction of moving
@@ -26,6 +28,7 @@ class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
 
     scale: of this joint's size to that of large ones, 1 at most: what the lengths of this subpackage are multiplied by.
+    carrying: the same of its largest piece, whose square is the share of a large joint's load that it carries.
     is_open: whether the fixed mesh has edges of one triangle.
     """
 
@@ -35,13 +38,15 @@ class Pair:
     field: DistanceField
     moving: TriangleMesh
     scale: float
+    carrying: float
     is_open: bool
 
     @classmethod
     def of(cls, moving: TriangleMesh, fixed: TriangleMesh) -> Pair:
         """The fixed mesh's triangles by their centres, large ones divided, thinned out evenly where there are very
         many."""
-        scale = min(1.0, float(np.ptp(fixed.vertices_mm, axis=0).max()) / _FULL_SIZE_MM)
+        scale = min(1.0, across_mm(fixed) / _FULL_SIZE_MM)
+        carrying = min(scale, across_mm(largest_piece(fixed)) / _FULL_PIECE_MM)
         is_open = bool(len(fixed.boundary_edges))
         fixed = _divided(fixed, scale * _COARSE_MM)
         chosen = np.linspace(0, len(fixed.faces) - 1, min(len(fixed.faces), _MOST_POINTS)).round().astype(int)
@@ -49,7 +54,14 @@ class Pair:
         areas = np.linalg.norm(vectors, axis=1)
         points = fixed.corners_mm[chosen].mean(axis=1)
         return cls(
-            points, vectors / areas[:, None], areas, build_field(moving, scale * _SPACING_MM), moving, scale, is_open
+            points,
+            vectors / areas[:, None],
+            areas,
+            build_field(moving, scale * _SPACING_MM),
+            moving,
+            scale,
+            carrying,
+            is_open,
         )
 
     def turned_round(self) -> Pair:
@@ -97,6 +109,22 @@ class Pair:
                 break
             t = t + gap * direction
         return t
+
+
+def across_mm(mesh: TriangleMesh) -> float:
+    """Largest extent along an axis."""
+    return float(np.ptp(mesh.vertices_mm, axis=0).max())
+
+
+def largest_piece(mesh: TriangleMesh) -> TriangleMesh:
+    """That of the largest area of the pieces that do not hang together, as the two facets of a vertebra; all of it
+    where the file is in fragments."""
+    group = joined_by_edges(mesh.faces)[0]
+    areas = np.bincount(group, weights=mesh.areas_mm2)
+    if areas.max() < _PIECE_SHARE * areas.sum():
+        return mesh
+    used, faces = np.unique(mesh.faces[group == np.argmax(areas)], return_inverse=True)
+    return TriangleMesh(mesh.name, mesh.vertices_mm[used], faces.reshape(-1, 3))
 
 
 def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:

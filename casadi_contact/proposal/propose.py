@@ -19,6 +19,7 @@ from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
 from casadi_contact.proposal.open_questions import beyond_elements, coarse_coordinates, shells_passed, unsettled
+from casadi_contact.proposal.pair import Pair, across_mm, largest_piece
 from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
 from casadi_contact.proposal.sight import Sight, sight_of
 from casadi_contact.proposal.spacings import at_rest
@@ -144,8 +145,8 @@ def _drafted(
     untold += [question for mesh in meshes.values() for damage in damages for question in damage(mesh)]
     why = " (--material)" if material else _guess(meeting.together)
     untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")
-    if units is None and pair.scale < 1.0:
-        untold.insert(0, _small(meshes["fixed"], unit))
+    if pair.carrying < pair.scale or (units is None and pair.scale < 1.0):
+        untold.insert(0, _small(pair, meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
     if sight.places > len(joint.patches):
         told.append(f"the bodies touch in {sight.places} places, one patch: turning shifts no load between them")
@@ -196,10 +197,13 @@ def _guess(together: bool) -> str:
     return ", since the files do not share a frame, as a scan's would (--material cartilage)"
 
 
-def _small(fixed: TriangleMesh, unit: str) -> str:
-    """The question about a size at which a large joint's file in another unit would look the same."""
-    across = float(np.ptp(fixed.vertices_mm, axis=0).max())
-    return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {unit} (--units)"
+def _small(pair: Pair, fixed: TriangleMesh, unit: str) -> str:
+    """The question about a size at which a large joint's file in another unit would look the same, or about loads."""
+    if pair.scale < 1.0:
+        across = across_mm(fixed)
+        return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {unit} (--units)"
+    across = across_mm(largest_piece(fixed))
+    return f"the loads: the fixed surface is in pieces of {across:.2g} mm at most, and is loaded as a small joint"
 
 
 def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
@@ -213,7 +217,7 @@ def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str
         except ValueError as error:
             errors.append(str(error))
             continue
-        across = max(float(np.ptp(mesh.vertices_mm, axis=0).max()) for mesh in meshes.values())
+        across = max(map(across_mm, meshes.values()))
         if asked is None and across < _LEAST_GUESSED_MM:
             sizes = [f"{across * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
             raise ValueError(

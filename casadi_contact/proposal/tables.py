@@ -67,9 +67,9 @@ def first_tables(
             "names": joint.loads,
             "sensitive": joint.sensitive,
             "sensitive_pose": joint.sensitive_pose,
-            "reference_load": round(REFERENCE_LOAD_N * pair.scale**2, 1),
+            "reference_load": round(REFERENCE_LOAD_N * pair.carrying**2, 1),
             "gap_slope": 5.0,
-            "boundary_load": round(_BOUNDARY_N * pair.scale**2, 2),
+            "boundary_load": round(_BOUNDARY_N * pair.carrying**2, 2),
         },
         "tolerances": dict.fromkeys(joint.loads, 1.0),
     }

@@ -40,7 +40,10 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
     if "walking" not in content:
         return tables
     walking = content["walking"]
-    table = Table(title=f"Speed and accuracy on {walking['poses']} unseen poses of its motion inside D1 [EF15 Table 4]")
+    table = Table(
+        title=f"Speed and accuracy on {walking['poses']} unseen poses of its motion inside D1 [EF15 Table 4], against "
+        f"EF {walking['converged']}"
+    )
     table.add_column("model")
     units = {quantity(load).kind.name: quantity(load).unit for load in loads}
     kinds = [kind for kind in next(iter(walking["models"].values()))["converged"] if kind in units]

@@ -89,8 +89,14 @@ def with_trust(
     unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
     trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led))}
+    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led)), **_model_errors(model)}
     return kind(surrogate.scene, surrogate.networks, record, trust)
+
+
+def _model_errors(model: WrenchModel | None) -> dict[str, Any]:
+    """What a foundation was found to be off by when it was chosen: no error on samples includes it."""
+    measured = getattr(model, "record", {}).get("rms", {})
+    return {"model_errors": dict(measured)} if measured else {}
 
 
 def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples | None]) -> dict[str, Any]:

@@ -14,6 +14,8 @@ all others are kept and printed as they are:
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
                                                                     validity above 0.9, and of errors below the
                                                                     expected error (see `coverage`)
+    model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads against
+                                                                    elements, which no error above includes
     odd_rows         "rows unlike ...: 7 (Fy 5.31e+03 N, ...)"      of the table it learned (see `dataset.odd_rows`)
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
@@ -47,6 +49,7 @@ _TABLES = (
     "test_errors",
     "test_samples",
     "coverage",
+    "model_errors",
     "convergence",
 )
 _COVERAGE_ROWS = {  # valid: above 0.5 (see `trust_coverage`)
@@ -143,6 +146,8 @@ class SurrogateInfo:
         lines += self._reach_lines()
         lines += self._test_lines()
         lines += self._coverage_lines()
+        if line := model_line(self.record):
+            lines.append(line)
         lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
         return "\n".join(lines)
 
@@ -184,6 +189,15 @@ class SurrogateInfo:
 def other_rows(coverage: Mapping[str, Any]) -> list[str]:
     """What the rows of a coverage hold that are no domains, a line for each of those there are."""
     return [f"{name}: {which}" for name, which in _COVERAGE_ROWS.items() if name in coverage]
+
+
+def model_line(record: Mapping[str, Any]) -> str:
+    """How far the contact model that samples were drawn with is itself off; empty where nobody measured it."""
+    errors = record.get("model_errors", {})
+    if not errors:
+        return ""
+    said = ", ".join(f"{load} {three_digits(error)}" for load, error in errors.items())
+    return f"these errors are against the contact model, which is itself off by (RMS against elements): {said}"
 
 
 def describe(

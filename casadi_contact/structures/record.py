@@ -18,6 +18,7 @@ _FORMS: dict[str, tuple[Any, ...]] = {
     "test_errors": (3, "a number", "rms", "max"),
     "test_samples": (1, "a number"),
     "coverage": (2, "a number"),
+    "model_errors": (1, "a number"),
     "stop_reasons": (1, "text"),
     "convergence": (2, "numbers", "gflop", "rms"),
 }

@@ -75,6 +75,14 @@ def test_medial_and_lateral_forces_sum_to_the_total():
     np.testing.assert_allclose(loads[:, 0] + loads[:, 1], wrenches[:, :, 1].sum(axis=1), rtol=1e-13)
 
 
+def test_loads_asked_for_by_name_are_those_of_all_and_unknown_ones_are_refused():
+    scene, poses = knee_poses(5)
+    model = cc.ElasticFoundation(scene)
+    np.testing.assert_array_equal(model(poses, ["Tx", "Fy_lat"]), model(poses)[:, [4, 1]])
+    with pytest.raises(ValueError, match="loads Fy, expected some of Fy_med"):
+        model(poses, ["Fy"])
+
+
 def test_a_mirrored_pose_on_a_mirrored_knee_mirrors_the_loads():
     text = cc.load_scene("knee").to_toml()
     left, right = (

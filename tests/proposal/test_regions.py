@@ -47,6 +47,19 @@ def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
     assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
 
 
+def test_a_joint_of_small_pieces_far_apart_carries_what_its_largest_piece_can():
+    """The facets of a vertebra span as much as a knee, and carry less; a file in fragments is one surface."""
+    (facet, faces), apart = sheet_mesh(14.0, 1.0), np.array([0.0, 0.0, 40.0])
+    two = checked_mesh("facets", np.vstack([facet, facet + apart]), np.vstack([faces, faces + len(facet)]))
+    one = checked_mesh("plate", *sheet_mesh(54.0, 2.0))
+    ball = checked_mesh("ball", *ball_mesh(8.0, 1.0))
+    assert (Pair.of(ball, two).scale, Pair.of(ball, two).carrying) == (1.0, pytest.approx(14.0 / 28.0))
+    assert Pair.of(ball, one).carrying == 1.0
+    fragments = [facet + 14.5 * np.array([i, 0.0, j]) for i in range(4) for j in range(4)]
+    shifted = np.vstack([faces + k * len(facet) for k in range(16)])
+    assert Pair.of(ball, checked_mesh("fragments", np.vstack(fragments), shifted)).carrying == 1.0
+
+
 @pytest.mark.parametrize("dish_mm", [45.0, 100.0, 200.0, 400.0])
 def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
     """Turned about the dish's far centre it would roll from one end to the other, to places that are no patches."""

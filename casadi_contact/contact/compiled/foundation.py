@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.callback import check_loads, contact_callback, model_callback
+from casadi_contact.contact.callback import contact_callback, model_callback
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
 from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import Array, load_jacobian, load_selection, pose_or_poses, rotation
+from casadi_contact.conventions import Array, check_loads, load_jacobian, load_selection, pose_or_poses, rotation
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians

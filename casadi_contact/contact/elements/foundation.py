@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,7 +16,15 @@ from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import Array, as_poses, load_jacobian, load_selection, pose_or_poses, rotation
+from casadi_contact.conventions import (
+    Array,
+    as_poses,
+    check_loads,
+    load_jacobian,
+    load_selection,
+    pose_or_poses,
+    rotation,
+)
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
@@ -94,9 +102,13 @@ class ElasticFoundation(WrenchRoots):
         return self._evaluate(self._parts, poses, derivatives=False)[0]
 
     @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads) [N, N·mm], in the order of ``load_names``."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm], all in the order of ``load_names``, or those asked for.
+
+        Raises ValueError for one that is not the scene's.
+        """
+        asked = [self.load_names.index(name) for name in check_loads(self.load_names, loads)]
+        return np.einsum("lpk,npk->nl", self._selection[asked], self.wrenches(poses))
 
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
