@@ -23,7 +23,7 @@ from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import Scene
 from casadi_contact.show import contact_pose, draw_contact
 from casadi_contact.structures import Surrogate
-from casadi_contact.structures.info import other_rows
+from casadi_contact.structures.info import model_line, other_rows
 from casadi_contact.verification.fitness import fitness
 
 
@@ -86,7 +86,7 @@ def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
         _errors(info.test_errors, loads, surrogate.scene.tolerances),
         *([paragraph(f"Of the table: {odd}.")] if (odd := surrogate.record.get("odd_rows")) else []),
         heading(f"{name}: coverage"),
-        _coverage(info.coverage, loads),
+        _coverage(surrogate),
         heading(f"{name}: training"),
         _training(surrogate),
     ]
@@ -119,14 +119,17 @@ def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping
     return table(["RMS (largest)", *(quantity(load).label for load in loads)], rows, too_large)
 
 
-def _coverage(coverage: Mapping[str, Any], loads: Sequence[str]) -> str:
+def _coverage(surrogate: Surrogate) -> str:
+    coverage, loads = surrogate.info().coverage, surrogate.load_names
     if not coverage:
         return paragraph("This surrogate has neither validity nor expected error: it was never calibrated.")
     columns = ("valid", *loads)
     rows = [[d, *(f"{100.0 * row[c]:.0f}" if c in row else "-" for c in columns)] for d, row in coverage.items()]
     said = "Share [%] of held-back poses with validity above 0.9, and of errors below the expected error."
     others = "; ".join(other_rows(coverage))
-    return paragraph(said + (f" Rows that are no domains: {others}." if others else "")) + table(["", *columns], rows)
+    said += f" Rows that are no domains: {others}." if others else ""
+    line = model_line(surrogate.record)
+    return paragraph(said) + table(["", *columns], rows) + (paragraph(f"All {line}.") if line else "")
 
 
 def _training(surrogate: Surrogate) -> str:

@@ -95,8 +95,10 @@ def with_trust(
 
 def _model_errors(model: WrenchModel | None) -> dict[str, Any]:
     """What a foundation was found to be off by when it was chosen: no error on samples includes it."""
-    measured = getattr(model, "record", {}).get("rms", {})
-    return {"model_errors": dict(measured)} if measured else {}
+    measured = getattr(model, "record", {})
+    if "rms" not in measured or "against" not in measured:
+        return {}
+    return {"model_errors": dict(measured["rms"]), "model_errors_against": str(measured["against"])}
 
 
 def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples | None]) -> dict[str, Any]:

@@ -14,8 +14,8 @@ all others are kept and printed as they are:
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
                                                                     validity above 0.9, and of errors below the
                                                                     expected error (see `coverage`)
-    model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads against
-                                                                    elements, which no error above includes
+    model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads, which no error
+                                                                    above includes; model_errors_against: "EF 320×320"
     odd_rows         "rows unlike ...: 7 (Fy 5.31e+03 N, ...)"      of the table it learned (see `dataset.odd_rows`)
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
@@ -50,6 +50,7 @@ _TABLES = (
     "test_samples",
     "coverage",
     "model_errors",
+    "model_errors_against",
     "convergence",
 )
 _COVERAGE_ROWS = {  # valid: above 0.5 (see `trust_coverage`)
@@ -197,7 +198,8 @@ def model_line(record: Mapping[str, Any]) -> str:
     if not errors:
         return ""
     said = ", ".join(f"{load} {three_digits(error)}" for load, error in errors.items())
-    return f"these errors are against the contact model, which is itself off by (RMS against elements): {said}"
+    finer = record.get("model_errors_against", "a finer one")
+    return f"these errors are against the contact model, which is itself off by (RMS against {finer}): {said}"
 
 
 def describe(

@@ -19,6 +19,7 @@ _FORMS: dict[str, tuple[Any, ...]] = {
     "test_samples": (1, "a number"),
     "coverage": (2, "a number"),
     "model_errors": (1, "a number"),
+    "model_errors_against": (0, "text"),
     "stop_reasons": (1, "text"),
     "convergence": (2, "numbers", "gflop", "rms"),
 }

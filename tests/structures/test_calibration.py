@@ -229,7 +229,7 @@ def test_the_expected_error_holds_over_the_whole_range_where_validity_is_high(su
 
     model.record = {"rms": {"Fy": 1.5}, "against": "EF 320×320"}
     asked = with_trust(surrogate, samples, model=model)
-    assert "itself off by (RMS against elements): Fy 1.5" in str(asked.info()), "no error on samples includes that"
+    assert "itself off by (RMS against EF 320×320): Fy 1.5" in str(asked.info()), "no error on samples includes that"
     assert "itself off by" not in str(with_trust(surrogate, samples).info())
     assert covered(with_trust(surrogate, samples)) < 0.9
     assert 0.93 < covered(asked) < 0.99
