@@ -89,6 +89,7 @@ def test_error_tables_keep_kinds_apart():
         "walking": {
             "poses": 2,
             "fine": "80×40",
+            "converged": "640×320",
             "models": {
                 "patch": {
                     "timing": {"low_us": 1.0, "median_us": 2.0, "high_us": 3.0},
@@ -106,6 +107,7 @@ def test_error_tables_keep_kinds_apart():
         *("RMS force (N)", "RMS torque (N·mm)", "RMS pressure (MPa)", "RMS area (mm²)")
     ]
     assert list(walking.columns[5].cells) == ["0.5"]
+    assert "against EF 640×320" in str(walking.title)
 
 
 def test_the_measured_front_keeps_a_column_in_each_loads_unit(tmp_path):
