@@ -2,7 +2,7 @@
 
 Three steps, each on fewer numbers than the one before: blocks of elements that may touch (by the tangent at their
 middle: the surfaces are convex), their elements that do (g < 0), and Newton's method for the depth of these. Sums over
-the elements of a pose are made in a fixed order. Untested on a GPU.
+the elements of a pose are made in a fixed order.
 """
 
 from __future__ import annotations

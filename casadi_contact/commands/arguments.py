@@ -42,7 +42,7 @@ Scheduler = Annotated[
 ]
 Device = Annotated[
     str,
-    typer.Option(help='"cpu", or a torch device in this process ("cuda"; needs the extra train; untested on a GPU)'),
+    typer.Option(help='"cpu", or a torch device in this process ("cuda"; needs the extra train)'),
 ]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET if left out")]
 

@@ -13,6 +13,7 @@ from casadi_contact.machine import machine_record
 from casadi_contact.project.project import Project, has_motion, read_motion
 from casadi_contact.structures import Surrogate
 from casadi_contact.structures.info import samples_record
+from casadi_contact.training.arrays import device_name
 
 _COURSE_POINTS = 60  # of a fit that the record keeps
 
@@ -33,7 +34,7 @@ def training_record(
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
         "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
-        "machine": {**machine_record(), **({} if device == "cpu" else {"device": f"{device}, untested on a GPU"})},
+        "machine": {**machine_record(), **({} if device == "cpu" else {"device": device_name(device)})},
     }
 
 

@@ -16,8 +16,8 @@ ROUNDING = 1e-6  # N or N·mm
 
 
 def draw_error_by_domain(front: Front) -> Any | None:
-    """RMS error per domain, against the teacher EF, of the cheapest and the most accurate model of each family; None
-    where no model has one."""
+    """RMS error per domain, against the samples' contact model, of the cheapest and the most accurate model of each
+    family; None where no model has one."""
     if not any(point.domain_force_rms_n or point.domain_torque_rms_nmm for point in front.models):
         return None
     note = "Dashed: cheapest of its family, solid: most accurate. An error of zero (D5) is not on a log axis."
@@ -25,7 +25,7 @@ def draw_error_by_domain(front: Front) -> Any | None:
     by_domain = [getattr(point, f"domain_{error}") for point in front.models for _, error in errors]
     domains = [domain for domain in DOMAINS if any(domain in found for found in by_domain)]
     figure, axes = panels(
-        front, len(errors), "error per domain", "test samples, errors against the samples' own EF", note
+        front, len(errors), "error per domain", "test samples, errors against their own contact model", note
     )
     styles = family_styles(families(front.points))
     for axis, (kind, error) in zip(axes, errors, strict=True):
@@ -80,7 +80,7 @@ def _swept(front: Front, sweep: str, cost: Callable[[Point], float], label: str)
     for axis, (kind, error) in zip(axes, errors, strict=True):
         for where, style in family_styles([UNSEEN, *_domains(points, error)]).items():
             rms = [getattr(p, error) if where == UNSEEN else getattr(p, f"domain_{error}")[where] for p in points]
-            legend = where if where == UNSEEN else f"test samples of {where}, against the samples' own EF"
+            legend = where if where == UNSEEN else f"test samples of {where}, against their own contact model"
             axis.plot([cost(p) for p in points], rms, ms=5, lw=1.0, label=legend, **style.keywords)
         log_scale(axis)
         axis.set(xlabel=label, ylabel=f"RMS {kind.name} error [{kind.unit}]")

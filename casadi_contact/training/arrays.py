@@ -131,6 +131,15 @@ def arrays_for(device: str) -> NumpyArrays | TorchArrays:
     return NumpyArrays() if device == "cpu" else torch_arrays(device)
 
 
+def device_name(device: str) -> str:
+    """The device, and the model of a GPU: "cuda, NVIDIA H100 80GB HBM3"."""
+    if not device.startswith("cuda"):
+        return device
+    import torch
+
+    return f"{device}, {torch.cuda.get_device_name(device)}"
+
+
 def torch_arrays(device: str) -> TorchArrays:
     """Tensors on a torch device, "cpu" among them; raises ValueError in one line if it cannot be had."""
     try:

@@ -80,7 +80,8 @@ def run(
     model = source.load()
     elements, codes = own_model(model.scene), []
     problems = [build(model, cycle, compiled=True) for cycle in measured]
-    for path, problem, first in zip(cycles, problems, poses, strict=True):
+    for number, (path, problem, first) in enumerate(zip(cycles, problems, poses, strict=True), start=1):
+        typer.echo(f"cycle {number} of {len(problems)}: {path.stem}, {problem.frames} frames")
         found = estimated(source, problem, first, elements, starts)
         report(problem, found, folder / "poses" / path.stem, source.kind)
         codes.append(found.verdict.exit_code)

@@ -124,13 +124,10 @@ class PatchSurrogate(Surrogate):
     def _part_ratios(self, poses: Array, p: int) -> Array:
         """What a newton of part p's normal load brings of each wrench component (n, 6): ±1 of its own, 0 of those that
         no load needs."""
-        part, used = self.scene.parts[p], _used(self.scene.part_selection(self.load_names))[p]
+        used = _used(self.scene.part_selection(self.load_names))[p]
         ratios = np.zeros((len(poses), 6))
-        components = [k for c, k in enumerate(WRENCH_NAMES) if used[c] and k != part.normal.component]
-        for k, (values, _) in self._ratios(poses, part, components, derivative=False).items():
-            ratios[:, WRENCH_NAMES.index(k)] = values
-        if part.normal.component is not None:
-            ratios[:, WRENCH_NAMES.index(part.normal.component)] = part.normal.sign
+        for component, (values, _) in self._of_normal(poses, self.scene.parts[p], used, derivative=False).items():
+            ratios[:, component] = values
         return ratios
 
     def _root_networks(self) -> list[str]:
@@ -197,19 +194,24 @@ class PatchSurrogate(Surrogate):
             d_normal = ds[:, 0]
             if derivative:
                 d_normal = 2.0 * self.scene.reference_load * np.einsum("nk,nkj->nj", contact, ds)
-            components = [k for c, k in enumerate(WRENCH_NAMES) if used[p, c] and k != part.normal.component]
-            ratios = self._ratios(poses, part, components, derivative=derivative)
-            for k, component in enumerate(WRENCH_NAMES):
-                if not used[p, k]:
-                    continue
-                if component == part.normal.component:
-                    ratio, d_ratio = np.full(n, part.normal.sign), np.zeros_like(d_normal)
-                else:
-                    ratio, d_ratio = ratios[component]
-                wrenches[:, p, k] = normal * ratio
+            for component, (ratio, d_ratio) in self._of_normal(poses, part, used[p], derivative=derivative).items():
+                wrenches[:, p, component] = normal * ratio
                 if derivative:
-                    jacobian[:, p, k] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
+                    jacobian[:, p, component] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
         return wrenches, jacobian
+
+    def _of_normal(
+        self, poses: Array, part: Part, used: np.ndarray, *, derivative: bool
+    ) -> dict[int, tuple[Array, Array]]:
+        """What a newton of a part's normal load brings of each wrench component used (6,): its ratio (n,), ±1 of the
+        normal load's own, with d/dpose (n, 6), (0, 6) if not asked for."""
+        own = part.normal.component
+        components = [k for c, k in enumerate(WRENCH_NAMES) if used[c] and k != own]
+        ratios = self._ratios(poses, part, components, derivative=derivative)
+        found = {WRENCH_NAMES.index(k): ratios[k] for k in components}
+        if own is not None and used[k := WRENCH_NAMES.index(own)]:
+            found[k] = np.full(len(poses), part.normal.sign), np.zeros((len(poses) if derivative else 0, 6))
+        return found
 
     def _spot_counts(self) -> list[int]:
         """Number of spots of each part, 1 where its root network is missing."""
