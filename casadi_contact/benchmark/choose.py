@@ -15,6 +15,7 @@ from casadi_contact.project import Project, Update
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 
 MEASURED = "measured"
+SAME_TIME = 1.03  # times nearer than this factor differ by less than they do from run to run
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ def choose(
     folder: Path | None = None,
     update: Update | None = None,
 ) -> Choice:
-    """The cheapest model on the measured front whose RMS error meets the tolerances for just these loads.
+    """The cheapest model on the measured front whose RMS error meets the tolerances for just these loads; of models
+    that are as cheap, the most accurate.
 
     scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
     built, the front that comes with the library for this scene, of models that are at hand. loads: names, all of
@@ -165,10 +167,13 @@ def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Of
 
 
 def cheapest(offers: Sequence[Offer], tolerance: Tolerance) -> tuple[Offer, Offer | None]:
-    """The cheapest of models that all meet the tolerance, and the cheapest of those more accurate than that."""
+    """The cheapest of models that all meet the tolerance, the most accurate one of those that are as cheap
+    (`SAME_TIME`), and the cheapest of those more accurate than that."""
     offers = sorted(offers, key=lambda offer: offer.time_us)
-    better = [offer for offer in offers if _used(offer, tolerance) < _used(offers[0], tolerance)]
-    return offers[0], better[0] if better else None
+    as_cheap = [offer for offer in offers if offer.time_us <= SAME_TIME * offers[0].time_us]
+    model = min(as_cheap, key=lambda offer: _used(offer, tolerance))
+    better = [offer for offer in offers if _used(offer, tolerance) < _used(model, tolerance)]
+    return model, better[0] if better else None
 
 
 def _used(offer: Offer, tolerance: Tolerance) -> float:
