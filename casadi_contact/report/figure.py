@@ -39,7 +39,7 @@ def panels(front: Front, count: int, title: str, measured: str | None = None, no
         )
     )
     said = textwrap.fill(f"{measured or unseen}; {machine}", int(13.0 * (width - 2.0 * _LEGEND_INCHES)))
-    figure.suptitle(f"{header['scene']}: {title}\n{said}", fontsize=10)
+    figure.suptitle(f"{header['scene']}: {title}\n{said}", fontsize=10, x=0.01, ha="left")
     failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
     footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
     if footnote:
