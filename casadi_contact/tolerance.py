@@ -23,17 +23,16 @@ from casadi_contact.project.fitting import build_command, fit_surrogate, moved_s
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
-from casadi_contact.sampling import foundations, teacher_of
-from casadi_contact.sampling.draw import ModelPair
+from casadi_contact.sampling import teacher_of
+from casadi_contact.sampling.draw import ModelPair, elastic_foundations
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, with_trust
+from casadi_contact.structures import PatchSurrogate, Surrogate, with_trust
 from casadi_contact.workers import worker_pool
 
-STRUCTURE = "patch"
+STRUCTURE = PatchSurrogate.structure
 ROUNDS = 6
 FIRST_SCALE, FIRST_GFLOP = 0.1, 60.0
 LADDER = ((6, 6), (10, 10), (16, 16), (16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28))
-RATIO_SHARE = 0.2  # of the work of a root: ratios are smoother, and sooner good enough
 TOLERANCE_SHARE = 0.6  # of the tolerance at which a fit ends: domains differ, and so do rows it has not seen
 CLOSER = 0.7  # times that share in each further round
 
@@ -89,7 +88,7 @@ def train_to_tolerance(
     cycle_files: Sequence[Path] = (),
     update: Update | None = None,
     executor: Executor | None = None,
-    models: ModelPair = foundations,
+    models: ModelPair = elastic_foundations,
     rounds: int = ROUNDS,
     device: str = "cpu",
 ) -> Surrogate:
@@ -101,7 +100,7 @@ def train_to_tolerance(
     all the same.
     """
     efforts = {
-        "": Effort(LADDER, RATIO_SHARE * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
+        "": Effort(LADDER, PatchSurrogate.budget_shares["ratio"] * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
         "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
     }
     missed: list[str] = []

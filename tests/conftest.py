@@ -13,6 +13,7 @@ import numba  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+import casadi_contact as cc  # noqa: E402
 from tests.support.compiler import CFLAGS_VARIABLE, QUICK, flags_of_the_library  # noqa: E402
 
 # The same examples every time, however long the machine takes for one.
@@ -47,6 +48,12 @@ def _quick_compilation():
         if CFLAGS_VARIABLE not in os.environ:
             patch.setenv(CFLAGS_VARIABLE, QUICK)
         yield
+
+
+@pytest.fixture(scope="module")
+def knee():
+    """The shipped surrogate of the artificial knee."""
+    return cc.load_surrogate("knee")
 
 
 @pytest.fixture

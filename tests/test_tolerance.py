@@ -3,6 +3,7 @@
 import shlex
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from inspect import signature
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from casadi_contact.dataset import TEST, VALIDATION, write_samples
 from casadi_contact.project import Project, project_surrogates
 from casadi_contact.project.fitting import train
 from casadi_contact.project.presets import Effort, Preset
+from casadi_contact.project.samples import sample
+from casadi_contact.sampling.draw import elastic_foundations
 from casadi_contact.tolerance import misses, scene_to_tolerance
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
@@ -88,6 +91,11 @@ def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
     assert sum(n.parameter_count for n in small.networks.values()) <= sum(
         n.parameter_count for n in large.networks.values()
     )
+
+
+def test_a_tolerance_and_a_preset_draw_from_the_same_model_unless_told():
+    of_both = [signature(draws).parameters["models"].default for draws in (tolerance.train_to_tolerance, sample)]
+    assert of_both == [elastic_foundations, elastic_foundations], "which a device knows too"
 
 
 def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):

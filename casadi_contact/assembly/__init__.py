@@ -3,14 +3,14 @@
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.assembly.file import load_assembly, ready_assemblies
-from casadi_contact.assembly.settle import Equilibrium, Settling, settle_assembly
+from casadi_contact.assembly.settle import SettledBodies, Settling, settle_assembly
 
 __all__ = [
     "Assembly",
     "Contact",
-    "Equilibrium",
     "Ligament",
     "Pull",
+    "SettledBodies",
     "Settling",
     "Spring",
     "load_assembly",

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, total_selection
+from casadi_contact.quantities import FORCE, Kind, quantity
 from casadi_contact.shapes.checks import identifier
 from casadi_contact.transcription.frames import placed, relative_pose, rotation
 
@@ -71,6 +72,12 @@ class Assembly:
         """tibiofemoral_Fy_med [N], tibiofemoral_Tx [N·mm] ... of each contact, patellar_tendon [N] of each ligament."""
         loads = [f"{contact.name}_{load}" for contact in self.contacts for load in contact.model.load_names]
         return (*loads, *(ligament.name for ligament in self.ligaments))
+
+    @property
+    def load_kinds(self) -> dict[str, Kind]:
+        """Force or torque, by the names of ``load_names`` and in their order."""
+        of_contacts = [quantity(load).kind for contact in self.contacts for load in contact.model.load_names]
+        return dict(zip(self.load_names, [*of_contacts, *[FORCE] * len(self.ligaments)], strict=True))
 
     def start_poses(self) -> Array:
         """Poses (bodies, 6) to begin from."""

@@ -25,7 +25,7 @@ _LONGEST_STEP_S = 1e12
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class SettledBodies:
     """Poses (bodies, 6); residual [N]: the largest force left along a free parameter, torques over 25 mm."""
 
     poses: Array
@@ -65,7 +65,7 @@ class Settling:
         *,
         tolerance: float = 1e-6,
         max_iterations: int = 1000,
-    ) -> Equilibrium:
+    ) -> SettledBodies:
         """As `settle_assembly`."""
         assembly, rows = self.assembly, self.rows
         q, applied = as_poses(poses).copy(), applied or {}
@@ -98,7 +98,7 @@ class Settling:
                 step *= 0.5
             position[rows] += move
             step = min(2.0 * step, _LONGEST_STEP_S)
-        return Equilibrium(position.reshape(-1, 6), residual, residual <= tolerance)
+        return SettledBodies(position.reshape(-1, 6), residual, residual <= tolerance)
 
 
 def _numbers(what: str, value: Any, count: int, expected: str) -> Array:
@@ -125,7 +125,7 @@ def settle_assembly(
     *,
     tolerance: float = 1e-6,
     max_iterations: int = 1000,
-) -> Equilibrium:
+) -> SettledBodies:
     """Move the free pose parameters of bodies (by name) until what acts on them vanishes.
 
     poses (bodies, 6): start, and the values of locked parameters; applied: further generalised forces (6,) [N, N·mm] by

@@ -54,10 +54,6 @@ class KernelSpeed:
     timings: dict[str, Timing]
     limit: MachineLimit
 
-    def ratio(self, slower: str, faster: str) -> float:
-        """Ratio of two medians."""
-        return self.timings[slower].median_us / self.timings[faster].median_us
-
 
 def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> KernelSpeed:
     """Time value, Jacobian and Lagrangian Hessian of all loads as graph and as kernel, a batch, EF grids, the limit.

@@ -39,7 +39,7 @@ class Errors:
     def of_allowed(self) -> Array:
         """Errors (n, L) as shares of what a single pose may be wrong by."""
         share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
-        return np.asarray(self.loads / (WORST * share[:, None] * self._tolerances))
+        return np.asarray(self.loads / (WORST * share[:, None] * self.scene.tolerances_of()))
 
     @property
     def misses(self) -> float:
@@ -58,8 +58,9 @@ class Errors:
         """The error that exceeds what is allowed most, an RMS or that of one pose, and what is allowed, in words."""
         rms, single = self._rms(self._judged), self.of_allowed[self._judged]
         if rms.max() >= single.max():
-            load = int(rms.argmax())
-            found, allowed, kind = rms[load] * self._tolerances[load], self._tolerances[load], " (RMS)"
+            load, kind = int(rms.argmax()), " (RMS)"
+            allowed = self.scene.tolerances_of()[load]
+            found = rms[load] * allowed
         else:
             n, load = (int(k) for k in np.unravel_index(single.argmax(), single.shape))
             found, kind = self.loads[self._judged][n, load], ""
@@ -83,15 +84,11 @@ class Errors:
 
     def _rms(self, rows: np.ndarray) -> Array:
         """Of every load (L,), in its tolerance."""
-        return np.asarray(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self._tolerances)
+        return np.asarray(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self.scene.tolerances_of())
 
     @property
     def _judged(self) -> np.ndarray:
         return ~self.at_rim | (np.mean(self.at_rim) > _MOSTLY)
-
-    @property
-    def _tolerances(self) -> Array:
-        return np.array([self.scene.tolerances[name] for name in self.scene.load_names])
 
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:

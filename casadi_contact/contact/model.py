@@ -137,11 +137,12 @@ class CallableModel:
         """Named loads (n, loads)."""
         return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
 
-    def _wrench_slopes(self, poses: Array) -> Array:
+    def _slopes(self, function: Callable[[Array], Array], poses: Array) -> Array:
+        """Central differences (n, ..., 6) of a function (n, ...) of poses (n, 6)."""
         moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
-        shifted = (poses[:, None, :] + moves).reshape(-1, 6)
-        plus, minus = np.split(self.wrenches(shifted).reshape(len(poses), 12, len(self.patch_names), 6), 2, axis=1)
-        return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None, None]), 1, -1)
+        shifted = function((poses[:, None, :] + moves).reshape(-1, 6))
+        plus, minus = np.split(shifted.reshape(len(poses), 12, *shifted.shape[1:]), 2, axis=1)
+        return np.moveaxis(plus - minus, 1, -1) / (2.0 * self._steps)
 
     @pose_or_poses
     def jacobian(self, poses: Array) -> tuple[Array, Array]:
@@ -157,7 +158,7 @@ class CallableModel:
         """
         last = self._last
         if last is None or not np.array_equal(last[0], poses):
-            last = self._last = poses.copy(), self.wrenches(poses), self._wrench_slopes(poses)
+            last = self._last = poses.copy(), self.wrenches(poses), self._slopes(self.wrenches, poses)
         return last[1].copy(), last[2].copy()
 
     @pose_or_poses
@@ -241,10 +242,7 @@ class CallableModel:
     def _gap_slopes(self, poses: Array) -> Array:
         """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
         if self._gaps is not None:
-            moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
-            shifted = self.gaps((poses[:, None, :] + moves).reshape(-1, 6))
-            plus, minus = np.split(shifted.reshape(len(poses), 12, len(self.patch_names)), 2, axis=1)
-            return np.moveaxis((plus - minus) / (2.0 * self._steps[:, None]), 1, -1)
+            return self._slopes(self.gaps, poses)
         slopes = np.zeros((len(poses), len(self.patch_names), 6))
         turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
         for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.pressure.law import layer_modulus
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.scenes import Material
 from casadi_contact.transcription.frames import relative_pose, rotation
 
@@ -79,8 +79,3 @@ def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
     for name in (name for name in names if name in value):
         ratio = ca.if_else(bounds[name], ratio, np.nan)
     return ratio
-
-
-def wrench_names(patch_names: Sequence[str]) -> list[str]:
-    """Fx_med, ..., Tz_lat: six of each patch."""
-    return [f"{component}_{patch}" for patch in patch_names for component in WRENCH_NAMES]

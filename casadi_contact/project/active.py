@@ -61,7 +61,7 @@ def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
     """
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"share is {share!r}, expected 0 to 1")
-    tolerances = np.array([samples.scene.tolerances[name] for name in model.load_names])
+    tolerances = samples.scene.tolerances_of(model.load_names)
     errors = np.max(np.abs(model(samples.poses) - samples.loads(model.load_names)) / tolerances, axis=1)
     chosen = (samples.wrenches == 0.0).all(axis=(1, 2))
     chosen[np.argsort(-errors, kind="stable")[: round(share * len(samples))]] = True

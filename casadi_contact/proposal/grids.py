@@ -36,7 +36,7 @@ class Convergence:
 
 def converged_grids(scene: Scene, poses: Array) -> Convergence:
     """The fewest elements, and which way they lie closer, whose loads at these poses (n, 6) are within tolerance."""
-    tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
+    tolerances = scene.tolerances_of()
     truth = ElasticFoundation(scene, CONVERGED)(poses)
     errors: dict[tuple[int, int], float] = {}
     for grid in CANDIDATES:

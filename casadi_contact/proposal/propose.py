@@ -24,7 +24,7 @@ from casadi_contact.proposal.rest import REST_SHARE, gap_slope, motion, rest_pos
 from casadi_contact.proposal.sight import Sight, sight_of
 from casadi_contact.proposal.spacings import at_rest
 from casadi_contact.proposal.tables import MATERIALS, direction_of, first_tables
-from casadi_contact.quantities import three_digits
+from casadi_contact.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.sampling.reference import ReferenceReport, reference_poses
 from casadi_contact.sampling.settings import ALONE_COUNTS
 from casadi_contact.scenes import Scene
@@ -260,6 +260,6 @@ def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:
     """1 % of the largest force in the reference motion for every force; of the largest torque, or of that force at a
     least lever, for every torque."""
     largest = dict(zip(model.load_names, np.abs(model(poses)).max(axis=0).tolist(), strict=True))
-    of_kind = {kind: max(size for name, size in largest.items() if name[0] == kind) for kind in "FT"}
-    of_kind["T"] = max(of_kind["T"], _LEAST_LEVER_MM * of_kind["F"])
-    return {name: float(f"{_TOLERANCE * of_kind[name[0]]:.2g}") for name in model.load_names}
+    of = {kind: max(largest[name] for name in of_kind(model.load_names, kind)) for kind in (FORCE, TORQUE)}
+    of[TORQUE] = max(of[TORQUE], _LEAST_LEVER_MM * of[FORCE])
+    return {name: float(f"{_TOLERANCE * of[quantity(name).kind]:.2g}") for name in model.load_names}

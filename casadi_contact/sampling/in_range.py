@@ -20,7 +20,7 @@ from casadi_contact.sampling.draw import model_name_of
 # expected error was fitted to it held 97 % of the errors, and 91 % of others.
 _MOST, _MOST_OF_OWN = 6000, 2000
 MOST_DRAWN = 200  # times as many poses, of which too few may be valid
-LEAST_VALIDITY = 0.1  # so that the edge of the learned region can be learned from both of its sides
+ASKED_FROM_VALIDITY = 0.1  # so that the edge of the learned region can be learned from both of its sides
 _AT_ONCE = 20_000  # poses
 
 
@@ -51,7 +51,7 @@ def samples_in_range(
     wanted = (count // 2, count - count // 2)
     for _ in range(0, MOST_DRAWN * count, _AT_ONCE):
         poses = samples.scene.pose_space.onto(low + width * rng.random((_AT_ONCE, 6)))
-        poses = poses[validity(poses) > LEAST_VALIDITY]
+        poses = poses[validity(poses) > ASKED_FROM_VALIDITY]
         pressed = (roots(poses) > 0.0).any(axis=1)
         for half, most, rows in zip(halves, wanted, (pressed, ~pressed), strict=True):
             half.extend(poses[rows][: most - len(half)])

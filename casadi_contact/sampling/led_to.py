@@ -12,7 +12,7 @@ from casadi_contact.dataset import TEST, TRAIN, Samples
 from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.sampling.draw import model_name_of
-from casadi_contact.sampling.in_range import LEAST_VALIDITY
+from casadi_contact.sampling.in_range import ASKED_FROM_VALIDITY
 from casadi_contact.statics import settle
 
 _MOST, _MOST_OF_OWN = 40_000, 2_000  # of a model of the library's; of a user's own, which may be slow
@@ -44,7 +44,7 @@ def samples_led_to(
     settling, evaluating = (None if progress is None else _half(progress, number) for number in range(2))
     poses = poses_led_to(surrogate, samples, count=count, seed=seed, progress=settling)
     if own and validity is not None:
-        poses = poses[validity(poses) > LEAST_VALIDITY]
+        poses = poses[validity(poses) > ASKED_FROM_VALIDITY]
     return samples_at(model, samples.scene, poses, evaluating, rim=True)
 
 

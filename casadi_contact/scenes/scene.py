@@ -7,11 +7,12 @@ or a bad value is refused with the key's name.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection
@@ -235,6 +236,10 @@ class Scene:
                 raise ValueError(f"scene {self.name}: unknown parameter {key!r}, expected one of {', '.join(possible)}")
             tables[homes[0]][key] = list(value) if isinstance(value, tuple) else value
         return Scene.from_tables(tables)
+
+    def tolerances_of(self, loads: Iterable[str] | None = None) -> Array:
+        """Tolerances (L,) [N, N·mm] of named loads, all of ``load_names`` if left out."""
+        return np.array([self.tolerances[name] for name in (self.load_names if loads is None else loads)])
 
     def with_tolerances(self, **tolerances: float) -> Scene:
         """A copy with the tolerances of these loads replaced [N, N·mm]."""

@@ -26,7 +26,7 @@ from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpa
 from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, with_error_bounds
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
 from casadi_contact.structures.states import state_columns
-from casadi_contact.structures.trust import KEPT, SURE, Trust
+from casadi_contact.structures.trust import KEPT, SURE, SURELY_VALID, Trust
 from casadi_contact.structures.wrong_poses import right_ones, with_error_classifier
 
 INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
@@ -107,7 +107,7 @@ def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples
     unseen = (None if part is None else part.select(role=TEST) for part in others)
     record: dict[str, Any] = {"coverage": trust_coverage(trusted, test, *unseen)}
     if len(test):
-        record["valid_share"] = float(np.mean(trusted.validity(test.poses) > 0.9))
+        record["valid_share"] = float(np.mean(trusted.validity(test.poses) > SURELY_VALID))
     return record
 
 

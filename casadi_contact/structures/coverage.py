@@ -6,6 +6,7 @@ import numpy as np
 
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.trust import SURELY_INVALID, SURELY_VALID, VALID
 
 _LEAST = 10  # poses that tell a share: of a single one it is 0 or 100 %
 
@@ -24,16 +25,16 @@ def trust_coverage(
     groups = {domain: samples.select(domain) for domain in DOMAINS}
     for name, part in (("range", in_range), ("led", led)):
         if part is not None:
-            groups[name] = part.rows(surrogate.validity(part.poses) > 0.5)
+            groups[name] = part.rows(surrogate.validity(part.poses) > VALID)
     result = {domain: _coverage(surrogate, part) for domain, part in groups.items() if len(part)}
     if around is None or not len(around):
         return result
     everything = samples.join_samples(around)
     validity = [surrogate.validity(part.poses) for part in (around, everything)]
     parts = {
-        "around": around.rows(validity[0] > 0.5),
-        "edge": everything.rows((validity[1] > 0.1) & (validity[1] <= 0.9)),
-        "outside": around.rows(validity[0] <= 0.1),
+        "around": around.rows(validity[0] > VALID),
+        "edge": everything.rows((validity[1] > SURELY_INVALID) & (validity[1] <= SURELY_VALID)),
+        "outside": around.rows(validity[0] <= SURELY_INVALID),
     }
     return result | {name: _coverage(surrogate, part) for name, part in parts.items() if len(part)}
 
@@ -41,7 +42,7 @@ def trust_coverage(
 def _coverage(surrogate: Surrogate, part: Samples) -> dict[str, float]:
     wanted = part.loads(surrogate.load_names)
     below = np.abs(surrogate(part.poses) - wanted) <= surrogate.expected_error(part.poses)
-    row = {"valid": float(np.mean(surrogate.validity(part.poses) > 0.9))}
+    row = {"valid": float(np.mean(surrogate.validity(part.poses) > SURELY_VALID))}
     for load, column, loaded in zip(surrogate.load_names, below.T, (wanted != 0.0).T, strict=True):
         if loaded.sum() >= _LEAST:
             row[load] = float(np.mean(column[loaded]))

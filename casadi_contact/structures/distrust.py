@@ -20,9 +20,9 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.scenes.pose_space import OFF_SPACE, PoseSpace
 from casadi_contact.structures.cubic_logistic import cubic_expression, cubic_terms
+from casadi_contact.structures.cut_off import cut_off, cut_off_expression
 
 STEEPNESS = 8.0  # of `OffSpace`: on the space its cause is next to nothing, exp(-8)
-_FAR = 1e8  # pose parameters are cut off here, so that every finite pose has finite numbers
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Box:
 
     def excess(self, poses: Array) -> Array:
         """Two columns for each pose parameter (n, 2k)."""
-        x = np.clip(poses[:, self.columns.astype(int)], -_FAR, _FAR)
+        x = cut_off(poses[:, self.columns.astype(int)])
         return np.hstack([(x - self.high) / self.margin, (self.low - x) / self.margin]) - 2.0
 
     def expression(self, pose: ca.MX) -> ca.MX:
         """The same (2k) of a pose (6)."""
-        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]], -_FAR), _FAR)
+        x = cut_off_expression(pose[[int(c) for c in self.columns]])
         above, below = (x - ca.DM(self.high)) / ca.DM(self.margin), (ca.DM(self.low) - x) / ca.DM(self.margin)
         return ca.vertcat(above, below) - 2.0
 
@@ -68,13 +68,13 @@ class OffSpace:
 
     def excess(self, poses: Array) -> Array:
         """One column (n, 1)."""
-        x = np.clip(poses, -_FAR, _FAR)
+        x = cut_off(poses)
         off = (x[:, self.columns.astype(int)] - x @ self.rows.T - self.offset) / OFF_SPACE
         return STEEPNESS * ((off**2).sum(axis=1, keepdims=True) - 1.0)
 
     def expression(self, pose: ca.MX) -> ca.MX:
         """The same (1) of a pose (6)."""
-        x = ca.fmin(ca.fmax(pose, -_FAR), _FAR)
+        x = cut_off_expression(pose)
         held = ca.mtimes(ca.sparsify(ca.DM(self.rows)), x) + ca.DM(self.offset)
         return STEEPNESS * (ca.sumsqr((x[[int(c) for c in self.columns]] - held) / OFF_SPACE) - 1.0)
 
@@ -95,13 +95,13 @@ class Border:
 
     def excess(self, poses: Array, roots: Array) -> Array:
         """One column (n, 1)."""
-        x = np.clip(poses[:, self.columns.astype(int)], -_FAR, _FAR)
+        x = cut_off(poses[:, self.columns.astype(int)])
         scaled = (np.hstack([x, roots]) - self.centre) / self.scale
         return -(cubic_terms(scaled) @ self.coefficients)[:, None]
 
     def expression(self, pose: ca.MX, roots: ca.MX) -> ca.MX:
         """The same (1) of a pose (6) and root loads (P)."""
-        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]], -_FAR), _FAR)
+        x = cut_off_expression(pose[[int(c) for c in self.columns]])
         scaled = (ca.vertcat(x, roots) - ca.DM(self.centre)) / ca.DM(self.scale)
         return -ca.dot(ca.DM(self.coefficients), cubic_expression(scaled))
 

@@ -18,12 +18,12 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
+from casadi_contact.structures.cut_off import cut_off, cut_off_expression
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.network_graph import network_value
 
 STEEPNESS = 8.0
 LAYERS = 3  # two of them hidden
-_FAR = 1e8  # pose parameters and root loads are cut off here, so that every finite pose has finite numbers
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ class ErrorClassifier:
 
     def excess(self, poses: Array, roots: Array) -> Array:
         """One column (n, 1) of poses (n, 6) with root loads (n, P)."""
-        x = np.clip(np.hstack([poses[:, self.columns.astype(int)], roots]), -_FAR, _FAR)
+        x = cut_off(np.hstack([poses[:, self.columns.astype(int)], roots]))
         return np.asarray(STEEPNESS * (self.network.value(x) - self.half))[:, None]
 
     def expression(self, pose: ca.MX, roots: ca.MX) -> ca.MX:
         """The same (1) of a pose (6) and root loads (P)."""
-        x = ca.fmin(ca.fmax(ca.vertcat(pose[[int(c) for c in self.columns]], roots), -_FAR), _FAR)
+        x = cut_off_expression(ca.vertcat(pose[[int(c) for c in self.columns]], roots))
         return STEEPNESS * (network_value(self.network, x).value - self.half)

@@ -53,10 +53,10 @@ _TABLES = (
     "model_errors_against",
     "convergence",
 )
-_COVERAGE_ROWS = {  # valid: above 0.5 (see `trust_coverage`)
-    "range": "valid poses drawn evenly over the sampled ranges",
-    "led": "valid poses settled on the surrogate from anywhere in these ranges, at a rim too",
-    "around": "valid poses moved from the samples",
+_COVERAGE_ROWS = {  # see `trust_coverage`
+    "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
+    "led": "poses of validity above 0.5, settled on the surrogate from anywhere in these ranges, at a rim too",
+    "around": "poses of validity above 0.5, moved from the samples",
     "edge": "moved poses and samples with validity from 0.1 to 0.9",
     "outside": "moved poses with validity below 0.1",
 }

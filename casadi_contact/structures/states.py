@@ -15,9 +15,8 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.scenes import Scene
+from casadi_contact.structures.cut_off import cut_off, cut_off_expression
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, weighted_mean
-
-_FAR = 1e8  # pose parameters and root loads are cut off here, so that every finite pose has finite numbers
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,8 @@ class States:
 
     def points(self, poses: Array, roots: Array) -> Array:
         """y (n, k + P) of poses (n, 6) and root loads (n, P)."""
-        x = np.clip(poses[:, self.columns.astype(int)] / self.scale, -_FAR, _FAR)
-        v = np.clip(roots, -_FAR, _FAR) + 2.0 * self.root_scale
+        x = cut_off(poses[:, self.columns.astype(int)] / self.scale)
+        v = cut_off(roots) + 2.0 * self.root_scale
         return np.hstack([x, 0.5 * (v + np.sqrt(v * v + self.root_scale**2)) / self.root_scale])
 
     def mean(self, poses: Array, roots: Array, values: Array) -> Array:
@@ -42,9 +41,9 @@ class States:
 
     def mean_expression(self, pose: ca.MX, roots: ca.MX, values: Array) -> ca.MX:
         """The same (L) of a pose (6)."""
-        x = ca.fmin(ca.fmax(pose[[int(c) for c in self.columns]] / ca.DM(self.scale), -_FAR), _FAR)
+        x = cut_off_expression(pose[[int(c) for c in self.columns]] / ca.DM(self.scale))
         scale = ca.DM(self.root_scale)
-        v = ca.fmin(ca.fmax(roots, -_FAR), _FAR) + 2.0 * scale
+        v = cut_off_expression(roots) + 2.0 * scale
         y = ca.vertcat(x, 0.5 * (v + ca.sqrt(v * v + scale**2)) / scale)
         return ca.mtimes(ca.DM(values.T), kernel_expressions(y, self.centres, self.bandwidth)[1])
 

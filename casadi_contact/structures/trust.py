@@ -40,14 +40,15 @@ import numpy as np
 from scipy.special import logsumexp
 
 from casadi_contact.conventions import Array
+from casadi_contact.structures.cut_off import cut_off, cut_off_expression
 from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
 from casadi_contact.structures.error_classifier import ErrorClassifier
 from casadi_contact.structures.gaussian_kernels import kernel_expressions, soft_distance, weighted_mean
 from casadi_contact.structures.states import States
 
-SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at 0.9
+SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
+SURE = 4.0 / 3.0  # excess at a validity of `SURELY_INVALID`; its negative at `SURELY_VALID`
 KEPT = 0.99  # of right poses, that a learned cause of distrust, a border or a classifier, leaves a validity above 0.9
-_FAR = 1e8  # scaled pose parameters are cut off here, so that the square of any finite pose is finite
 _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),
     *("states/scale", "states/root_scale", "states/bandwidth", "classifier/scale"),
@@ -117,7 +118,7 @@ class Trust:
 
     def scaled(self, poses: Array) -> Array:
         """z (n, 6) of poses (n, 6)."""
-        return np.clip(poses / self.scales, -_FAR, _FAR)
+        return cut_off(poses / self.scales)
 
     def excess(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
         """u (n,) of poses (n, 6) with root loads (n, P); claims (n, P): normal loads N of a structure whose loads do
@@ -175,7 +176,7 @@ class Trust:
 
     def expressions(self, pose: ca.MX, roots: ca.MX, claims: ca.MX | None = None) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) as CasADi expressions of pose (6), root loads and claims (P)."""
-        z = ca.fmin(ca.fmax(pose / ca.DM(self.scales), -_FAR), _FAR)
+        z = cut_off_expression(pose / ca.DM(self.scales))
         distance, weights = kernel_expressions(z, self.centres, self.bandwidth)
         causes = [
             self.sharpness * (distance - self.edge),

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from urllib.parse import quote
 
 from casadi_contact.conventions import Update
@@ -28,6 +28,15 @@ _TELL_EVERY_S = 0.5
 
 F = TypeVar("F", Fit, PartsFit)
 SettingsOf = Mapping[str, TrainingSettings] | Callable[[Regression], TrainingSettings]
+
+
+class _Job(NamedTuple):
+    """What `fit` or `fit_parts` are given, but for progress; start: a network, or one of each part, to go on from."""
+
+    regression: Any
+    settings: TrainingSettings
+    checkpoint: Path | None
+    start: Any
 
 
 def fit_all(
@@ -54,25 +63,13 @@ def fit_all(
     for regression in regressions:
         check(regression)
     order = sorted(regressions, key=lambda r: -chosen[r.name].max_gflop)
-    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
-        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
-        folder.mkdir(parents=True, exist_ok=True)
+    with _folder_for(checkpoint_folder) as folder:
         checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
-        device = _device(chosen)
-        if device != "cpu":
+        if (device := _device(chosen)) != "cpu":
             fits = _fit_on_device(order, chosen, device, checkpoints, progress, given)
-        elif executor is None:
-            fits = {r.name: fit(r, chosen[r.name], checkpoints[r.name], progress, given.get(r.name)) for r in order}
         else:
-            reports = {r.name: _beside(folder, r.name, "progress.json") for r in order}
-            futures = {
-                r.name: executor.submit(
-                    _fit_and_tell, fit, reports[r.name], r, chosen[r.name], checkpoints[r.name], given.get(r.name)
-                )
-                for r in order
-            }
-            with cancelled_if_left(executor, futures.values()):
-                fits = _collect(futures, reports, progress)
+            jobs = {r.name: _Job(r, chosen[r.name], checkpoints[r.name], given.get(r.name)) for r in order}
+            fits = _run(fit, jobs, executor, folder, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
 
 
@@ -120,17 +117,38 @@ def _beside(folder: Path, name: str, ending: str) -> Path:
     return folder / f"{quote(name, safe='')}.{ending}"
 
 
-def _fit_and_tell(
+@contextmanager
+def _folder_for(checkpoint_folder: Path | None) -> Iterator[Path]:
+    """Where checkpoints and progress files lie: a folder that is gone at the end, where none is given."""
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
+        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
+
+
+def _run(
     fitting: Callable[..., F],
-    report: Path,
-    regression: Any,
-    settings: TrainingSettings,
-    checkpoint: Path | None,
-    start: Any,
-) -> F:
-    """In the worker: `fit` or `fit_parts`, and write the progress file now and then."""
+    jobs: Mapping[str, _Job],
+    executor: Executor | None,
+    folder: Path,
+    progress: Update | None,
+) -> dict[str, F]:
+    """`fit` or `fit_parts` of every job by its name: one after the other here, or side by side in the workers."""
+    if executor is None:
+        return {
+            name: fitting(job.regression, job.settings, job.checkpoint, progress, job.start)
+            for name, job in jobs.items()
+        }
+    reports = {name: _beside(folder, name, "progress.json") for name in jobs}
+    futures = {name: executor.submit(_fit_and_tell, fitting, reports[name], job) for name, job in jobs.items()}
+    with cancelled_if_left(executor, futures.values()):
+        return _collect(futures, reports, progress)
+
+
+def _fit_and_tell(fitting: Callable[..., F], report: Path, job: _Job) -> F:
+    """In the worker: fit, and write the progress file now and then."""
     with _telling(report) as tell:
-        return fitting(regression, settings, checkpoint, tell, start)
+        return fitting(job.regression, job.settings, job.checkpoint, tell, job.start)
 
 
 @contextmanager
@@ -189,24 +207,9 @@ def fit_all_parts(
     progress: Update | None = None,
 ) -> dict[str, PartsFit]:
     """`fit_parts` of each patch, side by side, from the networks of all parts by name; otherwise as `fit_all`."""
-    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
-        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        jobs = {
-            r.name: (
-                r,
-                settings,
-                None if checkpoint_folder is None else _beside(folder, r.name, "npz"),
-                [starts[name] for name in r.names],
-            )
-            for r in regressions
+    with _folder_for(checkpoint_folder) as folder:
+        checkpoints = {
+            r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in regressions
         }
-        if executor is None:
-            return {name: fit_parts(r, s, path, progress, start) for name, (r, s, path, start) in jobs.items()}
-        reports = {name: _beside(folder, name, "progress.json") for name in jobs}
-        futures = {
-            name: executor.submit(_fit_and_tell, fit_parts, reports[name], r, s, path, start)
-            for name, (r, s, path, start) in jobs.items()
-        }
-        with cancelled_if_left(executor, futures.values()):
-            return _collect(futures, reports, progress)
+        jobs = {r.name: _Job(r, settings, checkpoints[r.name], [starts[name] for name in r.names]) for r in regressions}
+        return _run(fit_parts, jobs, executor, folder, progress)

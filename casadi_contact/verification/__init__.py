@@ -1,17 +1,12 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
-from casadi_contact.verification.open_edges import share_beyond_open_edges, words_beyond_open_edges
+from casadi_contact.verification.open_edges import share_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
-from casadi_contact.verification.sharp_edges import share_at_sharp_edges, words_at_sharp_edges
+from casadi_contact.verification.sharp_edges import share_at_sharp_edges
 from casadi_contact.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
-from casadi_contact.verification.walls import (
-    share_on_walls,
-    share_outside_patches,
-    words_on_walls,
-    words_outside_patches,
-)
+from casadi_contact.verification.walls import share_on_walls, share_outside_patches
 
 __all__ = [
     "Refinement",
@@ -28,8 +23,4 @@ __all__ = [
     "uncertain_load_shares",
     "uncertain_load_words",
     "verify",
-    "words_at_sharp_edges",
-    "words_beyond_open_edges",
-    "words_on_walls",
-    "words_outside_patches",
 ]

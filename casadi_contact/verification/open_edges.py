@@ -7,7 +7,6 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.shapes.mesh_bodies import body_mesh, body_surface
-from casadi_contact.verification.share import share_in_words
 
 _CHUNK = 200  # poses whose pressed points are looked up at once: the mesh's tree is built anew by each look
 
@@ -44,12 +43,3 @@ def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Arra
     maps = model.pressure_maps(pose)
     force = np.concatenate([each.forces_n for each in maps])
     return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
-
-
-def words_beyond_open_edges(share: Array) -> str | None:
-    """`share_in_words` of `share_beyond_open_edges`."""
-    return share_in_words(
-        share,
-        "beyond open edges of the moving mesh, where its surface is taken to round off: a part that ends there carries "
-        "less",
-    )

@@ -9,9 +9,6 @@ from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.creases import beside_creases
 from casadi_contact.shapes.mesh_bodies import body_mesh, field_spacing
 from casadi_contact.verification.open_edges import pressed_elements
-from casadi_contact.verification.share import share_in_words
-
-_REPORTED = 0.1  # of the load: of a wheel with bare edges, with less of it there forces are off by 1 %
 
 
 def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
@@ -35,13 +32,3 @@ def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
     there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
     total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
     return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))
-
-
-def words_at_sharp_edges(share: Array) -> str | None:
-    """`share_in_words` of `share_at_sharp_edges`."""
-    return share_in_words(
-        share,
-        "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
-        "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
-        least=_REPORTED,
-    )

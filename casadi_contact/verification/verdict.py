@@ -150,7 +150,7 @@ def judge(
         name = model.label if isinstance(model, ElasticFoundation) else type(model).__name__
     ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     errors[alone] = 0.0
-    allowed = ALLOWED * np.array([tried.scene.tolerances[load] for load in names])
+    allowed = ALLOWED * tried.scene.tolerances_of(names)
     return Verdict(names, ended, errors, allowed, name, alone, expected)
 
 

@@ -12,8 +12,7 @@ from casadi_contact.contact import ContactModel, SymbolicContact
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.quantities import beside, quantity
 from casadi_contact.structures import Surrogate
-
-LEAST_VALIDITY = 0.5
+from casadi_contact.structures.trust import VALID
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Verification:
     @property
     def outside(self) -> np.ndarray:
         """True (n,) for frames outside the learned region, validity below 1/2."""
-        return self.validity < LEAST_VALIDITY
+        return self.validity < VALID
 
     @property
     def failing(self) -> np.ndarray:
@@ -121,7 +120,7 @@ def verify(
         poses,
         np.ones(len(poses), dtype=bool) if solved is None else np.asarray(solved, dtype=bool),
         surrogate(poses) - loads_on(model, poses, surrogate.load_names),
-        np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names]),
+        surrogate.scene.tolerances_of(surrogate.load_names),
         validity,
         expected,
     )

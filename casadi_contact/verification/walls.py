@@ -9,7 +9,6 @@ from casadi_contact.contact.pressure.law import law_of, pressures
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh, body_surface
 from casadi_contact.shapes.mesh_patches import bare_mesh
-from casadi_contact.verification.share import share_in_words
 
 _LONGEST_MM = 1.0  # of the triangles' edges: each is pressed or not, and flat faces from CAD are a few large ones
 _FACING = 0.5  # cos of the angle between a normal and the way to the body: the side of a rim is not pressed
@@ -60,23 +59,3 @@ def _share_on_bare(model: ElasticFoundation, poses: Array, *, within: bool) -> A
         counted = sum(float(each.forces_n.sum()) for each in model.pressure_maps(poses[k]))
         share[k] = on_bare[k] / (on_bare[k] + counted)
     return share
-
-
-def words_on_walls(share: Array) -> str | None:
-    """`share_in_words` of `share_on_walls`."""
-    return share_in_words(
-        share,
-        "on walls of the fixed mesh steeper than 78 degrees, such as a post's, or on faces turned away from "
-        "geometry.pressing, where there are no elements: it is not counted; geometry.cup_centre on the axis of a notch "
-        "or in the middle of a cup counts it, elsewhere a patch of its own there, with its own "
-        "geometry.patches.NAME.pressing",
-    )
-
-
-def words_outside_patches(share: Array) -> str | None:
-    """`share_in_words` of `share_outside_patches`."""
-    return share_in_words(
-        share,
-        "on the fixed mesh outside of all patches, where there are no elements: it is not counted; wider bounds in "
-        "geometry.patches.NAME count it, as does a patch of its own there",
-    )

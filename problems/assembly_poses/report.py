@@ -10,6 +10,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import frame, new_page, panels, save_page
+from casadi_contact.quantities import FORCE
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.assembly_poses.problem import AssemblyPoses
@@ -60,7 +61,7 @@ def _write_table(path: Path, problem: AssemblyPoses, result: AssemblyResult) -> 
     for k, body in enumerate(problem.assembly.bodies):
         columns |= {f"{body}_{name}": curve for name, curve in pose_columns(result.poses[:, k]).items()}
     columns |= {f"{pull}_N": curve for pull, curve in problem.cycle.tensions.items()}
-    columns |= assembly_columns(problem.assembly.load_names, result.loads)
+    columns |= assembly_columns(problem.assembly.load_kinds, result.loads)
     columns |= {"residual_N": result.residual_n, "converged": result.converged.astype(int)}
     columns |= {"on_contact_model": result.on_model.astype(int)}
     write_columns(path, columns, digits=DIGITS)
@@ -72,9 +73,9 @@ def draw(problem: AssemblyPoses, result: AssemblyResult, path: Path) -> None:
     wide = len(assembly.bodies) + 1
     page = new_page(5.0 * wide, 7.0)
     parts = panels(page, 2, wide, set())
-    for name, curve in zip(assembly.load_names, result.loads.T, strict=True):
+    for (name, kind), curve in zip(assembly.load_kinds.items(), result.loads.T, strict=True):
         contact = next((part.name for part in assembly.contacts if name.startswith(f"{part.name}_")), "")
-        if "_T" not in name:
+        if kind == FORCE:
             label = name.removeprefix(f"{contact}_").replace("_", " ")
             parts[int(not contact), 0].curves.plot(percent, curve, label=f"{contact} {label}".strip())
     for pull, curve in problem.cycle.tensions.items():

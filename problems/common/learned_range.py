@@ -11,8 +11,8 @@ from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.quantities import two_digits
 from casadi_contact.structures import Surrogate
+from casadi_contact.structures.trust import VALID
 from casadi_contact.verification import Verdict
-from casadi_contact.verification.verify import LEAST_VALIDITY
 
 _ROUNDED = 1e-6  # mm, rad: IPOPT lets bounds slip by a hundredth of that
 
@@ -26,7 +26,7 @@ def beyond_learned(model: ContactModel, poses: Array) -> np.ndarray:
     low, high = pose_bounds(model)
     excess = np.maximum(low - poses, poses - high) - _ROUNDED
     validity = model.validity(poses)
-    for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < LEAST_VALIDITY)):
+    for k in np.flatnonzero((excess > 0.0).any(axis=1) | (validity < VALID)):
         # Beyond its range a surrogate extrapolates loads, by the hundredfold a radian away.
         named = _parameters_beyond(excess[k]) or _loads_beyond(model, poses[k])
         named.append(f"validity {validity[k]:.2g}")

@@ -13,7 +13,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
 from casadi_contact.files import replacing
 from casadi_contact.machine import machine_record
-from casadi_contact.quantities import two_digits
+from casadi_contact.quantities import Kind, two_digits
 
 DIGITS = 9  # of numbers in result tables
 
@@ -31,9 +31,10 @@ def load_columns(names: Sequence[str], loads: Array, what: str = "") -> dict[str
     }
 
 
-def assembly_columns(names: Sequence[str], loads: Array) -> dict[str, Array]:
-    """patellofemoral_Fy_N, patellofemoral_Tx_Nmm, patellar_tendon_N, each (n,), of an assembly's loads (n, L)."""
-    return {f"{name}_{'Nmm' if '_T' in name else 'N'}": column for name, column in zip(names, loads.T, strict=True)}
+def assembly_columns(kinds: Mapping[str, Kind], loads: Array) -> dict[str, Array]:
+    """patellofemoral_Fy_N, patellofemoral_Tx_Nmm, patellar_tendon_N, each (n,), of an assembly's loads (n, L); kinds:
+    its ``load_kinds``."""
+    return {f"{name}_{kind.plain_unit}": column for (name, kind), column in zip(kinds.items(), loads.T, strict=True)}
 
 
 def rms_and_largest(errors: Array) -> dict[str, float | None]:

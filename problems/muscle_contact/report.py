@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.optimisation import leaps_in_words
-from casadi_contact.quantities import two_digits
+from casadi_contact.quantities import FORCE, Kind, two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.knee_scene import KNEE_LOADS, SIDES
@@ -52,7 +53,7 @@ def report(
     errors = compared.errors()
     _print(problem, result, verdict, errors, kind)
     if result.patella is not None and patellar is not None:
-        for line in (f"patella: {patellar}", _patella_line(result.patella)):
+        for line in (f"patella: {patellar}", _patella_line(problem, result.patella)):
             PlainConsole().print(line, highlight=False, soft_wrap=True)
     _write_table(out / "muscle_contact.csv", problem, result, compared, verdict)
     write_table(poses_table(walk.time_s, result.poses, f"{walk.name} femur in insert"), out / "poses.sto")
@@ -111,10 +112,16 @@ def _print(
         console.print(said, highlight=False, soft_wrap=True)
 
 
-def _patella_line(patella: PatellaResult) -> str:
+def _patella_line(problem: MuscleContact, patella: PatellaResult) -> str:
     """The largest tension of each ligament and the largest load of each facet."""
-    largest = [f"{name} {np.abs(curve).max():.0f} N" for name, curve in patella.loads.items() if "_T" not in name]
+    kinds = _load_kinds(problem)
+    largest = [f"{name} {np.abs(curve).max():.0f} N" for name, curve in patella.loads.items() if kinds[name] == FORCE]
     return f"largest: {', '.join(largest)}"
+
+
+def _load_kinds(problem: MuscleContact) -> Mapping[str, Kind]:
+    assert problem.extensor is not None
+    return problem.extensor.assembly.load_kinds
 
 
 def _write_table(
@@ -131,7 +138,7 @@ def _write_table(
         columns[f"{name}_N"] = result.muscle_forces_n[:, muscle]
     if result.patella is not None:
         columns |= {f"patella_{name}": curve for name, curve in pose_columns(result.patella.poses).items()}
-        columns |= assembly_columns(list(result.patella.loads), np.column_stack(list(result.patella.loads.values())))
+        columns |= assembly_columns(_load_kinds(problem), np.column_stack(list(result.patella.loads.values())))
         columns |= {"patella_left_N": result.patella.left_n}
     if result.soleus is not None:
         columns |= {"soleus_activation": result.soleus, "soleus_N": SOLEUS_N * result.soleus}

@@ -73,7 +73,7 @@ def run(
         share = f"{100 * np.mean(reached):.2f} % of frames"
         console.print(f"{whole} of {starts} random starts find the same loads in all frames, {share}", highlight=False)
     columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
-    columns |= assembly_columns(ride.assembly.load_names, ride.loads) | {"residual_N": ride.residual_n}
+    columns |= assembly_columns(ride.assembly.load_kinds, ride.loads) | {"residual_N": ride.residual_n}
     write_columns(out / "patella.csv", columns, digits=DIGITS)
     summary = {"walk": walk.name, "femur_verdict": str(walked), "verdict": str(verdict), "random_starts": reached}
     write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})

@@ -13,6 +13,7 @@ import numpy as np
 
 from casadi_contact.assembly import Assembly, Settling
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
+from casadi_contact.quantities import TORQUE
 from casadi_contact.verification import Verdict, judge, own_model
 
 TOLERANCE_N = 1e-4
@@ -85,7 +86,7 @@ def follow(
 def loads_apart_n(assembly: Assembly, loads: Array, others: Array) -> Array:
     """Largest difference of an assembly's loads (n, L) [N], torques over 25 mm, (n,). Where nothing presses a body its
     place is not determined, but its loads are."""
-    scales = [LEVER_MM if "_T" in name else 1.0 for name in assembly.load_names]
+    scales = [LEVER_MM if kind == TORQUE else 1.0 for kind in assembly.load_kinds.values()]
     return np.asarray(np.abs((loads - others) / scales).max(axis=1))
 
 

@@ -21,7 +21,7 @@ def hardly_determined(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray
     """
     model, columns = problem.model, problem.contact.columns
     names = problem.wanted.load_names
-    tolerances = np.array([model.scene.tolerances[name] for name in names])
+    tolerances = model.scene.tolerances_of(names)
 
     def loads(moves_mm: Array) -> Array:
         moved = poses.copy()

@@ -65,7 +65,7 @@ def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
     """
     valid = samples.rows(surrogate.validity(samples.poses) > VALID)
     coverage = trust_coverage(surrogate, valid)
-    limits = WRONG * np.array([surrogate.scene.tolerances[name] for name in surrogate.load_names])
+    limits = WRONG * surrogate.scene.tolerances_of(surrogate.load_names)
     record: dict[str, Any] = {}
     for domain in (*DOMAINS, ALL):
         drawn, kept = (part.select(None if domain == ALL else domain) for part in (samples, valid))

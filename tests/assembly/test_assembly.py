@@ -1,5 +1,7 @@
 """Assemblies: the same loads as their contacts one by one, sparse exact derivatives, balance of forces, equilibrium."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from casadi_contact.assembly import Assembly, Ligament, Pull, Spring
 from casadi_contact.assembly.settle import settle_assembly
 from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import rotation
+from casadi_contact.quantities import FORCE, TORQUE
 from tests.support.compiler import needs_compiler
 
 FREE = {"femur": ("tx", "ty", "tz", "rx", "ry"), "patella": ("tx", "ty", "tz", "rx", "ry", "rz")}
@@ -70,6 +73,14 @@ def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
 
 
 @needs_compiler
+def test_every_load_has_its_kind_whatever_its_ligament_is_called(knee):
+    kinds = replace(
+        knee, ligaments=[replace(knee.ligaments[0], name="patellar_Tendon"), *knee.ligaments[1:]]
+    ).load_kinds
+    assert kinds["patellar_Tendon"] == kinds["patellofemoral_Fy"] == FORCE
+    assert kinds["patellofemoral_Tx"] == TORQUE
+
+
 def test_derivatives_are_sparse(knee):
     x = ca.MX.sym("x", 12)
     jacobian = ca.jacobian(knee.function()(ca.reshape(x, 6, 2)), x)

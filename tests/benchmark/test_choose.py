@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_wider_tolerances_never_cost_more():
     for pair in TOLERANCES:
         tolerance = Tolerance(*pair)
         times.append(cheapest(meeting(front, tolerance, front.loads), tolerance)[0].time_us)
-    assert all(wide <= SAME_TIME * narrow for wide, narrow in zip(times, times[1:], strict=False))
+    assert all(wide <= SAME_TIME * narrow for wide, narrow in pairwise(times))
 
 
 def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen():

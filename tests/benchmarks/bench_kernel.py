@@ -6,17 +6,11 @@ pip install -e ".[bench]"; python -m pytest tests/benchmarks/bench_kernel.py
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
 from casadi_contact.motion.walking import reference_cycle
 from problems.pose_estimation import build, solve
 
 FORMS = {"graph": False, "kernel": True}
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 @pytest.fixture(scope="module")

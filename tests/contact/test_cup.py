@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_jacobian
+from tests.support.derivative_checks import check_hessians, check_jacobian, check_same_formulas
 from tests.support.ready_poses import PLACES, in_cup, placed, pole
 
 
@@ -87,20 +87,8 @@ def test_the_kernel_in_c_is_the_same_formulas_and_its_hessian_the_derivative_of_
     compiled, plain = (cc.CupFoundation(scene, 32, compiled=c) for c in (True, False))
     assert compiled._library is not None, "else NumPy is compared with itself"
     poses = placed(scene, PLACES[name])
-    for a, b in zip(compiled.jacobian(poses), plain.jacobian(poses), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(b).max())
-    np.testing.assert_allclose(compiled.gaps(poses), plain.gaps(poses), atol=1e-12)
-    np.testing.assert_array_equal(compiled.at_edge(poses), plain.at_edge(poses))
-    x = ca.MX.sym("pose", 6)
-    for output in compiled.load_and_root_function()(x):
-        total = ca.dot(ca.linspace(ca.DM(0.5), ca.DM(1.5), output.numel()) if output.numel() > 1 else 1.0, output)
-        hessian = ca.Function("hessian", [x], [ca.hessian(total, x)[0]])
-        gradient = ca.Function("gradient", [x], [ca.gradient(total, x)])
-        for pose in poses:
-            moves = 1e-6 * np.eye(6)
-            differences = np.column_stack([np.array(gradient(pose + m) - gradient(pose - m))[:, 0] for m in moves])
-            scale = np.abs(differences).max() + 1e-3
-            np.testing.assert_allclose(np.array(hessian(pose)), differences / 2e-6, atol=1e-5 * scale / 1e-6)
+    check_same_formulas(compiled, plain, poses)
+    check_hessians(compiled, poses)
 
 
 @needs_compiler

@@ -14,11 +14,6 @@ FORCES = {"Fy_med": -600.0, "Fy_lat": -400.0}
 CENTRE = {"cop_ap_mm": 3.0, "cop_ml_mm": 1.0}
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
 def values(surrogate, poses):
     return dict(zip(surrogate.load_names, surrogate(poses).T, strict=True))
 

@@ -15,11 +15,6 @@ FREE = ("tx", "ty", "tz", "rx")
 DOWN_N = 1000.0
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
 @pytest.mark.parametrize("tx_nmm", [-90_000.0, 90_000.0], ids=["beyond one condyle", "beyond the other"])
 @pytest.mark.parametrize("down_n", [DOWN_N, 30.0])
 def test_a_force_beyond_both_condyles_leaves_each_side_its_least_force(knee, tx_nmm, down_n):

@@ -18,11 +18,6 @@ from tests.support.compiler import needs_compiler
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def simulator(knee):
     return knee_simulator.build(knee)
 

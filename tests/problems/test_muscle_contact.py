@@ -30,11 +30,6 @@ SIX = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx"), **LEAST
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def solved(knee):
     """The least squared activation and nothing else."""
     problem = muscle_contact.build(knee, example_walk(), **LEAST_SQUARES)

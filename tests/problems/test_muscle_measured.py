@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-import casadi_contact as cc
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.optimisation import shear_free_poses
 from problems import muscle_contact
@@ -19,11 +18,6 @@ from problems.muscle_contact.knee_coordinates import (
 from problems.muscle_contact.problem import BALANCED, LEAST_SQUARES
 from problems.muscle_contact.walk import read_walk
 from tests.support.shared_data import shared_file
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 def measured_walk(name):

@@ -30,11 +30,6 @@ FRAMES = 4  # of flexion from 3 degrees of hyperextension to 62
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def extensor(knee):
     return muscle_contact.load_extensor("knee_with_patella", knee)
 

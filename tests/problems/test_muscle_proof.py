@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from casadi_contact.optimisation import shear_free_poses
 from problems import muscle_contact
 from problems.muscle_contact.example import example_walk
@@ -13,11 +12,6 @@ from problems.muscle_contact.problem import RESERVE_SIZES
 from problems.muscle_contact.proof import least_overload
 
 FRAME = 1
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 def posed(knee, **more):

@@ -5,16 +5,10 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from problems.opensim_drop import by_casadi
 from problems.opensim_drop.compare import compare
 from problems.opensim_drop.problem import Drop
 from tests.support.compiler import needs_compiler
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 @needs_compiler

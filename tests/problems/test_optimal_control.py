@@ -27,11 +27,6 @@ from tests.support.compiler import needs_compiler
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def wanted(knee):
     return simulated_cycle(knee, frames=201)
 

@@ -23,11 +23,6 @@ SWING = np.arange(66, 93, 2)
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def foundation(knee):
     return cc.ElasticFoundation(knee.scene, knee.scene.grids["settle"])
 

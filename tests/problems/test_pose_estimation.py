@@ -31,11 +31,6 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def solved(knee):
     problem = pose_estimation.build(knee, reference_cycle())
     return problem, pose_estimation.solve(problem)

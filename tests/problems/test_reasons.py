@@ -5,7 +5,6 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation import pose_bounds
@@ -25,11 +24,6 @@ from problems.static_equilibrium import __main__ as equilibrium_command
 from tests.support.command import ended
 
 NO_MODEL = "no contact model at hand"
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 def loaded(knee, force_n):

@@ -23,11 +23,6 @@ SOFT = np.array([static_equilibrium.SOFT_TISSUE[name] for name in POSE_NAMES])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def rest():
     poses = np.zeros((len(FLEXIONS_DEG), 6))
     poses[:, 1], poses[:, 5] = 27.5, -np.radians(FLEXIONS_DEG)

@@ -18,11 +18,6 @@ from tests.support.shared_data import shared_file
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def walking(knee):
     """Poses of walking cycles in between the built-in ones, none of which is a sample."""
     settings = SamplingSettings.from_scene(knee.scene)

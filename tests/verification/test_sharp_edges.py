@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import share_at_sharp_edges, words_at_sharp_edges
+from casadi_contact.verification import share_at_sharp_edges, uncertain_load_words
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 RADIUS, HALF_WIDTH = 12.0, 3.0
@@ -51,13 +51,16 @@ def test_where_an_edge_alone_bears_the_error_is_within_the_share_that_is_told_an
     assert (errors[0] < shares[0] + 0.02).all()
     assert errors[0][:2].min() > 0.05
     assert (errors[1] < 0.3 * errors[0] + 0.01).all()
-    assert "in 3 of 3 frames up to 100% of the load lies at sharp edges" in words_at_sharp_edges(shares[0])
+    assert (
+        "in 3 of 3 frames up to 100% of the load lies at sharp edges"
+        in uncertain_load_words({"at_sharp_edges": shares[0]})["at_sharp_edges"]
+    )
 
 
 def test_a_ball_has_no_edges(folder):
     share = share_at_sharp_edges(model_of(folder, "ball", 0.75), [[0.0, RADIUS - 0.2, 0.0, 0.3, 0.2, 0.1]])
     np.testing.assert_array_equal(share, 0.0)
-    assert words_at_sharp_edges(share) is None
+    assert uncertain_load_words({"at_sharp_edges": share}) == {}
 
 
 def test_of_edges_that_are_noise_a_finer_field_mends_nothing(folder):
@@ -72,7 +75,10 @@ def test_of_edges_that_are_noise_a_finer_field_mends_nothing(folder):
     assert too_much[1] > 0.7 * too_much[0]
     share = share_at_sharp_edges(models[0], [pose])
     assert share[0] > 0.1
-    assert "a smoother mesh where they are a scan's noise" in words_at_sharp_edges(share)
+    assert (
+        "a smoother mesh where they are a scan's noise"
+        in uncertain_load_words({"at_sharp_edges": share})["at_sharp_edges"]
+    )
 
 
 def test_a_body_out_of_contact_and_one_from_formulas_bear_none(folder):

@@ -11,11 +11,6 @@ POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def foundation(knee):
     return own_model(knee.scene)
 

@@ -10,11 +10,6 @@ from tests.support.random_surrogates import random_surrogate
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def poses(knee):
     return pose_estimation.solve(pose_estimation.build(knee, reference_cycle(frames=21))).poses
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import share_on_walls, share_outside_patches, words_on_walls, words_outside_patches
+from casadi_contact.verification import share_on_walls, share_outside_patches, uncertain_load_words
 from problems.pose_estimation.report import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
@@ -24,6 +24,10 @@ def model_of(folder, elements="grid", extra=""):
     return cc.ElasticFoundation(cc.load_scene(path), (160, 160))
 
 
+def words_of(where, share):
+    return uncertain_load_words({where: share}).get(where)
+
+
 def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_two_planes(folder):
     model = model_of(folder)
     floor, both, wall = (
@@ -36,7 +40,7 @@ def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_tw
     assert share[2] == 1.0
     np.testing.assert_allclose(model.wrenches(wall), 0.0, atol=1e-9)  # and so nothing else tells it
     assert not model.at_edge(wall).any()
-    assert "in 2 of 3 frames up to 100%" in words_on_walls(share)
+    assert "in 2 of 3 frames up to 100%" in words_of("on_walls", share)
 
 
 def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_path):
@@ -55,7 +59,10 @@ def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_pat
         (tmp_path / "notch.toml").write_text(mesh_scene_text("roller.obj", "pipe.obj", extra=key))
         model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (200, 80))
         force = float(np.linalg.norm(model.wrenches(pose)[0, :3]))
-        found[key] = force / (STIFFNESS * width * radius * integral), words_on_walls(share_on_walls(model, [pose]))
+        found[key] = (
+            force / (STIFFNESS * width * radius * integral),
+            words_of("on_walls", share_on_walls(model, [pose])),
+        )
     (lost, told), (whole, nothing) = found.values()
     assert lost < 0.8
     assert "geometry.cup_centre" in told
@@ -72,7 +79,7 @@ def test_a_ball_beside_the_patch_bears_on_the_rest_of_the_mesh_all_of_its_load(f
     if elements == "grid":  # a triangle of the floor belongs to a patch or to none, whole
         assert share[1] == pytest.approx(0.5, abs=0.03)
     np.testing.assert_allclose(model.wrenches([beside, wall]), 0.0, atol=1e-9)  # and so nothing else tells it
-    assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_outside_patches(share)
+    assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_of("outside_patches", share)
 
 
 def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
@@ -110,7 +117,7 @@ def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
 
 
 def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
-    assert words_on_walls(share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
+    assert words_of("on_walls", share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
 
 
 def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
@@ -122,7 +129,7 @@ def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)  # what is wanted, and so verified
     assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
     assert found.shares["on_walls"][1] == 0.0
-    assert found.caveats == [words_on_walls(found.shares["on_walls"])]
+    assert found.caveats == [words_of("on_walls", found.shares["on_walls"])]
     assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
 
 

@@ -90,7 +90,7 @@ class _Truth:
     def __init__(self, scene: Scene) -> None:
         self.scene, self._charts = scene, patch_charts(scene)
         self._selection = load_selection(scene.load_names, scene.patch_names)
-        tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
+        tolerances = scene.tolerances_of()
         rough, half, fine = (ElasticFoundation(scene, grid) for grid in (_ROUGH, _HALF, CONVERGED))
         self.places: list[list[tuple[Array, Array]]] = []
         self.wrenches: list[Array] = []

@@ -75,10 +75,6 @@ class Quadrature:
         stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
         return PatchLoads(fade * wrench, stiffness, float(gap[0]), gap_slope, touch.cut)
 
-    def wrench(self, R: Array, t: Array) -> Array:
-        """The patch's wrench (6,) alone."""
-        return self.wrench_and_cut(R, t)[0]
-
     def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
         """The patch's wrench (6,), and whether contact reaches the rim."""
         touch = self.touch(R, t)

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.callback import contact_callback, model_callback
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
-from casadi_contact.contact.parameters import check_parameters, parametric_function, wrench_names
+from casadi_contact.contact.parameters import check_parameters, parametric_function
 from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
-from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import Array, check_loads, load_jacobian, load_selection, pose_or_poses, rotation
+from casadi_contact.contact.wrench_loads import WrenchLoads
+from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation, wrench_names
 from casadi_contact.scenes import Scene
 from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
@@ -37,7 +37,7 @@ BOTH = "contact_loads_and_roots"
 EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load
 
 
-class CompiledFoundation(WrenchRoots, ContactFunctions, Exportable):
+class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
@@ -84,15 +84,10 @@ class CompiledFoundation(WrenchRoots, ContactFunctions, Exportable):
         return self._wrenches(poses, slopes=False)[0]
 
     @pose_or_poses
-    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
-        """Named loads (n, loads) [N, N·mm]: ``load_names``, or the loads asked for."""
-        return np.einsum("lpk,npk->nl", self._rows(loads), self.wrenches(poses))
-
-    @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         if self._library is None:
-            return load_jacobian(self._rows(loads), *self.wrench_jacobian(poses))
+            return super().jacobian(poses, loads)
         values = np.empty((len(poses), len(self.load_names)))
         slopes = np.empty((*values.shape, 6))
         call_in_shares(self._library, "array_jacobians", poses, values, slopes)
@@ -136,14 +131,6 @@ class CompiledFoundation(WrenchRoots, ContactFunctions, Exportable):
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
         return self._wrenches(poses, slopes=False)[2]
-
-    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
-        return check_loads(self.load_names, loads)
-
-    def _rows(self, loads: Iterable[str] | None) -> Array:
-        """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
-        return self._selection[[self.load_names.index(name) for name in self.check_loads(loads)]]
 
     def function(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,16 +15,8 @@ from casadi_contact.contact.pressure.law import law_of, pressures
 from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
-from casadi_contact.contact.wrench_roots import WrenchRoots
-from casadi_contact.conventions import (
-    Array,
-    as_poses,
-    check_loads,
-    load_jacobian,
-    load_selection,
-    pose_or_poses,
-    rotation,
-)
+from casadi_contact.contact.wrench_loads import WrenchLoads
+from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.scenes import Material, Scene
 from casadi_contact.shapes.checks import grid_size
@@ -58,7 +50,7 @@ class _Bed(NamedTuple):
         return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
 
 
-class ElasticFoundation(WrenchRoots):
+class ElasticFoundation(WrenchLoads):
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
@@ -100,20 +92,6 @@ class ElasticFoundation(WrenchRoots):
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
         return self._evaluate(self._parts, poses, derivatives=False)[0]
-
-    @pose_or_poses
-    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
-        """Named loads (n, loads) [N, N·mm], all in the order of ``load_names``, or those asked for.
-
-        Raises ValueError for one that is not the scene's.
-        """
-        asked = [self.load_names.index(name) for name in check_loads(self.load_names, loads)]
-        return np.einsum("lpk,npk->nl", self._selection[asked], self.wrenches(poses))
-
-    @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Named loads (n, loads) and their analytic derivatives by the pose (n, loads, 6) [per mm, per rad]."""
-        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:

@@ -33,21 +33,12 @@ from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressio
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
+from casadi_contact.structures.patch.names import is_root, part_of_root, ratio_name, root_name
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions
 from casadi_contact.structures.patch.together import parts_regressions
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
-
-
-def root_name(patch: str) -> str:
-    """Name of a patch's root load network."""
-    return f"root_{patch}"
-
-
-def ratio_name(patch: str, component: str) -> str:
-    """Name of the network of one wrench component of a patch, divided by its normal load."""
-    return f"ratio_{patch}_{component}"
 
 
 def _used(selection: Array) -> np.ndarray:
@@ -74,7 +65,7 @@ class PatchSurrogate(Surrogate):
     @staticmethod
     def gives_spots(name: str) -> bool:
         """True for the networks of root loads."""
-        return name.startswith("root_")
+        return is_root(name)
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
@@ -94,7 +85,7 @@ class PatchSurrogate(Surrogate):
     @staticmethod
     def reflection(name: str, network: Network, scene: Scene) -> Network:
         """The twin `name` of a network: its reflection in the plane z = 0."""
-        component = name.rpartition("_")[2] if name.startswith("ratio_") else None
+        component = None if is_root(name) else name.rpartition("_")[2]
         return reflected(network, scene.pose_space.free, (component,))
 
     @classmethod
@@ -118,7 +109,7 @@ class PatchSurrogate(Surrogate):
         """Root loads of the parts of each patch that is cut, under the ratios of its networks; see
         `together.parts_regressions`."""
         known = patch_regressions(samples)
-        roots = {root.name.removeprefix("root_"): root for root in known if root.name.startswith("root_")}
+        roots = {part_of_root(root.name): root for root in known if is_root(root.name)}
         return parts_regressions(samples, roots, self._part_ratios)
 
     def _part_ratios(self, poses: Array, p: int) -> Array:

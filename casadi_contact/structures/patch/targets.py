@@ -18,6 +18,7 @@ from casadi_contact.network import Regression
 from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
+from casadi_contact.structures.patch.names import is_root, ratio_name, root_name
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
 
 _GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
@@ -46,7 +47,7 @@ def root_weight(target: Array, scene: Scene) -> Array:
 
 def root_regressions(samples: Samples) -> list[Regression]:
     """Those of `patch_regressions` that are of root loads, as of one spot each."""
-    roots = (r for r in patch_regressions(samples) if r.name.startswith("root_"))
+    roots = (r for r in patch_regressions(samples) if is_root(r.name))
     return [replace(root, spots=1) for root in roots]
 
 
@@ -94,14 +95,14 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         # Not of several spots, which would all be driven out of contact before one learns to bear.
         false_load = np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
         columns = (inputs, target, root_weight(target, scene), validation)
-        root = Regression(f"root_{part.name}", *columns, root_tolerance, part.spots, false_load, domain)
+        root = Regression(root_name(part.name), *columns, root_tolerance, part.spots, false_load, domain)
         regressions.append(root)
         touching = root.of_rows(contact)
         for k in (WRENCH_NAMES.index(name) for name in components[part.name]):
             regressions.append(
                 replace(
                     touching,
-                    name=f"ratio_{part.name}_{WRENCH_NAMES[k]}",
+                    name=ratio_name(part.name, WRENCH_NAMES[k]),
                     targets=wrench[contact, k] / normal[contact],
                     weights=normal[contact],
                     tolerance=ratio_tolerances[k],

@@ -83,6 +83,6 @@ def _allowed(scene: Scene, p: int) -> Array:
     """What each wrench component (6,) of patch p may be off by: the least of τ/√m over the loads that m patches make it
     part of; infinite where none needs it."""
     selection = load_selection(scene.load_names, scene.patch_names) != 0.0
-    tolerances = np.array([scene.tolerances[name] for name in scene.load_names])
+    tolerances = scene.tolerances_of()
     shares = tolerances[:, None] / np.sqrt(np.maximum(selection.sum(axis=1), 1))
     return np.where(selection[:, p], shares, np.inf).min(axis=0)

@@ -17,7 +17,8 @@ from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.structures.patch.mirror import reflected
-from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
+from casadi_contact.structures.patch.names import is_root, root_name
+from casadi_contact.structures.patch.surrogate import PatchSurrogate
 from casadi_contact.structures.trunk.targets import trunk_name, trunk_outputs, trunk_regressions
 from casadi_contact.training.growth import widen
 
@@ -69,7 +70,7 @@ class TrunkSurrogate(PatchSurrogate):
     def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Mapping[str, Network]]) -> dict[str, Network]:
         """The root networks of a patch surrogate of the same samples, widened, where one was made and they fit."""
         roots = made.get("patch", {}).items()
-        found = {name: root for name, root in roots if name.startswith("root_") and name in hidden}
+        found = {name: root for name, root in roots if is_root(name) and name in hidden}
         return {name: widen(root, hidden[name], seed=0) for name, root in found.items() if root.hidden <= hidden[name]}
 
     @staticmethod

@@ -7,6 +7,7 @@ import numpy as np
 from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.structures.patch.names import ratio_name, root_name
 from casadi_contact.structures.patch.targets import part_components, patch_regressions
 
 
@@ -30,8 +31,8 @@ def trunk_regressions(samples: Samples) -> list[Regression]:
     alone = {regression.name: regression for regression in patch_regressions(samples)}
     regressions = []
     for part, components in part_components(samples.scene).items():
-        regressions.append(alone[f"root_{part}"])
-        ratios = [alone[f"ratio_{part}_{component}"] for component in components]
+        regressions.append(alone[root_name(part)])
+        ratios = [alone[ratio_name(part, component)] for component in components]
         if not ratios:
             continue
         targets = np.stack([ratio.targets for ratio in ratios], axis=1)

@@ -23,7 +23,8 @@ from casadi_contact.dataset import Samples
 from casadi_contact.network import Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
-from casadi_contact.structures.patch.surrogate import PatchSurrogate, root_name
+from casadi_contact.structures.patch.names import root_name
+from casadi_contact.structures.patch.surrogate import PatchSurrogate
 from casadi_contact.structures.patch.targets import root_regressions
 from casadi_contact.structures.sample_rows import finite, fitted_rows
 from casadi_contact.structures.two_stage.graph import two_stage_expressions

@@ -1,0 +1,25 @@
+"""Names of the networks of a patch, or of one of its parts."""
+
+from __future__ import annotations
+
+_ROOT = "root_"
+
+
+def root_name(part: str) -> str:
+    """Name of the root load network of a patch or part: root_med."""
+    return f"{_ROOT}{part}"
+
+
+def is_root(name: str) -> bool:
+    """True for the network of a root load."""
+    return name.startswith(_ROOT)
+
+
+def part_of_root(name: str) -> str:
+    """The patch or part of a root load network."""
+    return name.removeprefix(_ROOT)
+
+
+def ratio_name(part: str, component: str) -> str:
+    """Name of the network of one wrench component, divided by the normal load: ratio_med_Fx."""
+    return f"ratio_{part}_{component}"
