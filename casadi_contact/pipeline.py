@@ -16,10 +16,10 @@ from casadi_contact.benchmark import measure_project
 from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ElasticFoundation, foundation
 from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.conventions import Update
 from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_text
 from casadi_contact.project import (
     Project,
-    Update,
     alone,
     has_motion,
     motion_at_hand,

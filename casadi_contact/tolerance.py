@@ -15,10 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from casadi_contact.benchmark.choose import Tolerance
+from casadi_contact.conventions import Update
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
 from casadi_contact.files import replacing
-from casadi_contact.project import Project, Update, alone
+from casadi_contact.project import Project, alone
 from casadi_contact.project.fitting import build_command, fit_surrogate, moved_samples
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample

@@ -19,7 +19,8 @@ from casadi_contact.benchmark.candidates import (
 from casadi_contact.benchmark.front_file import Point
 from casadi_contact.benchmark.sizes import Sized, chart_surrogates, on_disk, sized_path, train_sizes
 from casadi_contact.benchmark.timing import compare, one_thread
-from casadi_contact.project import Project, Update, motion_at_hand
+from casadi_contact.conventions import Update
+from casadi_contact.project import Project, motion_at_hand
 from casadi_contact.project.fitting import train
 from casadi_contact.structures import STRUCTURES, load_surrogate, ready_surrogates
 

@@ -11,7 +11,8 @@ from casadi_contact.benchmark.at_hand import make_surrogate, python_line, times_
 from casadi_contact.benchmark.candidates import refuse_without_elements
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
-from casadi_contact.project import Project, Update
+from casadi_contact.conventions import Update
+from casadi_contact.project import Project
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 
 MEASURED = "measured"

@@ -24,11 +24,11 @@ from casadi_contact.benchmark.sizes import train_sizes
 from casadi_contact.benchmark.timing import Timing, compare, one_thread
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation, grid_text
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Update
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.errors import domain_errors, load_errors, rms_by_kind
 from casadi_contact.machine import machine_record
-from casadi_contact.project import Project, Update, project_surrogates, read_motion
+from casadi_contact.project import Project, project_surrogates, read_motion
 from casadi_contact.quantities import FORCE, TORQUE
 from casadi_contact.scenes import Scene
 

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE
+from casadi_contact.conventions import Update
 from casadi_contact.dataset import COLUMNS, TEST, Samples
 from casadi_contact.files import writable_folder
 from casadi_contact.network import size_text
-from casadi_contact.project import Project, Update, alone
+from casadi_contact.project import Project, alone
 from casadi_contact.project.fitting import fit_surrogate
 from casadi_contact.project.presets import ChartEffort, Effort
 from casadi_contact.scenes import Scene

@@ -23,8 +23,8 @@ from casadi_contact.dataset.gaps import refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_small_forces
 from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import existing_file, open_hdf5, short
+from casadi_contact.motion.checks import check_radians, check_size
 from casadi_contact.motion.columns import read_columns
-from casadi_contact.motion.load_cycle import check_radians, check_size
 from casadi_contact.scenes import Scene
 
 _LEAST_ROWS = 10

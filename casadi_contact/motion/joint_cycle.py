@@ -21,8 +21,9 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.files import short
+from casadi_contact.motion.checks import check_radians, checked_curves
 from casadi_contact.motion.columns import TextColumns, write_columns
-from casadi_contact.motion.load_cycle import OverTime, check_radians, checked_curves
+from casadi_contact.motion.load_cycle import OverTime
 from casadi_contact.quantities import quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes.checks import fail, number

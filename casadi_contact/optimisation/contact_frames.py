@@ -21,7 +21,7 @@ from casadi_contact.conventions import (
     pose_index,
 )
 from casadi_contact.files import short
-from casadi_contact.motion.load_cycle import check_radians
+from casadi_contact.motion.checks import check_radians
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import pose_steps
 from casadi_contact.optimisation.starts import LEAST_START_N, settle_in_range, touching

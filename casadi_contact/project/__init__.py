@@ -1,6 +1,5 @@
 """A project: its folder of results, how much work it takes, its samples, and its networks."""
 
-from casadi_contact.conventions import Update
 from casadi_contact.project.project import (
     Project,
     alone,
@@ -21,7 +20,6 @@ from casadi_contact.project.project import (
 
 __all__ = [
     "Project",
-    "Update",
     "alone",
     "built_in_motion",
     "cycle_files",

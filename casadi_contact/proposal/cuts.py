@@ -19,10 +19,9 @@ import numpy as np
 
 from casadi_contact.contact import CellFoundation
 from casadi_contact.contact.cells.choice import cell_sizes_mm, square_cells
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Update
 from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.network import Regression
-from casadi_contact.project import Update
 from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces

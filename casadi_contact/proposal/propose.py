@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, Update
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.project import Update, reference_motion_cycles
+from casadi_contact.project import reference_motion_cycles
 from casadi_contact.proposal.damage import holes, rough, specks, spikes
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids

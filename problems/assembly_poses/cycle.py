@@ -10,8 +10,9 @@ import numpy as np
 
 from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.motion.checks import check_radians, check_rising
 from casadi_contact.motion.columns import TextColumns
-from casadi_contact.motion.load_cycle import OverTime, check_radians, check_rising
+from casadi_contact.motion.load_cycle import OverTime
 from casadi_contact.quantities import quantity
 
 FORCES = ("Fx", "Fy", "Fz")

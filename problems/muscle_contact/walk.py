@@ -14,8 +14,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from casadi_contact.conventions import Array
+from casadi_contact.motion.checks import check_radians, check_rising
 from casadi_contact.motion.columns import TextColumns, read_columns
-from casadi_contact.motion.load_cycle import OverTime, check_radians, check_rising
+from casadi_contact.motion.load_cycle import OverTime
 from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from problems.muscle_contact.knee_coordinates import COORDINATES, coordinate_unit
 from problems.muscle_contact.muscle import MuscleParameters

@@ -28,9 +28,10 @@ from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.sizes import on_disk
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.conventions import Update
 from casadi_contact.network import size_text
 from casadi_contact.progress import progress_bars
-from casadi_contact.project import Project, Update, alone, read_motion, shipped_surrogates
+from casadi_contact.project import Project, alone, read_motion, shipped_surrogates
 from casadi_contact.project.fitting import fit_surrogate, structures_for_scene
 from casadi_contact.structures import Surrogate, TwoStageSurrogate
 from casadi_contact.terminal import PlainConsole

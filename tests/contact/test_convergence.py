@@ -1,7 +1,6 @@
 """What a convergence test records of a model, and what decides its choice: poses at the rim stand by themselves."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -56,7 +55,5 @@ def test_a_mesh_scene_without_good_cells_is_told_to_look_at_its_meshes():
     """Sheets inside a body and folds make every model wrong, elements as well; a sharp rim makes cells wrong."""
     found = errors([2.0] * 4, [False] * 4)
     assert "mesh" not in str(not_good_enough("cells", found))
-    scene = SimpleNamespace(**{name: getattr(found.scene, name) for name in ("name", "load_names", "tolerances")})
-    scene.reference_load, scene.shape = found.scene.reference_load, "mesh"
-    said = str(not_good_enough("cells", replace(found, scene=scene)))
+    said = str(not_good_enough("cells", replace(found, scene=replace(found.scene, shape="mesh"))))
     assert "whether the meshes are damaged or sharp-edged where they touch (casadi-contact show), then relax" in said
