@@ -44,6 +44,7 @@ class SmoothSurface:
             raise ImportError("smooth surfaces of meshes need libigl: pip install casadi_contact[mesh]") from None
         # Its side is told by the pseudonormal of the nearest triangle, edge or vertex (Bærentzen and Aanæs 2005).
         self._closest = partial(igl.signed_distance, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL)
+        self._winding = partial(igl.fast_winding_number, mesh.vertices_mm, mesh.faces)
         self.mesh = mesh
         smooth = split_at_creases(mesh)
         self._corner_normals = fitted_normals(smooth)[smooth.faces]
@@ -91,11 +92,24 @@ class SmoothSurface:
         # mesh: at an edge the height over one of its triangles may have either sign.
         far = np.abs(flat) > _FAR * np.linalg.norm(on - closest, axis=1)
         size = np.sqrt(height**2 + np.maximum(aside2 - (_FAN_SLOPE * height) ** 2, 0.0))
-        distance = np.copysign(size, np.where(far, flat, height))
+        distance = np.copysign(size, np.where(far, self._side(points, flat, far), height))
         edge = self._at_open_edge(face, share)
         rounded = np.sqrt(aside2 + (height + EDGE_RADIUS_MM) ** 2) - EDGE_RADIUS_MM
         beside = (height > -EDGE_RADIUS_MM) | (aside2 > height**2)  # else behind the surface, where no edge matters
         return np.where(edge & beside, rounded, distance)
+
+    def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
+        """Numbers (n,) of the sign that distances from the mesh have at the points that are far from it.
+
+        Where triangles fold over their neighbours, or the surface runs through itself, pseudonormals tell some points
+        the wrong side at any distance. A closed mesh tells what is inside by how often it winds about it.
+        """
+        if len(self.mesh.boundary_edges):
+            return flat
+        side = flat.copy()
+        if far.any():
+            side[far] = 0.5 - self._winding(np.ascontiguousarray(points[far]))
+        return side
 
     def _at_open_edge(self, face: np.ndarray, share: Array) -> np.ndarray:
         zero = share < 1e-9

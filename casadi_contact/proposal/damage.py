@@ -1,5 +1,5 @@
-"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, spikes of single vertices, holes, and
-noise that is steep between short edges."""
+"""What of a mesh a joint is not made of: loose specks, as segmentation leaves, spikes of single vertices, folds, holes,
+and noise that is steep between short edges."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ _SPECK = 0.01  # of the area of the largest piece, at most
 _ALL_SPECKS = 0.05  # of the whole area: more is a body of many pieces
 _HOLE = 0.2  # of the mesh across, at most: a wider opening is where a part ends
 _ROUGH_DEG = 15.0  # between neighbouring triangles, the median: of curved surfaces that are meshed well some degrees
+_FOLD_COS = -0.5  # between the normals of neighbours: a sharp rim has none below 0
 _SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
 
 
@@ -66,6 +67,24 @@ def spikes(mesh: TriangleMesh) -> list[str]:
         f"whether {mesh.name} is so where {int(tips.sum())} of its vertices stand out like a needle, the first by "
         f"{height[first]:.2g} mm at {point_words(mesh.vertices_mm[first])} mm: smooth it there if that is a slip of "
         "segmentation"
+    ]
+
+
+def folds(mesh: TriangleMesh) -> list[str]:
+    """The question about triangles of an open mesh that fold back over their neighbours. Far from them, too, points may
+    count as inside that lie outside; of a closed mesh what it encloses tells (`geometry.smooth_surface`)."""
+    sides = mesh.joined_sides
+    if not len(mesh.boundary_edges) or not len(sides[0]):
+        return []
+    first, second = (side % len(mesh.faces) for side in sides)
+    folded = np.einsum("nk,nk->n", mesh.normals[first], mesh.normals[second]) < _FOLD_COS
+    if not folded.any():
+        return []
+    middle = mesh.corners_mm[first[folded][0]].mean(axis=0).round(1) + 0.0
+    return [
+        f"whether {mesh.name} is so where triangles fold back over their neighbours ({int(folded.sum())} edges, the "
+        f"first about {point_words(middle)} mm): it is open, so that load may be found millimetres off the surface "
+        "there; mesh it anew there, or close the mesh"
     ]
 
 

@@ -14,7 +14,7 @@ from casadi_contact.conventions import Array, Update
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.project import reference_motion_cycles
-from casadi_contact.proposal.damage import holes, rough, specks, spikes
+from casadi_contact.proposal.damage import folds, holes, rough, specks, spikes
 from casadi_contact.proposal.frame import frame_of
 from casadi_contact.proposal.grids import converged_grids
 from casadi_contact.proposal.joint import Joint
@@ -141,7 +141,7 @@ def _drafted(
     tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
     told = [f"both files are in {unit}", *frame.told]
     untold = [*coarse_coordinates(meshes, unit), *frame.untold]
-    damages = (specks, spikes, holes, rough)
+    damages = (specks, spikes, folds, holes, rough)
     untold += [question for mesh in meshes.values() for damage in damages for question in damage(mesh)]
     why = " (--material)" if material else _guess(meeting.together)
     untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")

@@ -32,11 +32,11 @@ class SurrogateFunctions(ContactFunctions):
 
     @abstractmethod
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        """The same in CasADi, with derivatives up to order 0, 1 or 2."""
+        """Loads (L) and root loads of a pose (6) in CasADi, with derivatives up to order 0, 1 or 2."""
 
     @abstractmethod
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        """The same in C."""
+        """The loads in C, and the root loads if asked for."""
 
     def _root_count(self) -> int:
         """Number of root loads that `_expressions` and `_kernel` give."""

@@ -15,6 +15,7 @@ from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
 from casadi_contact.verification.verify import loads_on
 
+UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 ON_MODEL = "solved on the contact model"
@@ -28,7 +29,8 @@ class Verdict:
     model gave no number, NaN where there was no model to ask; allowed (L,): the largest error of a verified frame;
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
-    model to ask, None where it says nothing.
+    model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
+    counts any (`uncertain_load`), None where nobody looked.
     """
 
     load_names: tuple[str, ...]
@@ -38,6 +40,7 @@ class Verdict:
     model: str
     on_model: np.ndarray
     expected: Array | None = None
+    uncounted: Array | None = None
 
     @property
     def checked(self) -> bool:
@@ -46,13 +49,13 @@ class Verdict:
 
     @property
     def verified(self) -> np.ndarray:
-        """True (n,) for frames that are solved, and on the contact model as well."""
-        return self.solved & (np.abs(self.errors) <= self.allowed).all(axis=1)
+        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load."""
+        return self.solved & self._agrees & ~self._incomplete
 
     @property
     def differs(self) -> np.ndarray:
         """True (n,) for frames that are solved, but of which the contact model says otherwise."""
-        return self.solved & ~self.verified if self.checked else np.zeros_like(self.solved)
+        return self.solved & ~self._agrees if self.checked else np.zeros_like(self.solved)
 
     @property
     def words(self) -> list[str]:
@@ -74,12 +77,24 @@ class Verdict:
         alone = int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
         parts = [f"{verified} of {count} solved and verified on {self.model}{own}"]
-        if solved > verified:
+        if self.differs.any():
             worst = int(np.where(self.solved, self._excess, -1.0).argmax())
-            parts.append(f"{solved - verified} solved but differ, at most by {self._largest(worst)}")
+            parts.append(f"{int(self.differs.sum())} solved but differ, at most by {self._largest(worst)}")
+        if (lost := self.solved & self._agrees & self._incomplete).any():
+            assert self.uncounted is not None
+            most = f"{self.uncounted[lost].max():.0%}"
+            parts.append(f"{int(lost.sum())} solved, but up to {most} of their load lies where none is counted")
         if count > solved:
             parts.append(f"{count - solved} not solved")
         return "; ".join(parts)
+
+    @property
+    def _agrees(self) -> np.ndarray:
+        return np.asarray((np.abs(self.errors) <= self.allowed).all(axis=1))
+
+    @property
+    def _incomplete(self) -> np.ndarray:
+        return np.zeros_like(self.solved) if self.uncounted is None else np.asarray(self.uncounted > UNCOUNTED)
 
     @property
     def _own_words(self) -> str:
@@ -107,6 +122,8 @@ class Verdict:
             return UNSOLVED
         if not self.checked:
             return UNCHECKED
+        if self.uncounted is not None and self._agrees[frame] and self._incomplete[frame]:
+            return f"solved, {self.uncounted[frame]:.0%} of the load not counted"
         if self.on_model[frame]:
             return ON_MODEL
         return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"

@@ -13,6 +13,7 @@ from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
 from problems.pose_estimation.completion import solve_and_complete
+from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
 from problems.pose_estimation.sign_warnings import sign_warnings
 from problems.pose_estimation.solve import PoseResult
@@ -22,11 +23,12 @@ from problems.pose_estimation.unit_warnings import centre_warnings
 
 @dataclass(frozen=True)
 class Estimate:
-    """The solution with a reason for every frame that is not verified, what the contact model says of it, and what
-    became of random starts, None where none were asked for."""
+    """The solution with a reason for every frame that is not verified, what the contact model says of it, what it is on
+    the elements of a scene that has some, and what became of random starts, None where none were asked for."""
 
     result: PoseResult
     verdict: Verdict
+    ef: OnFoundation | None
     starts: RandomStarts | None
 
 
@@ -54,6 +56,8 @@ def estimated(
     """
     result = solve_and_complete(problem, start, model)
     verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names, result.on_model)
+    ef = OnFoundation.of(problem, result)
+    verdict = replace(verdict, uncounted=None if ef is None else ef.uncounted)
     tried = solve_from_random_starts(source, problem, result.poses, starts) if starts else None
     result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
-    return Estimate(result, verdict, tried)
+    return Estimate(result, verdict, ef, tried)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact import PressureSummary
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
@@ -18,13 +17,13 @@ from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, 
 from casadi_contact.quantities import LENGTH, quantity
 from casadi_contact.structures import Surrogate
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict, uncertain_load_shares, uncertain_load_words
-from problems.common.contact import grids_in_words, models_on_grids
+from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
 from problems.pose_estimation.estimate import Estimate
 from problems.pose_estimation.identifiability import hardly_determined_in_words
+from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult
 
@@ -43,39 +42,6 @@ _PANELS = (("tx", "tz"), ("ty",), ("rx", "ry"), ("rz",))
 
 
 @dataclass(frozen=True)
-class OnFoundation:
-    """What is wanted, (n, wanted), on the fine EF grid, and on the teacher grid, which has next to no error of its own
-    and tells the pressures and the shares (n,) of the load that are `uncertain_load_shares`; grids: in words."""
-
-    fine: Array
-    teacher: Array
-    pressures: PressureSummary
-    shares: dict[str, Array]
-    grids: dict[str, str]
-
-    @classmethod
-    def of(cls, problem: PoseEstimation, result: PoseResult) -> OnFoundation | None:
-        """Re-evaluate the solution on the scene's fine and teacher EF grids; None where there is no EF at hand."""
-        wanted, scene, poses = problem.wanted, problem.model.scene, result.poses
-        models = models_on_grids(scene)
-        if not models:
-            return None
-        columns = [scene.load_names.index(name) for name in wanted.load_names]
-        fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
-        own = models["teacher"]
-        return cls(fine, teacher, own.summary(poses), uncertain_load_shares(own, poses), grids_in_words(models))
-
-    @property
-    def caveats(self) -> list[str]:
-        """What the verdict does not know of, since solution and elements share it."""
-        return list(uncertain_load_words(self.shares).values())
-
-    def record(self) -> dict[str, Any]:
-        """A summary's part."""
-        return {f"largest_share_{where}": float(share.max()) for where, share in self.shares.items()}
-
-
-@dataclass(frozen=True)
 class Tracked:
     """Values of what is wanted, by name, each (n, wanted): wanted, got (on the problem's model), and what the EF says,
     None where there is none at hand."""
@@ -86,11 +52,10 @@ class Tracked:
     ef: OnFoundation | None
 
     @classmethod
-    def of(cls, problem: PoseEstimation, result: PoseResult) -> Tracked:
-        """Re-evaluate the solution on the EF."""
+    def of(cls, problem: PoseEstimation, result: PoseResult, ef: OnFoundation | None) -> Tracked:
+        """What a solution tracks."""
         wanted = problem.wanted
-        curves = np.column_stack(list(wanted.values.values()))
-        return cls(tuple(wanted.values), curves, wanted.got(result.loads), OnFoundation.of(problem, result))
+        return cls(tuple(wanted.values), np.column_stack(list(wanted.values.values())), wanted.got(result.loads), ef)
 
     def caveats(self, verdict: Verdict) -> list[str]:
         """What the verdict, which is in newtons, does not know of."""
@@ -128,8 +93,9 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     the folder out; kind: what to call the model there. Without an EF at hand there are no pressures."""
     writable_folder(out)
     cycle, scene, result, verdict = problem.cycle, problem.model.scene, estimate.result, estimate.verdict
-    tracked = Tracked.of(problem, result)
-    ef, errors = tracked.ef, tracked.errors()
+    ef = estimate.ef
+    tracked = Tracked.of(problem, result, ef)
+    errors = tracked.errors()
     _print(problem, estimate, errors, ef, kind)
     untold = hardly_determined_in_words(problem, result.poses, result.converged)
     for words in [*tracked.caveats(verdict), *filter(None, [untold])]:

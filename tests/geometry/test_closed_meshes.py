@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.shapes.mesh_bodies import shell_thickness
-from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, wheel_mesh
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, wheel_mesh, with_slid_vertex
 
 
 def with_sliver(vertices, faces, face=0):
@@ -28,6 +28,17 @@ def test_a_closed_mesh_with_a_sliver_is_closed():
     near = np.abs(exact) < 4.0
     assert near.sum() > 50
     assert np.abs(SmoothSurface(mesh).distance(points) - exact)[near].max() < 0.01
+
+
+@pytest.mark.parametrize("by_mm", [3.0, 5.0])
+def test_a_vertex_that_slid_over_its_neighbours_leaves_the_outside_outside(by_mm):
+    """Pseudonormals of the triangles that it turns over tell points the wrong side, at any distance."""
+    mesh = checked_mesh("ball", *with_slid_vertex(*ball_mesh(16.0, 2.5), by_mm))
+    assert ((mesh.normals * mesh.corners_mm.mean(axis=1)).sum(axis=1) < 0.0).any()
+    points = np.random.default_rng(0).normal(size=(100_000, 3)) * 9.0
+    exact = np.linalg.norm(points, axis=1) - 16.0
+    near = np.abs(exact) < 8.0
+    assert np.abs(SmoothSurface(mesh).distance(points[near]) - exact[near]).max() < 1.0
 
 
 def test_a_closed_mesh_with_a_row_of_slivers_is_closed():

@@ -56,7 +56,7 @@ def test_the_picture_tells_frames_that_the_contact_model_denies_and_frames_witho
     verdict.errors[7] = 100.0
     pages = []
     monkeypatch.setattr("problems.pose_estimation.report.save_page", lambda page, path, **_: pages.append(page))
-    draw(problem, result, verdict, Tracked.of(problem, result), "surrogate", tmp_path / "page.png")
+    draw(problem, result, verdict, Tracked.of(problem, result, None), "surrogate", tmp_path / "page.png")
     said = "10 of 11 frames converged, 1 differ on the contact model, 1 bear no load"
     assert pages[0].get_suptitle().endswith(said)
 

@@ -5,9 +5,17 @@ import pytest
 import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.proposal.damage import holes, specks, spikes, without_specks
+from casadi_contact.proposal.damage import folds, holes, specks, spikes, without_specks
 from casadi_contact.proposal.sight import sight_of
-from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, torus_mesh
+from tests.support.meshes import (
+    ball_mesh,
+    cap_mesh,
+    sheet_mesh,
+    shell_mesh,
+    slab_mesh,
+    torus_mesh,
+    with_slid_vertex,
+)
 
 
 def with_specks(points, faces, places):
@@ -45,6 +53,14 @@ def test_a_single_vertex_that_stands_5_mm_out_of_a_ball_is_told(out_mm):
     (said,) = spikes(checked_mesh("ball", points, faces))
     assert "1 of its vertices" in said
     assert f"{points[tip, 1]:.4g}, " in said, "where it is"
+
+
+def test_a_vertex_of_an_open_mesh_that_slid_over_its_neighbours_is_told():
+    sound = cap_mesh(20.0, 1.2, 1.0)
+    assert not folds(checked_mesh("cap", *sound))
+    (said,) = folds(checked_mesh("cap", *with_slid_vertex(*sound, 3.0)))
+    assert "whether cap is so where triangles fold back over their neighbours" in said
+    assert not folds(checked_mesh("ball", *with_slid_vertex(*ball_mesh(20.0, 1.2), 3.0))), "closed: no harm in it"
 
 
 @pytest.mark.parametrize(

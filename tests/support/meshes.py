@@ -169,6 +169,15 @@ def ball_mesh(radius, edge):
     return vertices, faces
 
 
+def with_slid_vertex(vertices, faces, by_mm):
+    """The lowest vertex moved sideways on its sphere, over its neighbours, where two triangles come to face inwards."""
+    vertices, lowest = vertices.copy(), int(vertices[:, 1].argmin())
+    radius = np.linalg.norm(vertices[lowest])
+    vertices[lowest, 0] += by_mm
+    vertices[lowest] *= radius / np.linalg.norm(vertices[lowest])
+    return vertices, faces
+
+
 def groove(x, z):
     """A valley along x with straight sides that rise by 0.5, rounded over 4 mm, for `sheet_mesh`."""
     return 0.5 * (np.sqrt(z**2 + 4.0**2) - 4.0) + 0.0 * x

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import share_on_walls, share_outside_patches, uncertain_load_words
-from problems.pose_estimation.report import OnFoundation
+from casadi_contact.verification import Verdict, share_on_walls, share_outside_patches, uncertain_load_words
+from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
@@ -126,9 +126,15 @@ def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     wanted = WantedLoads.of(scene, {"Fy": np.full(2, -force_n(0.3))})
     problem = SimpleNamespace(wanted=wanted, model=SimpleNamespace(scene=scene))
     found = OnFoundation.of(problem, SimpleNamespace(poses=poses))
-    np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)  # what is wanted, and so verified
+    np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)
     assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
     assert found.shares["on_walls"][1] == 0.0
+    solved, exact, never = np.ones(2, dtype=bool), np.zeros((2, 1)), np.zeros(2, dtype=bool)
+    verdict = Verdict(("Fy",), solved, exact, np.array([30.0]), "EF", never, uncounted=found.uncounted)
+    assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
+    assert verdict.exit_code == 3
+    assert "of the load not counted" in verdict.words[0]
+    assert "1 solved, but up to" in str(verdict)
     assert found.caveats == [words_of("on_walls", found.shares["on_walls"])]
     assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
 

@@ -19,7 +19,7 @@ from casadi_contact.contact.cells.basis import (
 from casadi_contact.contact.cells.patches import BOXES, CellPatch
 from casadi_contact.contact.cells.pressures import POWER
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.cells.tangents import CONCAVITY_REACH_MM, STRIDE, tangents
+from casadi_contact.contact.cells.tangents import STRIDE, tangents, tangents_reach
 from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.elements.culling import STEEPEST_FIELD
 from casadi_contact.conventions import Array
@@ -70,8 +70,10 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     tables, cells, law = _Tables(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
-    body = _body(patches[0].body, tables, with_tangents)
-    rows = [_patch(quad.patch, functions, tables) for quad in patches]
+    rows, reaches = zip(*(_patch(quad.patch, functions, tables) for quad in patches), strict=True)
+    spacing = field_parts(patches[0].body.parameters)[1] if patches[0].body.family == MESH_FIELD else 0.0
+    reach_mm = tangents_reach(max(reaches), spacing)
+    body = _body(patches[0].body, tables, reach_mm if with_tangents else None)
     sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
     arrays = {
         "hermite[SUB_POINTS][12]": functions,
@@ -84,7 +86,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     text = [
         "#include <limits.h>",
         "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches).items()),
+        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches, reach_mm).items()),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
@@ -95,7 +97,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     return "\n".join(text), tables.data
 
 
-def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
+def _sizes(patches: Sequence[Quadrature], reach_mm: float) -> dict[str, float]:
     """What the C is written in terms of, by name: sizes of its arrays, and lengths [mm], forces [N] and cosines of
     `quadrature`."""
     cells = patches[0].cells
@@ -124,12 +126,12 @@ def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
         "FADE": patches[0].fade_n,
         "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
-        "CONCAVITY_REACH": CONCAVITY_REACH_MM,
+        "CONCAVITY_REACH": reach_mm,
     }
 
 
-def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
-    """Definitions that ``cells_body.h`` reads."""
+def _body(surface: MovingSurface, tables: _Tables, reach_mm: float | None) -> str:
+    """Definitions that ``cells_body.h`` reads, with tangents that are good as far as reach_mm, if any."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
     if surface.family != MESH_FIELD:
@@ -145,8 +147,8 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
         "FIELD_SPACING": spacing,
         "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
     }
-    if with_tangents:
-        rows, index = tangents(coefficients, spacing)
+    if reach_mm is not None:
+        rows, index = tangents(coefficients, spacing, reach_mm)
         sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
         sizes["TANGENT_SPACING"] = STRIDE * spacing
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
@@ -155,8 +157,8 @@ def _body(surface: MovingSurface, tables: _Tables, with_tangents: bool) -> str:
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
 
-def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
-    """The fields of `Patch` in their order."""
+def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> tuple[str, float]:
+    """The fields of `Patch` in their order, and how far its largest block reaches from its middle [mm]."""
     nodes = np.zeros(len(patch.c), _NODE)
     nodes["c"], nodes["first"][:, 0], nodes["first"][:, 1:] = patch.c, patch.n, patch.tangents
     nodes["bends"], nodes["loads"][:, :7] = patch.bends, patch.loads
@@ -171,18 +173,19 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> str:
     corners = np.concatenate([patch.c[:, None], patch.tangents], 1)[patch.corners].reshape(-1, 12, 3)
     points = np.concatenate([functions @ corners, patch.c[patch.corners]], 1)
     spans = [points[first:last].reshape(-1, 3) for first, last in itertools.pairwise(patch.blocks)]
+    blocks = _boxes(spans, np.arange(len(spans)), -(-len(spans) // BOXES) * BOXES)
     tables_of = (
         ("Node", nodes),
         ("Cell", cells),
         ("Boxes", _boxes([*points], place, len(cells))),
-        ("Boxes", _boxes(spans, np.arange(len(spans)), -(-len(spans) // BOXES) * BOXES)),
+        ("Boxes", blocks),
         ("Block", np.stack([groups[:-1], groups[1:]], 1).astype("i4")),
         ("unsigned char", patch.known.astype("u1")),
     )
     pointers = [f"(const {kind} *)(cells_data + {tables.place(array)})" for kind, array in tables_of]
     shares = tables.place(1.0 - np.concatenate([whole, patterns]))
     pointers.append(f"(const double (*)[SUB_POINTS])(cells_data + {shares})")
-    return f"{{{', '.join([*pointers, str(len(spans))])}}}"
+    return f"{{{', '.join([*pointers, str(len(spans))])}}}", float(blocks[:, 10].max())
 
 
 def _groups(patch: CellPatch) -> np.ndarray:

@@ -16,7 +16,7 @@ from scipy import ndimage
 from casadi_contact.conventions import Array
 
 STRIDE = 2  # nodes of the field for one of these
-CONCAVITY_REACH_MM = 5.0  # blocks of the largest cells reach 3 to 4 mm from their middles, and these 0.8 mm from a node
+_LONGEST_REACH_MM = 5.0  # blocks of a knee's largest cells reach 3 to 4 mm from their middles
 _FAR_MM = 5.0  # beyond this, and deeper inside than the next, the clearance tells enough
 _DEEP_MM = -2.0
 _SURFACE_MM = 0.5
@@ -27,14 +27,20 @@ _SPARE = 0.004  # [1/mm], for points between nodes
 _VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # of a cubic B-spline at the nodes
 
 
-def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def tangents_reach(largest_mm: float, spacing_mm: float) -> float:
+    """How far from their nodes tangents have to be good [mm]: for blocks that reach so far from their middles, which
+    lie between the nodes. Their cost grows with its third power."""
+    return float(min(_LONGEST_REACH_MM, largest_mm + np.sqrt(0.75) * STRIDE * spacing_mm))
+
+
+def tangents(coefficients: Array, spacing_mm: float, reach_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Rows g, ∇g, M, clearance (n, 8) in single precision, and the row of each node, at every `STRIDE`.
 
-    Nodes far from the surface have the clearance alone, and share the rows of its levels.
+    reach_mm: of concavities. Nodes far from the surface have the clearance alone, and share the rows of its levels.
     """
     g = _at_nodes(coefficients, (0, 0, 0))
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
-    reach = int(np.ceil(CONCAVITY_REACH_MM / spacing_mm)) + 1
+    reach = int(np.ceil(reach_mm / spacing_mm)) + 1
     field = _continued(g, reach, spacing_mm)
     body = field[(slice(reach, -reach),) * 3] < _NEAR_MM
     clearance = ndimage.distance_transform_edt(~body, sampling=spacing_mm) - np.sqrt(0.75) * spacing_mm
@@ -50,7 +56,7 @@ def tangents(coefficients: Array, spacing_mm: float) -> tuple[np.ndarray, np.nda
     for step in np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3):
         away = spacing_mm * step
         square = float(away @ away)
-        if 0.0 < square <= (CONCAVITY_REACH_MM + spacing_mm) ** 2:
+        if 0.0 < square <= (reach_mm + spacing_mm) ** 2:
             there = field.ravel()[places + step @ strides]
             fall = 2.0 * (at + tangent @ away - there) / square
             concavity = np.where(there < _SURFACE_MM, np.maximum(concavity, fall), concavity)

@@ -27,7 +27,7 @@ def two_stage_kernel(
     learned = [name for name in load_names if name not in first]
     inputs = 6 + len(first)
 
-    def table(name: str, entries: Sequence[int]) -> str:
+    def places(name: str, entries: Sequence[int]) -> str:
         return f"static const int {name}[] = {{{', '.join(map(str, [*entries, -1]))}}};"
 
     definitions = [
@@ -37,8 +37,8 @@ def two_stage_kernel(
         f"#define REFERENCE_LOAD {float(reference_load)!r}",
         f"#define ROUNDING {(smoothing_load / reference_load) ** 2!r}",
         "/* Which load each force and each output of the second stage is; -1 for none. */",
-        table("LOAD_OF_FORCE", [load_names.index(name) if name in load_names else -1 for name in first]),
-        table("LOAD_OF_OUTPUT", [load_names.index(name) for name in learned]),
+        places("LOAD_OF_FORCE", [load_names.index(name) if name in load_names else -1 for name in first]),
+        places("LOAD_OF_OUTPUT", [load_names.index(name) for name in learned]),
     ]
     bundles = [Bundle("first", 6, first), Bundle("second", inputs, {name: second[name] for name in learned})]
     return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
