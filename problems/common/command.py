@@ -36,7 +36,8 @@ def end_with(verdict: Verdict, name: str, out: Path) -> None:
     """End the command with the verdict's exit code, and one line on stderr where frames are not verified."""
     if verdict.exit_code:
         good = verdict.solved if verdict.exit_code == 2 else verdict.verified
-        what = "not solved" if verdict.exit_code == 2 else "solved, but the contact model differs"
+        why = "the contact model differs" if verdict.differs.any() else "not all of their load is counted"
+        what = "not solved" if verdict.exit_code == 2 else f"solved, but {why}"
         print(f"{name}: {what}: frames {rows_in_words(~good)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)
 

@@ -54,8 +54,8 @@ def run(
     Two meshes (STL, OBJ, PLY or VTP) in place of a scene file have one proposed first, as casadi-contact scene does:
     look at its picture.
 
-    Exit status 2: some frames are not solved, and are named with the reason; 3: all are, but the contact model of the
-    meshes differs in some.
+    Exit status 2: some frames are not solved, and are named with the reason; 3: all are, but some are not
+    verified: the contact model of the meshes differs, or counts not all of their load.
     """
     fixed = None
     if is_mesh(scene):
@@ -86,7 +86,7 @@ def run(
         report(problem, found, folder / "poses" / path.stem, source.kind)
         codes.append(found.verdict.exit_code)
     if any(codes):
-        worst = "some frames have no pose" if 2 in codes else "the contact model differs in some frames"
+        worst = "some frames have no pose" if 2 in codes else "some frames are not verified"
         typer.echo(f"{NAME}: {worst}; see above", err=True)
         raise typer.Exit(2 if 2 in codes else 3)
 

@@ -46,7 +46,7 @@ def run(
     """Find the poses of a cycle that match its measured loads and centres of pressure; check them on the EF.
 
     Frames that the surrogate or foundation cannot solve go on with the EF itself.
-    Exit status 2: some frames are not solved; 3: all are, but the contact model differs in some.
+    Exit status 2: some frames are not solved; 3: all are, but some are not verified.
     """
     if start is not None and warm is not None:
         raise ValueError("got both --start and --warm, expected one of them")
