@@ -3,10 +3,10 @@
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
 ``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
 solve_time.csv, muscle_settings.json and seeds.json (``python -m problems.studies.solve_time``, ``.muscle_settings`` and
-``.seeds``), two_stage_work.csv and, of another run, two_stage_20000_gflop.csv (``python -m problems.studies.two_stage_work``),
-evaluation.json (``evaluate``), kernel_speed.json (``speed``), pose_estimation/*.json and muscle_contact/*.json
-(summaries of the problems), and stability.json or stability-SCENE.json (``python -m problems.studies.stability``). A
-page is written for each that is there.
+``.seeds``), two_stage_work.csv and, of another run, two_stage_20000_gflop.csv (``python -m
+problems.studies.two_stage_work``), evaluation.json (``evaluate``), kernel_speed.json (``speed``),
+pose_estimation/*.json and muscle_contact/*.json (summaries of the problems), and stability.json or
+stability-SCENE.json (``python -m problems.studies.stability``). A page is written for each that is there.
 """
 
 from __future__ import annotations
