@@ -81,8 +81,7 @@ class Verdict:
             worst = int(np.where(self.solved, self._excess, -1.0).argmax())
             parts.append(f"{int(self.differs.sum())} solved but differ, at most by {self._largest(worst)}")
         if (lost := self.solved & self._agrees & self._incomplete).any():
-            assert self.uncounted is not None
-            most = f"{self.uncounted[lost].max():.0%}"
+            most = f"{self._uncounted[lost].max():.0%}"
             parts.append(f"{int(lost.sum())} solved, but up to {most} of their load lies where none is counted")
         if count > solved:
             parts.append(f"{count - solved} not solved")
@@ -93,8 +92,12 @@ class Verdict:
         return np.asarray((np.abs(self.errors) <= self.allowed).all(axis=1))
 
     @property
+    def _uncounted(self) -> Array:
+        return np.zeros(len(self.solved)) if self.uncounted is None else self.uncounted
+
+    @property
     def _incomplete(self) -> np.ndarray:
-        return np.zeros_like(self.solved) if self.uncounted is None else np.asarray(self.uncounted > UNCOUNTED)
+        return np.asarray(self._uncounted > UNCOUNTED)
 
     @property
     def _own_words(self) -> str:
@@ -122,8 +125,8 @@ class Verdict:
             return UNSOLVED
         if not self.checked:
             return UNCHECKED
-        if self.uncounted is not None and self._agrees[frame] and self._incomplete[frame]:
-            return f"solved, {self.uncounted[frame]:.0%} of the load not counted"
+        if self._agrees[frame] and self._incomplete[frame]:
+            return f"solved, {self._uncounted[frame]:.0%} of the load not counted"
         if self.on_model[frame]:
             return ON_MODEL
         return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"

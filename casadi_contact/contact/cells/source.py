@@ -71,9 +71,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
     rows, reaches = zip(*(_patch(quad.patch, functions, tables) for quad in patches), strict=True)
-    spacing = field_parts(patches[0].body.parameters)[1] if patches[0].body.family == MESH_FIELD else 0.0
-    reach_mm = tangents_reach(max(reaches), spacing)
-    body = _body(patches[0].body, tables, reach_mm if with_tangents else None)
+    body = _body(patches[0].body, tables, max(reaches) if with_tangents else None)
     sides = (("u", "ALONG_U", cells.along_u), ("v", "ALONG_V", cells.along_v))
     arrays = {
         "hermite[SUB_POINTS][12]": functions,
@@ -86,7 +84,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     text = [
         "#include <limits.h>",
         "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches, reach_mm).items()),
+        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches).items()),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
@@ -97,7 +95,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     return "\n".join(text), tables.data
 
 
-def _sizes(patches: Sequence[Quadrature], reach_mm: float) -> dict[str, float]:
+def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
     """What the C is written in terms of, by name: sizes of its arrays, and lengths [mm], forces [N] and cosines of
     `quadrature`."""
     cells = patches[0].cells
@@ -126,12 +124,12 @@ def _sizes(patches: Sequence[Quadrature], reach_mm: float) -> dict[str, float]:
         "FADE": patches[0].fade_n,
         "POWER": POWER,
         "STEEPEST": STEEPEST_FIELD,
-        "CONCAVITY_REACH": reach_mm,
     }
 
 
-def _body(surface: MovingSurface, tables: _Tables, reach_mm: float | None) -> str:
-    """Definitions that ``cells_body.h`` reads, with tangents that are good as far as reach_mm, if any."""
+def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> str:
+    """Definitions that ``cells_body.h`` reads; with tangents for blocks that reach as far as largest_mm from their
+    middles, if that is given."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
     if surface.family != MESH_FIELD:
@@ -147,8 +145,10 @@ def _body(surface: MovingSurface, tables: _Tables, reach_mm: float | None) -> st
         "FIELD_SPACING": spacing,
         "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
     }
-    if reach_mm is not None:
+    if largest_mm is not None:
+        reach_mm = tangents_reach(largest_mm, spacing)
         rows, index = tangents(coefficients, spacing, reach_mm)
+        sizes["CONCAVITY_REACH"] = reach_mm
         sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
         sizes["TANGENT_SPACING"] = STRIDE * spacing
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
