@@ -18,6 +18,7 @@ from casadi_contact.dataset import Samples
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
+from casadi_contact.structures.blocks import in_blocks
 from casadi_contact.structures.distrust import OffSpace
 from casadi_contact.structures.file import Content, write_file
 from casadi_contact.structures.functions import SurrogateFunctions
@@ -92,14 +93,18 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
         names = self.check_loads(loads)
         arrays = self._arrays(poses, names)
-        return self._loads(poses, names) if arrays is None else arrays.loads(poses, names)
+        if arrays is not None:
+            return arrays.loads(poses, names)
+        return in_blocks(lambda block: self._loads(block, names), poses)
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
         names = self.check_loads(loads)
         arrays = self._arrays(poses, names)
-        return self._loads_and_jacobian(poses, names) if arrays is None else arrays.jacobian(poses, names)
+        if arrays is not None:
+            return arrays.jacobian(poses, names)
+        return in_blocks(lambda block: self._loads_and_jacobian(block, names), poses)
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
@@ -123,7 +128,16 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         (P,) and (P, 6) for a pose (6,).
         """
         self.check_roots()
-        return self._roots_and_jacobian(poses)
+        return in_blocks(lambda block: self._roots(block, derivative=True), poses)
+
+    @pose_or_poses
+    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `jacobian` and `root_loads` return; NumPy evaluates the networks once for both."""
+        arrays = self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return *arrays.jacobian(poses, self.load_names), *self.root_loads(poses)
+        self.check_roots()
+        return in_blocks(self._jacobian_and_roots, poses)
 
     @abstractmethod
     def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
@@ -134,8 +148,12 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         """Loads (n, L) and their derivatives (n, L, 6)."""
 
     @abstractmethod
-    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Root loads (n, P) and their derivatives (n, P, 6)."""
+    def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
+        """Root loads (n, P) and their derivatives (n, P, 6), (0, P, 6) if not asked for."""
+
+    def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """See `jacobian_and_roots`."""
+        return *self._loads_and_jacobian(poses, self.load_names), *self._roots(poses, derivative=True)
 
     @abstractmethod
     def _root_networks(self) -> list[str]:
@@ -215,7 +233,8 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def trust_roots(self, poses: Array) -> Array:
         """Signed root loads (n, P) that validity and expected error go by: those of `root_loads`."""
-        return self.root_loads(poses)[0]
+        self.check_roots()
+        return in_blocks(lambda block: self._roots(block, derivative=False)[0], poses)
 
     def trust_claims(self, poses: Array) -> Array | None:
         """Normal loads (n, P) [N] that `trust_roots` must confirm; None where the loads come from these roots."""
@@ -227,7 +246,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.validity(poses)
-        return trust.validity(poses, self.trust_roots(poses), self.trust_claims(poses))
+        return in_blocks(lambda block: trust.validity(block, self.trust_roots(block), self.trust_claims(block)), poses)
 
     @pose_or_poses
     def expected_error(self, poses: Array) -> Array:
@@ -235,7 +254,9 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.expected_error(poses)
-        return trust.expected_errors(poses, self.trust_roots(poses), self.trust_claims(poses))
+        return in_blocks(
+            lambda block: trust.expected_errors(block, self.trust_roots(block), self.trust_claims(block)), poses
+        )
 
     @property
     def export_title(self) -> str:

@@ -48,5 +48,10 @@ def logistic_coefficients(terms: Array, kept: np.ndarray) -> Array:
         gradient = -terms.T @ (weight * sign * expit(-margin)) + _RIDGE * free * coefficients
         return float(value), gradient
 
-    found = minimize(loss, np.zeros(terms.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 2000})
+    def hessian(coefficients: Array) -> Array:
+        odds = terms @ coefficients
+        curvature = weight * expit(odds) * expit(-odds)
+        return np.asarray((terms.T * curvature) @ terms + _RIDGE * np.diag(free))
+
+    found = minimize(loss, np.zeros(terms.shape[1]), jac=True, hess=hessian, method="Newton-CG")
     return np.asarray(found.x)

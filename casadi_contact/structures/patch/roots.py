@@ -13,7 +13,10 @@ from casadi_contact.network.spots import LEAST_ROOT, joint_root
 
 
 def patch_roots(s: Array, ds: Array, first: Sequence[int]) -> tuple[Array, Array]:
-    """S (n, P) and dS (n, P, 6) from s (n, spots) and ds (n, spots, 6); first: where each patch's spots begin."""
+    """S (n, P) and dS (n, P, 6) from s (n, spots) and ds (n, spots, 6); first: where each patch's spots begin.
+
+    From no derivatives (0, spots, 6) follow none (0, P, 6).
+    """
     if len(first) == s.shape[1]:
         return s, ds
     patches = []
@@ -24,7 +27,7 @@ def patch_roots(s: Array, ds: Array, first: Sequence[int]) -> tuple[Array, Array
 
 def _together(s: Array, ds: Array) -> tuple[Array, Array]:
     root, slopes = joint_root(np, s)
-    return root, np.einsum("ni,nij->nj", slopes, ds)
+    return root, np.einsum("ni,nij->nj", slopes[: len(ds)], ds)
 
 
 def patch_root_expressions(roots: ca.MX, first: Sequence[int]) -> ca.MX:

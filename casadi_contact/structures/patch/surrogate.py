@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -29,9 +29,10 @@ from casadi_contact.network import Network, PartsRegression, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
+from casadi_contact.structures.blocks import in_blocks
 from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressions
 from casadi_contact.structures.patch.kernel import patch_kernel
-from casadi_contact.structures.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.structures.patch.local_pose import LocalPoses, local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
 from casadi_contact.structures.patch.names import is_root, part_of_root, ratio_name, root_name
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
@@ -44,6 +45,19 @@ from casadi_contact.transcription.kernel import Kernel
 def _used(selection: Array) -> np.ndarray:
     """Wrench components (parts, 6) that a selection (L, parts, 6) needs."""
     return np.asarray((selection != 0.0).any(axis=0))
+
+
+def _parts(used: np.ndarray) -> np.ndarray:
+    """Parts (parts,) that have a component (parts, 6) that is used."""
+    return np.asarray(used.any(axis=1))
+
+
+class _PartRoot(NamedTuple):
+    """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
+
+    at: LocalPoses
+    s: Array
+    ds: Array
 
 
 class PatchSurrogate(Surrogate):
@@ -116,8 +130,9 @@ class PatchSurrogate(Surrogate):
         """What a newton of part p's normal load brings of each wrench component (n, 6): ±1 of its own, 0 of those that
         no load needs."""
         used = _used(self.scene.part_selection(self.load_names))[p]
-        ratios = np.zeros((len(poses), 6))
-        for component, (values, _) in self._of_normal(poses, self.scene.parts[p], used, derivative=False).items():
+        ratios, part = np.zeros((len(poses), 6)), self.scene.parts[p]
+        at = self._local_poses(poses, part, derivative=False)
+        for component, (values, _) in self._of_normal(at, part, used).items():
             ratios[:, component] = values
         return ratios
 
@@ -126,82 +141,102 @@ class PatchSurrogate(Surrogate):
 
     def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
         selection = self.scene.part_selection(loads)
-        wrenches, _ = self._wrenches(poses, _used(selection), derivative=False)
+        used = _used(selection)
+        wrenches, _ = self._wrenches(self._part_roots(poses, _parts(used), derivative=False), used)
         return np.einsum("lpk,npk->nl", selection, wrenches)
 
     def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
         selection = self.scene.part_selection(loads)
-        wrenches, derivative = self._wrenches(poses, _used(selection), derivative=True)
-        return load_jacobian(selection, wrenches, derivative)
+        used = _used(selection)
+        roots = self._part_roots(poses, _parts(used), derivative=True)
+        return load_jacobian(selection, *self._wrenches(roots, used))
+
+    def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        roots = self._part_roots(poses, derivative=True)
+        selection = self.scene.part_selection(self.load_names)
+        return *load_jacobian(selection, *self._wrenches(roots, _used(selection))), *self._of_patches(roots)
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError if a network is missing."""
         self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
         used = np.ones((len(self.scene.parts), 6), dtype=bool)
-        of_parts = self._wrenches(poses, used, derivative=False)[0]
-        return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
 
-    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        pairs = [self._root(poses, part, derivative=True) for part in self.scene.parts]
-        s, ds = np.concatenate([s for s, _ in pairs], axis=1), np.concatenate([ds for _, ds in pairs], axis=1)
+        def of_patches(block: Array) -> Array:
+            of_parts, _ = self._wrenches(self._part_roots(block, derivative=False), used)
+            return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
+
+        return in_blocks(of_patches, poses)
+
+    def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
+        return self._of_patches(self._part_roots(poses, derivative=derivative))
+
+    def _of_patches(self, roots: Mapping[int, _PartRoot]) -> tuple[Array, Array]:
+        """Root loads (n, P) and their derivatives of the patches, from those of all parts."""
+        s, ds = (np.concatenate([getattr(root, name) for root in roots.values()], axis=1) for name in ("s", "ds"))
         return patch_roots(s, ds, self._first_roots())
 
-    def _root(self, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
-        """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
-        s, ds = self._network(root_name(part.name), poses, part, derivative=derivative)
-        s = s if s.ndim == 2 else s[:, None]
-        return s, ds.reshape(len(ds), s.shape[1], 6) if derivative else np.empty((0, s.shape[1], 6))
+    def _part_roots(self, poses: Array, used: np.ndarray | None = None, *, derivative: bool) -> dict[int, _PartRoot]:
+        """Root loads of the parts that are used (parts,), all if left out, by the part's number."""
+        return {
+            p: self._root(self._local_poses(poses, part, derivative=derivative), part)
+            for p, part in enumerate(self.scene.parts)
+            if used is None or used[p]
+        }
 
-    def _ratios(
-        self, poses: Array, part: Part, components: Sequence[str], *, derivative: bool
-    ) -> dict[str, tuple[Array, Array]]:
-        """Ratios (n,) of a part by wrench component, with their derivatives as for `_network`."""
-        names = {k: ratio_name(part.name, k) for k in components}
-        return {k: self._network(name, poses, part, derivative=derivative) for k, name in names.items()}
+    def _local_poses(self, poses: Array, part: Part, *, derivative: bool) -> LocalPoses:
+        """What the networks of a part are evaluated at."""
+        anchor, space = part.anchor_mm, self.scene.pose_space
+        held, free = space.onto(poses), list(space.free)
+        x = local_poses(held, anchor)[:, free]
+        if not derivative:
+            return LocalPoses(x, np.empty((0, len(free), 6)))
+        by_pose = local_pose_jacobian(held, anchor)[:, free]
+        return LocalPoses(x, by_pose if space.whole else by_pose @ space.matrix)
 
-    def _network(self, name: str, poses: Array, part: Part, *, derivative: bool) -> tuple[Array, Array]:
+    def _network(self, name: str, at: LocalPoses) -> tuple[Array, Array]:
         """Value (n,) and derivative with respect to the pose (n, 6), (0, 6) if not asked for; (n, m) and (n, m, 6) of
         a network of m outputs."""
-        network, anchor, space = self.networks[name], part.anchor_mm, self.scene.pose_space
-        held, free = space.onto(poses), list(space.free)
-        local = local_poses(held, anchor)[:, free]
-        if not derivative:
-            return network.value(local), np.empty((0, 6))
-        value, gradient = network.value_and_gradient(local)
-        jacobian = local_pose_jacobian(held, anchor)[:, free]
-        return value, np.einsum("n...i,nij->n...j", gradient, jacobian if space.whole else jacobian @ space.matrix)
+        network = self.networks[name]
+        if len(at.by_pose) < len(at.x):
+            return network.value(at.x), np.empty((0, 6))
+        value, gradient = network.value_and_gradient(at.x)
+        return value, np.einsum("n...i,nij->n...j", gradient, at.by_pose)
 
-    def _wrenches(self, poses: Array, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array]:
-        """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), zero where used (parts, 6) is False."""
-        n, parts = len(poses), len(self.scene.parts)
-        wrenches, jacobian = np.zeros((n, parts, 6)), np.zeros((n, parts, 6, 6) if derivative else (0, 0, 0, 0))
-        for p, part in enumerate(self.scene.parts):
-            if not used[p].any():
-                continue
-            s, ds = self._root(poses, part, derivative=derivative)
+    def _root(self, at: LocalPoses, part: Part) -> _PartRoot:
+        s, ds = self._network(root_name(part.name), at)
+        s = s if s.ndim == 2 else s[:, None]
+        return _PartRoot(at, s, ds.reshape(len(at.by_pose), s.shape[1], 6))
+
+    def _ratios(self, at: LocalPoses, part: Part, components: Sequence[str]) -> dict[str, tuple[Array, Array]]:
+        """Ratios (n,) of a part by wrench component, with their derivatives as for `_network`."""
+        return {k: self._network(ratio_name(part.name, k), at) for k in components}
+
+    def _wrenches(self, roots: Mapping[int, _PartRoot], used: np.ndarray) -> tuple[Array, Array]:
+        """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), (0, parts, 6, 6) if not asked for, zero where used
+        (parts, 6) is False."""
+        first = next(iter(roots.values()))
+        wrenches = np.zeros((len(first.s), *used.shape))
+        jacobian = np.zeros((len(first.ds), *used.shape, 6))
+        for p, (at, s, ds) in roots.items():
             contact = np.maximum(s, 0.0)
             normal = self.scene.reference_load * (contact * contact).sum(axis=1)
-            d_normal = ds[:, 0]
-            if derivative:
-                d_normal = 2.0 * self.scene.reference_load * np.einsum("nk,nkj->nj", contact, ds)
-            for component, (ratio, d_ratio) in self._of_normal(poses, part, used[p], derivative=derivative).items():
+            d_normal = 2.0 * self.scene.reference_load * np.einsum("nk,nkj->nj", contact[: len(ds)], ds)
+            for component, (ratio, d_ratio) in self._of_normal(at, self.scene.parts[p], used[p]).items():
                 wrenches[:, p, component] = normal * ratio
-                if derivative:
+                if len(ds):
                     jacobian[:, p, component] = ratio[:, None] * d_normal + normal[:, None] * d_ratio
         return wrenches, jacobian
 
-    def _of_normal(
-        self, poses: Array, part: Part, used: np.ndarray, *, derivative: bool
-    ) -> dict[int, tuple[Array, Array]]:
+    def _of_normal(self, at: LocalPoses, part: Part, used: np.ndarray) -> dict[int, tuple[Array, Array]]:
         """What a newton of a part's normal load brings of each wrench component used (6,): its ratio (n,), ±1 of the
         normal load's own, with d/dpose (n, 6), (0, 6) if not asked for."""
         own = part.normal.component
         components = [k for c, k in enumerate(WRENCH_NAMES) if used[c] and k != own]
-        ratios = self._ratios(poses, part, components, derivative=derivative)
+        ratios = self._ratios(at, part, components)
         found = {WRENCH_NAMES.index(k): ratios[k] for k in components}
         if own is not None and used[k := WRENCH_NAMES.index(own)]:
-            found[k] = np.full(len(poses), part.normal.sign), np.zeros((len(poses) if derivative else 0, 6))
+            found[k] = np.full(len(at.x), part.normal.sign), np.zeros((len(at.by_pose), 6))
         return found
 
     def _spot_counts(self) -> list[int]:

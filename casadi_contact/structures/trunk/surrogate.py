@@ -16,6 +16,7 @@ from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.graph import PatchNetworks
+from casadi_contact.structures.patch.local_pose import LocalPoses
 from casadi_contact.structures.patch.mirror import reflected
 from casadi_contact.structures.patch.names import is_root, root_name
 from casadi_contact.structures.patch.surrogate import PatchSurrogate
@@ -78,18 +79,16 @@ class TrunkSurrogate(PatchSurrogate):
         """The part's trunk, for every ratio."""
         return trunk_name(part)
 
-    def _ratios(
-        self, poses: Array, part: Part, components: Sequence[str], *, derivative: bool
-    ) -> dict[str, tuple[Array, Array]]:
+    def _ratios(self, at: LocalPoses, part: Part, components: Sequence[str]) -> dict[str, tuple[Array, Array]]:
         if not components:
             return {}
         name = trunk_name(part.name)
         known = trunk_outputs(self.scene)[name]
-        values, slopes = self._network(name, poses, part, derivative=derivative)
+        values, slopes = self._network(name, at)
         if len(known) == 1:
             return {known[0]: (values, slopes)}
         columns = {k: known.index(k) for k in components}
-        return {k: (values[:, m], slopes[:, m] if derivative else slopes) for k, m in columns.items()}
+        return {k: (values[:, m], slopes[:, m] if len(at.by_pose) else slopes) for k, m in columns.items()}
 
     def _part_networks(self, part: Part, root: Network) -> PatchNetworks:
         name, normal = trunk_name(part.name), part.normal

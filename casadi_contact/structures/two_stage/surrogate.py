@@ -102,11 +102,11 @@ class TwoStageSurrogate(Surrogate):
     def trust_roots(self, poses: Array) -> Array:
         """Signed root loads (n, P) of the confirming networks; those of the loads where a surrogate has none."""
         confirming = self._confirming
-        return (self if confirming is None else confirming).root_loads(poses)[0]
+        return super().trust_roots(poses) if confirming is None else confirming.trust_roots(poses)
 
     def trust_claims(self, poses: Array) -> Array | None:
         """Normal loads (n, P) [N] before the clamp; None without confirming networks."""
-        return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads)[0]
+        return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads, derivative=False)[0]
 
     def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
         confirming = self._confirming
@@ -155,7 +155,7 @@ class TwoStageSurrogate(Surrogate):
     def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
         """By the chain rule through the clamped forces."""
         first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
-        raw, d_raw = self._raw(poses, first)
+        raw, d_raw = self._raw(poses, first, derivative=True)
         forces, d_forces = np.minimum(raw, 0.0), np.where((raw < 0.0)[:, :, None], d_raw, 0.0)
         inputs = np.hstack([poses, forces])
         values, rows = [], []
@@ -169,23 +169,25 @@ class TwoStageSurrogate(Surrogate):
                 rows.append(gradient[:, :6] + np.einsum("nf,nfj->nj", gradient[:, 6:], d_forces))
         return np.stack(values, axis=1), np.stack(rows, axis=1)
 
-    def _raw(self, poses: Array, first: Sequence[str]) -> tuple[Array, Array]:
-        """First-stage outputs before the clamp (n, F) and their gradients (n, F, 6)."""
+    def _raw(self, poses: Array, first: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
+        """First-stage outputs before the clamp (n, F) and their gradients (n, F, 6), (0, F, 6) if not asked for."""
+        if not derivative:
+            return np.stack([self.networks[name].value(poses) for name in first], axis=1), np.empty((0, len(first), 6))
         pairs = [self.networks[name].value_and_gradient(poses) for name in first]
         return np.stack([y for y, _ in pairs], axis=1), np.stack([g for _, g in pairs], axis=1)
 
-    def _roots_and_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
         """s = sign(N)·√(|N|/N0) of the raw first-stage output N = -net(pose), and ds/dpose: (n, P), (n, P, 6).
 
         The best this structure can give, and not much: out of contact the networks have only learned "about zero",
         so there the sign and the gradient of s carry no direction back into contact. The infinite slope at N = 0 is
         rounded off: s = u/(u² + e²)^(1/4), u = N/N0, e·N0 = 1 % of the boundary load.
         """
-        raw, d_raw = self._raw(poses, self.scene.sensitive_loads)
+        raw, d_raw = self._raw(poses, self.scene.sensitive_loads, derivative=derivative)
         u, e2 = -raw / self.scene.reference_load, (self._smoothing_load / self.scene.reference_load) ** 2
         q = u * u + e2
         slope = (0.5 * u * u + e2) / q**1.25
-        return u / q**0.25, (-slope / self.scene.reference_load)[:, :, None] * d_raw
+        return u / q**0.25, (-slope / self.scene.reference_load)[: len(d_raw), :, None] * d_raw
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in self.networks}

@@ -45,7 +45,7 @@ class DirectSurrogate(Surrogate):
         values, slopes = zip(*(self.networks[name].value_and_gradient(poses) for name in loads), strict=True)
         return np.stack(values, axis=1), np.stack(slopes, axis=1)
 
-    def _roots_and_jacobian(self, poses):
+    def _roots(self, poses, *, derivative):
         forces, slopes = self._loads_and_jacobian(poses, self.scene.sensitive_loads)
         return -forces / self.scene.reference_load, -slopes / self.scene.reference_load
 
