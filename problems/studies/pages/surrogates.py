@@ -14,6 +14,7 @@ from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, F
 from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
+from casadi_contact.scenes import ready_scenes
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.seeds import KINDS
 
@@ -41,7 +42,9 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     if "command" in header:
         command = header["command"]
     elif "preset" in header:
-        command = f"casadi-contact chart {header['scene']} --preset {header['preset']}"
+        ready = header["scene"] in ready_scenes()
+        given = header["scene"] if ready else f"problems/implant/{header['scene']}.toml"
+        command = f"casadi-contact chart {given} --preset {header['preset']}"
         command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
     intro = (
         f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
