@@ -3,7 +3,7 @@
 from casadi_contact.verification.open_edges import share_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
 from casadi_contact.verification.sharp_edges import share_at_sharp_edges
-from casadi_contact.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
+from casadi_contact.verification.uncertain_load import uncertain_load_shares, uncertain_load_words, uncounted_share
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify
 from casadi_contact.verification.walls import share_on_walls, share_outside_patches
@@ -22,5 +22,6 @@ __all__ = [
     "share_outside_patches",
     "uncertain_load_shares",
     "uncertain_load_words",
+    "uncounted_share",
     "verify",
 ]

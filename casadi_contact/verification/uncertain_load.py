@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.verification.open_edges import share_beyond_open_edges
@@ -51,6 +53,12 @@ def uncertain_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, A
     """Shares (n,) of the load in poses (n, 6): beyond_open_edges and at_sharp_edges of the moving mesh, on_walls and
     outside_patches of the fixed one. Raises ValueError for bad poses."""
     return {where: place.share(model, poses) for where, place in _PLACES.items()}
+
+
+def uncounted_share(model: ElasticFoundation, poses: Array) -> Array:
+    """Share of the load (n,) in poses (n, 6) that lies where no model of the scene counts any, on walls or outside of
+    all patches. Raises ValueError for bad poses."""
+    return np.maximum(share_on_walls(model, poses), share_outside_patches(model, poses))
 
 
 def uncertain_load_words(shares: Mapping[str, Array]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from casadi_contact.conventions import Array, as_poses, load_unit
 from casadi_contact.quantities import beside, three_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
+from casadi_contact.verification.uncertain_load import uncounted_share
 from casadi_contact.verification.verify import loads_on
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
@@ -30,7 +31,7 @@ class Verdict:
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
-    counts any (`uncertain_load`), None where nobody looked.
+    counts any (`uncounted_share`), None where the model is not the scene's elements.
     """
 
     load_names: tuple[str, ...]
@@ -159,7 +160,7 @@ def judge(
     another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
-    expected = None
+    expected = uncounted = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
         if isinstance(tried, Surrogate) and tried.trust is not None:
@@ -167,11 +168,13 @@ def judge(
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)
         errors[np.isnan(errors)] = np.inf
-        name = model.label if isinstance(model, ElasticFoundation) else type(model).__name__
+        name = type(model).__name__
+        if isinstance(model, ElasticFoundation):
+            name, uncounted = model.label, uncounted_share(model, poses)
     ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     errors[alone] = 0.0
     allowed = ALLOWED * tried.scene.tolerances_of(names)
-    return Verdict(names, ended, errors, allowed, name, alone, expected)
+    return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted)
 
 
 def _of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:

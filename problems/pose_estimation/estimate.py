@@ -57,7 +57,6 @@ def estimated(
     result = solve_and_complete(problem, start, model)
     verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names, result.on_model)
     ef = OnFoundation.of(problem, result)
-    verdict = replace(verdict, uncounted=None if ef is None else ef.uncounted)
     tried = solve_from_random_starts(source, problem, result.poses, starts) if starts else None
     result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
     return Estimate(result, verdict, ef, tried)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from casadi_contact.contact import PressureSummary
 from casadi_contact.conventions import Array
 from casadi_contact.verification import uncertain_load_shares, uncertain_load_words
@@ -37,11 +35,6 @@ class OnFoundation:
         fine, teacher = (wanted.got(models[grid](poses)[:, columns]) for grid in ("fine", "teacher"))
         own = models["teacher"]
         return cls(fine, teacher, own.summary(poses), uncertain_load_shares(own, poses), grids_in_words(models))
-
-    @property
-    def uncounted(self) -> Array:
-        """Share of the load (n,) that lies where no model of the scene counts any."""
-        return np.maximum(self.shares["on_walls"], self.shares["outside_patches"])
 
     @property
     def caveats(self) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import Verdict, share_on_walls, share_outside_patches, uncertain_load_words
+from casadi_contact.verification import judge, share_on_walls, share_outside_patches, uncertain_load_words
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
@@ -120,6 +120,16 @@ def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
     assert words_of("on_walls", share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
 
 
+def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
+    model = model_of(folder)
+    poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
+    verdict = judge(model, poses, True, model)
+    assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
+    assert verdict.exit_code == 3
+    assert "of the load not counted" in verdict.words[0]
+    assert "1 solved, but up to" in str(verdict)
+
+
 def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     scene = model_of(folder).scene
     poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
@@ -129,12 +139,6 @@ def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
     np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)
     assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
     assert found.shares["on_walls"][1] == 0.0
-    solved, exact, never = np.ones(2, dtype=bool), np.zeros((2, 1)), np.zeros(2, dtype=bool)
-    verdict = Verdict(("Fy",), solved, exact, np.array([30.0]), "EF", never, uncounted=found.uncounted)
-    assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
-    assert verdict.exit_code == 3
-    assert "of the load not counted" in verdict.words[0]
-    assert "1 solved, but up to" in str(verdict)
     assert found.caveats == [words_of("on_walls", found.shares["on_walls"])]
     assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
 
