@@ -11,10 +11,20 @@ import typer
 
 from casadi_contact.files import short
 from casadi_contact.interrupts import INTERRUPTED, is_interrupt
+from casadi_contact.motion.columns import finite_number
 from casadi_contact.terminal import printable
 
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+def numbers(text: str, option: str, expected: str = "finite numbers separated by commas") -> list[float]:
+    """The numbers that an option's text holds, between commas; ValueError naming the option, and what is expected, for
+    what files refuse as numbers too (`finite_number`)."""
+    try:
+        return [finite_number(part.strip(), option) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"--{option} is {text!r}, expected {expected}") from None
 
 
 def new_app(**settings: Any) -> typer.Typer:

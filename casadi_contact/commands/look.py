@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from casadi_contact.command_line import numbers
 from casadi_contact.commands.arguments import SceneName, SurrogateName, check_html, console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import file_stem, writable_folder
@@ -55,7 +56,8 @@ def show(
     if poses is not None:
         shown = read_poses(poses)
     else:
-        shown = np.array([contact_pose(model) if pose is None else _numbers(pose)])
+        expected = "six numbers tx,ty,tz,rx,ry,rz"
+        shown = np.array([contact_pose(model) if pose is None else numbers(pose, "pose", expected)])
     path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
@@ -66,10 +68,3 @@ def show(
         fit_path = path.with_stem(f"{path.stem}_fit")
         draw_fit(model, fit_path)
         console.print(*fits, f"picture of the fit in {fit_path}", sep="\n", highlight=False, soft_wrap=True)
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise ValueError(f"--pose is {text!r}, expected six numbers tx,ty,tz,rx,ry,rz") from None

@@ -9,7 +9,7 @@ import numpy as np
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.motion.pose_file import read_poses
+from casadi_contact.motion.pose_file import read_poses_over_time
 from casadi_contact.project import reference_motion_cycles, walks
 from casadi_contact.sampling.reference import reference_poses
 from casadi_contact.scenes import Scene
@@ -35,12 +35,13 @@ class PageCycle:
 def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
     """The poses of a file, or those that carry the scene's first reference cycle; one pose for a scene without.
 
-    A file's poses are taken to be evenly spaced over one second: their times do not matter to a page.
+    Poses of a file without times are taken to be evenly spaced over one second.
     """
     scene = model.scene
     if path is not None:
-        poses = read_poses(path)
-        return PageCycle(np.linspace(0.0, 1.0, len(poses)), poses, f"{len(poses)} poses of a file")
+        time_s, poses = read_poses_over_time(path)
+        even = np.linspace(0.0, 1.0, len(poses))
+        return PageCycle(even if time_s is None else time_s, poses, f"{len(poses)} poses of a file")
     if not scene.motion and not walks(scene):
         return PageCycle(np.zeros(1), contact_pose(ElasticFoundation(scene))[None], "a pose in contact")
     cycle = reference_motion_cycles(scene, ())[0]

@@ -14,7 +14,7 @@ _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other u
 
 
 def check_radians(where: str, column: str, angles: Array) -> None:
-    """ValueError for angles (n,) of a column that are too large for radians; where: what the column is of."""
+    """ValueError for angles (n,) of a column beyond 200 degrees, too large for radians; where: what it is of."""
     if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
         raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
 

@@ -29,19 +29,24 @@ class TextColumns:
     def read(cls, path: str | Path, what: str = "file") -> TextColumns:
         """Read a file; what names it in messages.
 
-        Raises FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged
-        rows, a file without rows and one of more than MOST_VALUES values.
+        Lines without any text are skipped, as other readers do, and so are rows of empty cells at the end. Raises
+        FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row
+        of empty cells before a full one, a file without rows and one of more than MOST_VALUES values.
         """
         path = existing_file(path, what, "a CSV file")
         checked_size(path, MOST_TEXT)
         rows: list[tuple[int, list[str]]] = []
-        values = 0
+        values = lost = 0
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
                 for number, row in enumerate(csv.reader(file), start=1):
-                    if any(cell.strip() for cell in row):
-                        rows.append((number, row))
-                        values += len(row)
+                    if not any(cell.strip() for cell in row):
+                        lost = lost or (number if len(row) > 1 else 0)
+                        continue
+                    if lost:
+                        raise ValueError(f"{path} line {lost} has empty cells, expected numbers: is a frame missing?")
+                    rows.append((number, row))
+                    values += len(row)
                     if values > MOST_VALUES:
                         raise ValueError(f"{path} holds more than {MOST_VALUES} values, expected fewer: leave out rows")
         except UnicodeDecodeError as error:

@@ -129,6 +129,9 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     ]
     if missing:
         raise ValueError(f"a load cycle needs the curves {', '.join(missing)}; there are {', '.join(curves)}")
+    for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx")):
+        if {key, torque} <= set(curves):
+            raise ValueError(f"a load cycle has {key} and {torque}, expected one of the two: leave one --map out")
     fy = curves["Fy_med"] + curves["Fy_lat"]
     if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):
         frame = int(np.argmax(fy >= 0.0))

@@ -8,39 +8,47 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.motion.checks import check_radians, check_rising
 from casadi_contact.motion.columns import TextColumns, write_columns
-from casadi_contact.motion.opensim import ColumnMap, mapped_curves, read_opensim_table
+from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.quantities import quantity
 
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
 _COLUMNS = tuple(quantity(name).column for name in POSE_NAMES)  # tx_mm ... rz_rad
-_LARGEST_ANGLE_RAD = 2.0 * np.pi  # beyond a whole turn an angle is in other units
 _LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm was taken for one in m
 
 
 def read_poses(path: str | Path) -> Array:
     """Poses (n, 6) of a CSV file with the columns tx_mm, ty_mm, tz_mm, rx_rad, ry_rad, rz_rad, also by their names
-    alone (tx ... rz), or of a .mot or .sto file with columns tx ... rz in m and rad (degrees where inDegrees=yes);
-    other columns are ignored.
+    alone (tx ... rz), or of a .mot or .sto file with columns tx ... rz in m and rad (degrees where inDegrees=yes); a
+    CSV file may have times, time_s or time. Other columns are ignored.
 
     Raises FileNotFoundError, or ValueError naming the file for what `read_columns` and `read_opensim_table` refuse,
-    missing columns, angles beyond a whole turn, and lengths beyond 1 m.
+    missing columns, times that do not rise, angles beyond 200 degrees, and lengths beyond 1 m.
     """
+    return read_poses_over_time(path)[1]
+
+
+def read_poses_over_time(path: str | Path) -> tuple[Array | None, Array]:
+    """Times (n,) [s] of a file, None where it has none, and its poses as `read_poses` returns them; raises likewise."""
     path = Path(path)
     curves = _opensim_curves(path) if path.suffix.lower() in OPENSIM_ENDINGS else _csv_curves(path)
     try:
-        return poses_from_curves(curves)
+        return curves.get(TIME), poses_from_curves(curves)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
 def _csv_curves(path: Path) -> dict[str, Array]:
+    """Curves of the pose by name, with `TIME` where the file has times."""
     table = TextColumns.read(path, "pose file")
+    times = next((column for column in (_TIME, TIME) if column in table.header), None)
     bare = set(POSE_NAMES) <= set(table.header) and not set(_COLUMNS) <= set(table.header)
     columns = POSE_NAMES if bare else _COLUMNS
     table.require(*columns)
-    return {name: table.numbers(column) for name, column in zip(POSE_NAMES, columns, strict=True)}
+    named = dict(zip(POSE_NAMES, columns, strict=True)) | ({} if times is None else {TIME: times})
+    return {name: table.numbers(column) for name, column in named.items()}
 
 
 def _opensim_curves(path: Path) -> dict[str, Array]:
@@ -55,10 +63,10 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
 
 
 def poses_from_curves(curves: Mapping[str, Array]) -> Array:
-    """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,).
+    """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,); there may be their time [s].
 
-    Raises ValueError naming the curves that lack, for no pose, for NaN, for angles beyond a whole turn, and lengths
-    beyond 1 m.
+    Raises ValueError naming the curves that lack, for no pose, for NaN, for times of several poses that do not rise,
+    for angles beyond 200 degrees, and lengths beyond 1 m.
     """
     missing = [name for name in POSE_NAMES if name not in curves]
     if missing:
@@ -68,11 +76,11 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     poses = as_poses(np.stack([curves[name] for name in POSE_NAMES], axis=1))
     if not len(poses):
         raise ValueError("there is no row, expected a pose in each")
-    largest = np.abs(poses).max(axis=0, initial=0.0)
-    for name, size in zip(POSE_NAMES[3:], largest[3:], strict=True):
-        if size > _LARGEST_ANGLE_RAD:
-            raise ValueError(f"{name} reaches {size:g}, expected radians: is it in degrees?")
-    for name, size in zip(POSE_NAMES[:3], largest[:3], strict=True):
+    if TIME in curves and len(poses) > 1:
+        check_rising("poses", curves[TIME])
+    for name, angles in zip(POSE_NAMES[3:], poses.T[3:], strict=True):
+        check_radians("poses", name, angles)
+    for name, size in zip(POSE_NAMES[:3], np.abs(poses[:, :3]).max(axis=0), strict=True):
         if size > _LARGEST_LENGTH_MM:
             raise ValueError(f"{name} reaches {size:g} mm, expected a joint's: is the file in mm, and not in m?")
     return poses

@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
+from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.files import replacing
 from casadi_contact.machine import machine_record
-from casadi_contact.quantities import Kind, two_digits
+from casadi_contact.quantities import Kind, quantity, two_digits
 
 DIGITS = 9  # of numbers in result tables
 
 
 def pose_columns(poses: Array) -> dict[str, Array]:
     """tx_mm to rz_rad, each (n,), of poses (n, 6)."""
-    return {f"{name}_{unit}": column for name, unit, column in zip(POSE_NAMES, POSE_UNITS, poses.T, strict=True)}
+    return {quantity(name).column: column for name, column in zip(POSE_NAMES, poses.T, strict=True)}
 
 
 def load_columns(names: Sequence[str], loads: Array, what: str = "") -> dict[str, Array]:
     """Fy_med_N, Tx_Nmm and so on, or Fy_med_what_N, each (n,), of loads (n, L)."""
     middle = f"_{what}_" if what else "_"
     return {
-        f"{name}{middle}{load_unit(name).replace('·', '')}": column for name, column in zip(names, loads.T, strict=True)
+        f"{name}{middle}{quantity(name).kind.plain_unit}": column for name, column in zip(names, loads.T, strict=True)
     }
 
 

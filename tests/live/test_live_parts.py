@@ -12,18 +12,32 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import app
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.live import webassembly as compiling
 from casadi_contact.live.arrays import packed
+from casadi_contact.live.cycle import page_cycle
 from casadi_contact.live.fixed_surface import fixed_surfaces
 from casadi_contact.live.joint_page import joint_page, page_script
 from casadi_contact.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
 from casadi_contact.live.triangles import Triangles
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.motion.pose_file import write_poses
 from tests.support.triangle_areas import area_vectors_mm2
 
 
 def square(step=1.0):
     x, z = np.meshgrid(np.arange(0.0, 5.0, step), np.arange(0.0, 4.0, step), indexing="ij")
     return Triangles.of_grid(np.stack([x, 0.0 * x, z], -1), np.broadcast_to([0.0, 1.0, 0.0], (*x.shape, 3)))
+
+
+def test_poses_of_a_file_keep_their_times(tmp_path):
+    model = cc.foundation("knee")
+    poses = np.tile(model.scene.start_pose, (3, 1))
+    write_poses(np.array([10.0, 10.1, 12.0]), poses, tmp_path / "poses.csv")
+    assert page_cycle(model, str(tmp_path / "poses.csv")).time_s.tolist() == [10.0, 10.1, 12.0]
+    columns = dict(zip(POSE_NAMES, poses.T, strict=True))
+    write_columns(tmp_path / "poses.csv", columns)
+    assert page_cycle(model, str(tmp_path / "poses.csv")).time_s.tolist() == [0.0, 0.5, 1.0]
 
 
 def test_triangles_face_the_way_their_normals_do():

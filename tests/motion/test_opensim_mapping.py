@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.joint_cycle import read_joint_cycle
 from casadi_contact.motion.load_cycle import read_cycle, write_cycle
 from casadi_contact.motion.opensim import (
@@ -100,6 +101,9 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
     assert less.returncode == 1
     assert "needs the curves Fy_lat, cop_ap (or Tz), cop_ml (or Tx)" in less.stderr
     assert len(less.stderr.strip().splitlines()) == 1
+    twice = cycle_command(tmp_path / "walk.mot", *maps, "--map", "tibia_Tx=Tz:Nm", "--out", tmp_path / "twice.csv")
+    assert twice.returncode == 1
+    assert "has cop_ap and Tz, expected one of the two: leave one --map out" in twice.stderr
 
 
 POSE_MAPS = (
@@ -138,6 +142,14 @@ def test_a_knee_that_hardly_bends_in_degrees_is_asked_about(in_degrees, unit, as
     done = cycle_command(tmp_path / "walk.mot", *mapped(names), "--out", tmp_path / "cycle.csv")
     assert done.returncode == 0, done.stderr
     assert ("knee, turn stay within 1.2 degrees, as inDegrees=yes says: are they in radians?" in done.stderr) == asked
+
+
+def test_poses_of_two_trials_one_after_the_other_are_refused(tmp_path):
+    columns = {"time": [0.0, 0.1, 0.0, 0.1]} | {name: [0.0, 0.01, 0.0, 0.01] for name in POSE_NAMES}
+    write_table(Table("walk", columns), tmp_path / "walk.sto")
+    done = cycle_command(tmp_path / "walk.sto", *mapped(f"{name}={name}" for name in POSE_NAMES))
+    assert done.returncode == 1
+    assert "time does not rise at frame 2" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.opensim import Table, poses_table, write_table
-from casadi_contact.motion.pose_file import read_poses, write_poses
+from casadi_contact.motion.pose_file import read_poses, read_poses_over_time, write_poses
 from problems.common.records import pose_columns
 
 POSES = np.random.default_rng(2).normal(size=(5, 6))
@@ -17,6 +17,9 @@ POSES = np.random.default_rng(2).normal(size=(5, 6))
 def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
     write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
     np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
+    time_s, poses = read_poses_over_time(tmp_path / "poses.csv")
+    np.testing.assert_array_equal(time_s, np.arange(5.0))
+    np.testing.assert_array_equal(poses, POSES)
 
 
 def test_the_file_names_the_unit_of_every_column_as_result_tables_do(tmp_path):
@@ -31,8 +34,8 @@ def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
 
 
 def test_columns_are_read_by_name(tmp_path):
-    (tmp_path / "poses.csv").write_text("time,rz,tx,ty,tz,rx,ry\n0,6,1,2,3,4,5\n")
-    assert read_poses(tmp_path / "poses.csv").tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+    (tmp_path / "poses.csv").write_text("time,rz,tx,ty,tz,rx,ry\n0,3,1,2,3,1,2\n")
+    assert read_poses(tmp_path / "poses.csv").tolist() == [[1.0, 2.0, 3.0, 1.0, 2.0, 3.0]]
 
 
 def test_columns_of_result_tables_are_read_as_poses(tmp_path):
@@ -50,7 +53,10 @@ def test_columns_of_result_tables_are_read_as_poses(tmp_path):
         ("tx_m,ty_m,tz_m,rx_deg,ry_deg,rz_deg\n1,2,3,4,5,6\n", "lacks the columns tx_mm"),
         ("tx,ty,tz,rx,ry,rz\n1,2\n", "line 2: got 2 values, expected 6"),
         ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,nan\n", "line 2, rz: got nan, expected a finite number"),
-        ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,60\n", "rz reaches 60, expected radians: is it in degrees?"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,0,0,60\n", "rz reaches 60, expected radians: is it in degrees?"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,0,0,-5\n", "rz reaches 5, expected radians: is it in degrees?"),
+        ("time_s,tx,ty,tz,rx,ry,rz\n0,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "time does not rise at frame 1"),
+        ("time,tx,ty,tz,rx,ry,rz\n1,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "expected rows sorted by time, and none twice"),
     ],
 )
 def test_files_without_poses_are_refused(tmp_path, text, said):
