@@ -70,9 +70,10 @@ class Calibration:
 
 def build(model: CompiledFoundation, measured: Measurement, parameters: Iterable[str] = DEFAULT) -> Calibration:
     """Pose the problem. Raises ValueError for parameters that are none of the foundation's (see its `function`), for
-    fewer measured loads than parameters, for normal loads of the wrong sign, and for a scene that locks or ties pose
-    parameters: all six are measured."""
+    fewer measured loads than parameters, for normal loads that are not measured or have the wrong sign, and for a scene
+    that locks or ties pose parameters: all six are measured."""
     model.scene.pose_space.check_whole("calibration")
+    _check_named(model, measured)
     names = check_parameters(parameters, model.scene.material)
     if measured.loads.size < len(names) or not names:
         raise ValueError(f"{measured.loads.size} measured loads, {len(names)} parameters: expected as many at least")
@@ -102,6 +103,17 @@ def build(model: CompiledFoundation, measured: Measurement, parameters: Iterable
     return Calibration(
         model, measured, names, reference, nlp, -largest, upper, residuals, _gauss_newton(x, every, delta, len(names))
     )
+
+
+def _check_named(model: CompiledFoundation, measured: Measurement) -> None:
+    """ValueError for a measurement without the loads that poses are settled under, as one of totals alone."""
+    scene = model.scene
+    missing = [name for name in scene.sensitive_loads if name not in measured.load_names]
+    if missing:
+        raise ValueError(
+            f"the measured loads are {', '.join(measured.load_names)}, expected the normal loads of scene {scene.name} "
+            f"among them: have {', '.join(missing)} in its [loads] names and in the measurement"
+        )
 
 
 def _check_pressed(model: CompiledFoundation, measured: Measurement) -> None:

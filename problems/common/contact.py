@@ -35,7 +35,8 @@ class ContactSource:
 
     def __post_init__(self) -> None:
         if (self.surrogate is None) == (self.scene is None):
-            raise ValueError("got both --surrogate and --scene, expected one of them")
+            given = "neither --surrogate nor --scene" if self.scene is None else "both --surrogate and --scene"
+            raise ValueError(f"got {given}, expected one of them")
 
     @classmethod
     def of(cls, surrogate: str | None, scene: str | None) -> ContactSource:
@@ -60,7 +61,7 @@ class ContactSource:
         than it has learned."""
         model = _load(self)
         whole = whole_wrench(model.scene)
-        return model if self.scene is None or whole is model.scene else cc.foundation(whole)
+        return model if self.scene is None or whole is model.scene else _untrained(whole)
 
 
 def warm_model(surrogate: str, model: SymbolicContact) -> SymbolicContact:

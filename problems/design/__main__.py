@@ -13,7 +13,7 @@ from casadi_contact.scenes import load_scene
 from problems.common.command import RESULTS, new_app, numbers, run_command
 from problems.design.dish import DishContact
 from problems.design.problem import Bounds, build
-from problems.design.report import agrees, report
+from problems.design.report import agrees, report, unsettled
 from problems.design.solve import on_elements, solve
 
 NAME = "design"
@@ -30,19 +30,24 @@ def run(
 ) -> None:
     """Find the dish radii with the lowest peak pressure over walking at bounded laxity; check them on the EF.
 
-    Exit status 2: not solved; 3: solved, but the EF finds another peak pressure or laxity.
+    Exit status 2: not solved; 3: solved, but the EF finds another peak pressure or laxity, or no equilibrium.
     """
     writable_folder(out)
     design = build(DishContact(load_scene(scene)), Bounds(_pair(ap, "ap"), _pair(ml, "ml")), frames)
     result = solve(design)
     if not result.solved:
-        said = "no dish is found that allows this travel: widen --ap and --ml"
-        print(f"{NAME}: not solved: {result.ipopt_status}; {said}", file=sys.stderr)
+        said = f"{result.ipopt_status}; no dish is found that allows this travel: widen --ap and --ml"
+        if result.first.reason:
+            said = f"the scene's own dish, where the search begins, does not carry {result.first.reason}"
+            said += "; begin with smaller dish radii"
+        print(f"{NAME}: not solved: {said}", file=sys.stderr)
         raise typer.Exit(2)
     checked = {"first": on_elements(design, result.first), "best": on_elements(design, result.best)}
     report(design, result, checked, out)
-    if not agrees(result.best, checked["best"]):
-        print(f"{NAME}: solved, but the contact model differs; see {out}", file=sys.stderr)
+    lost = unsettled(checked)
+    if lost or not agrees(result.best, checked["best"]):
+        why = "; ".join(lost) or "the contact model differs"
+        print(f"{NAME}: solved, but {why}; see {out}", file=sys.stderr)
         raise typer.Exit(3)
 
 

@@ -24,6 +24,7 @@ from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import KNEE_STEPS
+from casadi_contact.scenes import Scene
 from problems.common.knee_scene import SIDES, check_knee
 from problems.design.dish import DishContact
 
@@ -95,7 +96,7 @@ def build(contact: DishContact, bounds: Bounds, frames: int = 12) -> Design:
     """Pose the problem. Raises ValueError for a pressure law whose peak is not K/h·d, and for a scene of no knee with
     two sides (`check_knee`)."""
     check_knee("the design of a dish", contact.scene, contact.load_names, BALANCED)
-    material, geometry = contact.scene.material, contact.scene.geometry
+    material = contact.scene.material
     if material.law != "linear":
         raise ValueError(f"the pressure law is {material.law!r}, expected linear")
     wanted, locked = wanted_loads(frames)
@@ -116,10 +117,8 @@ def build(contact: DishContact, bounds: Bounds, frames: int = 12) -> Design:
     ]
     off = ca.vec(loads - ca.DM(wanted.T)) / _FORCE_STEP_N
     x = ca.vertcat(radii, peak, ca.vec(q))
-    least = np.array([max(geometry["sagittal_radii"]), geometry["frontal_radius"]]) + _CLEARANCE_MM
-    least = np.maximum(least, 0.5 * np.array([geometry["plateau_length"], geometry["plateau_width"]]) + _CLEARANCE_MM)
     low, high = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
-    low[:2], high[:2] = least / _RADIUS_STEP_MM, _LARGEST_RADIUS_MM / _RADIUS_STEP_MM
+    low[:2], high[:2] = least_radii(contact.scene) / _RADIUS_STEP_MM, _LARGEST_RADIUS_MM / _RADIUS_STEP_MM
     laxity = np.array([bounds.ap_mm, bounds.ml_mm])
     return Design(
         contact=contact,
@@ -133,6 +132,15 @@ def build(contact: DishContact, bounds: Bounds, frames: int = 12) -> Design:
         upper_g=np.concatenate([np.zeros(off.numel()), np.full(room.numel(), np.inf), laxity[:, 1]]),
         unpack=ca.Function("unpack", [x], [radii_mm, _PRESSURE_STEP_MPA * peak, poses]),
     )
+
+
+def least_radii(scene: Scene) -> Array:
+    """The narrowest dish (2,) [mm] of the search, wider by `_CLEARANCE_MM` than condyle and half plateau of every side,
+    which may have their own."""
+    sides = [scene.patch_geometry(patch) for patch in scene.patch_names]
+    condyles = [(max(side["sagittal_radii"]), side["frontal_radius"]) for side in sides]
+    halves = [(0.5 * side["plateau_length"], 0.5 * side["plateau_width"]) for side in sides]
+    return np.max([*condyles, *halves], axis=0) + _CLEARANCE_MM
 
 
 def at_bounds(design: Design, radii_mm: Array) -> str:

@@ -28,6 +28,11 @@ def agrees(best: DishState, on_ef: DishState) -> bool:
     return bool(abs(on_ef.peak_mpa - best.peak_mpa) <= ALLOWED_MPA and off <= ALLOWED_MM)
 
 
+def unsettled(checked: Mapping[str, DishState]) -> list[str]:
+    """The dishes by name that do not settle on the EF, each with the first reason."""
+    return [f"the {name} dish does not settle on the EF: {s.reason}" for name, s in checked.items() if s.reason]
+
+
 def report(design: Design, result: DesignResult, checked: Mapping[str, DishState], out: Path) -> None:
     """Print the table and write design.csv, .json and .png in the folder out; checked: "first" and "best" on the EF."""
     console = PlainConsole()
@@ -37,9 +42,9 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
         table.add_column(name, justify="left" if name == "dish" else "right")
     for name, state in states.items():
         ef = checked[name]
-        travel, travel_ef = (", ".join(f"{x:.3f}" for x in s.laxity_mm) for s in (state, ef))
+        travel, travel_ef = (", ".join(map(_cell, s.laxity_mm)) for s in (state, ef))
         radii = ", ".join(f"{x:.2f}" for x in state.radii_mm)
-        table.add_row(name, radii, f"{state.peak_mpa:.3f}", f"{ef.peak_mpa:.3f}", travel, travel_ef)
+        table.add_row(name, radii, _cell(state.peak_mpa), _cell(ef.peak_mpa), travel, travel_ef)
     console.print(table)
     same = agrees(result.best, checked["best"])
     console.print(
@@ -47,6 +52,8 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
         f"{design.nlp['x'].numel()} variables; the EF {'agrees' if same else 'differs'}",
         highlight=False,
     )
+    for said in unsettled(checked):
+        console.print(said, highlight=False, soft_wrap=True)
     held = at_bounds(design, result.best.radii_mm)
     if held:
         said = f"the search's bounds hold {held}; the peak could be lower beyond them"
@@ -61,6 +68,7 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
         "bounds_mm": {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm},
         **solver_record(result),
         "ef_agrees": same,
+        "ef_unsettled": unsettled(checked),
         "at_bounds": held,
         **{name: _record(state) for name, state in states.items()},
         **{f"{name}_on_ef": _record(state) for name, state in checked.items()},
@@ -68,6 +76,10 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
     write_summary(out / "design.json", summary)
     draw(design, result, checked, out / "design.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def _cell(number: float) -> str:
+    return "-" if np.isnan(number) else f"{number:.3f}"
 
 
 def _record(state: DishState) -> dict[str, Any]:

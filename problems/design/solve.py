@@ -20,12 +20,14 @@ _TOLERANCE_N = 0.01
 @dataclass(frozen=True)
 class DishState:
     """A dish in balance: poses (n, 6), peak pressures of both sides in the frames of walking (frames, 2) [MPa], and
-    travel [mm] of the laxity tests."""
+    travel (2,) [mm] of the laxity tests. reason tells where it has no equilibrium, and is empty where it has one
+    everywhere; what such poses decide is NaN."""
 
     radii_mm: Array
     poses: Array
     peaks_mpa: Array
     laxity_mm: Array
+    reason: str = ""
 
     @property
     def peak_mpa(self) -> float:
@@ -35,7 +37,8 @@ class DishState:
 
 @dataclass(frozen=True)
 class DesignResult:
-    """First and best dish, and what became of IPOPT."""
+    """First and best dish, and what became of IPOPT. Where the first has no equilibrium, IPOPT does not start: its
+    status is empty, and the best dish is the first."""
 
     first: DishState
     best: DishState
@@ -46,17 +49,22 @@ class DesignResult:
 
 
 def balanced(design: Design, radii_mm: Array, model: PolarFoundation | ElasticFoundation, start: Array) -> DishState:
-    """A dish on a contact model of its own, poses settled from a start (n, 6).
-
-    Raises ValueError where some loads have no equilibrium.
-    """
+    """A dish on a contact model of its own, poses settled from a start (n, 6). Loads without equilibrium are reported,
+    not raised."""
     targets = dict(zip(BALANCED, design.wanted.T, strict=True))
     poses, report = settle(model, start, FREE, targets, tolerance=_TOLERANCE_N)
-    if not report.converged.all():
-        row = int(np.argmin(report.converged))
-        raise ValueError(f"pose {row} of the design has no equilibrium: {report.reason[row]}")
     peaks = model.summary(poses[: design.frames]).largest_mpa
-    return DishState(radii_mm, poses, peaks, travels(design, poses))
+    lost = ~report.converged
+    poses[lost], peaks[lost[: design.frames]] = np.nan, np.nan
+    row = int(np.argmax(lost))
+    reason = f"{_pose_in_words(design, row)}: {report.reason[row]}" if lost.any() else ""
+    return DishState(radii_mm, poses, peaks, travels(design, poses), reason)
+
+
+def _pose_in_words(design: Design, row: int) -> str:
+    if row < design.frames:
+        return f"frame {row}"
+    return f"laxity test {list(LAXITY_PUSHES)[(row - design.frames) // 2]}"
 
 
 def travels(design: Design, poses: Array) -> Array:
@@ -76,8 +84,11 @@ def first_state(design: Design) -> DishState:
 
 
 def solve(design: Design, *, max_iterations: int = 200, print_level: int = 0) -> DesignResult:
-    """Solve with IPOPT. Never raises where it does not converge: it is reported."""
+    """Solve with IPOPT. Never raises where it does not converge, or where the first dish has no equilibrium: it is
+    reported."""
     first = first_state(design)
+    if first.reason:
+        return DesignResult(first, first, False, "", 0, 0.0)
     began = time.perf_counter()
     options = ipopt_options(
         tolerance=1e-6,
@@ -112,6 +123,6 @@ def evaluated(design: Design, radii_mm: Array, poses: Array) -> DishState:
 
 
 def on_elements(design: Design, state: DishState) -> DishState:
-    """The same dish on the scene's finest elements, settled there by itself."""
+    """The same dish on the scene's finest elements, settled there by itself (see `balanced`)."""
     scene = design.contact.with_radii(state.radii_mm)
     return balanced(design, state.radii_mm, ElasticFoundation(scene, scene.grids.get("teacher")), state.poses)

@@ -216,6 +216,27 @@ def test_a_contact_source_is_loaded_once_and_says_what_it_is():
     assert (source.kind, ContactSource(scene="knee").kind) == ("surrogate", "foundation")
 
 
+@pytest.mark.parametrize(("given", "said"), [({}, "neither"), ({"surrogate": "knee", "scene": "knee"}, "both")])
+def test_a_contact_source_is_a_surrogate_or_a_scene(given, said):
+    conjunction = {"neither": "nor", "both": "and"}[said]
+    with pytest.raises(ValueError, match=f"got {said} --surrogate {conjunction} --scene, expected one of them"):
+        ContactSource(**given)
+
+
+def test_elements_take_the_foundation_s_place_where_the_whole_wrench_is_wanted_too(tmp_path):
+    strict = tmp_path / "strict_patella.toml"
+    tolerances = "\n".join(f"{load} = 1e-12" for load in cc.load_scene("patellofemoral").load_names)
+    text = f'format = 1\nname = "strict_patella"\nlike = "patellofemoral"\n[tolerances]\n{tolerances}\n'
+    strict.write_text(text, "utf-8")
+    source = ContactSource(scene=str(strict))
+    with pytest.warns(RuntimeWarning, match="scene strict_patella: .*; solved here on ElasticFoundation"):
+        whole = source.load_whole()
+    assert set(whole.load_names) - set(source.load().load_names) == {"Tz"}
+    pose = whole.scene.start_pose[None, :]
+    elements = cc.ElasticFoundation(whole.scene, whole.scene.grids["fine"])
+    np.testing.assert_array_equal(whole(pose), elements(pose))
+
+
 def test_where_no_foundation_is_good_enough_elements_take_its_place_and_the_user_is_told(tmp_path):
     strict = tmp_path / "strict.toml"
     tolerances = "\n".join(f"{load} = 1e-12" for load in cc.load_scene("hip").load_names)

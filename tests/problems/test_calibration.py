@@ -9,6 +9,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.motion.columns import write_columns
+from casadi_contact.scenes import Scene
 from problems import calibration
 from problems.calibration import __main__
 from problems.calibration.measurement import TRUTH, in_fixed_body, in_scene_frame
@@ -142,6 +143,17 @@ def test_forces_of_the_wrong_sign_are_refused_with_the_cure(knee):
     problem, _ = made_up(knee)
     with pytest.raises(ValueError, match=r"Fy_med is .* on average, but compression is negative .*: turn its sign"):
         calibration.build(knee, replace(problem.measured, loads=-problem.measured.loads))
+
+
+def test_a_measurement_of_totals_alone_is_refused_and_told_which_loads_are_missing():
+    """Poses are settled under the normal loads, whichever loads the scene names."""
+    tables, totals = cc.load_scene("knee").tables, ["Fy", "Fx", "Tx", "Tz"]
+    loads = {**tables["loads"], "names": totals}
+    scene = Scene.from_tables({**tables, "loads": loads, "tolerances": dict.fromkeys(totals, 10.0)})
+    measured = calibration.Measurement(np.zeros((4, 6)), np.full((4, 4), -500.0), scene.load_names)
+    said = r"loads are Fy, Fx, Tx, Tz, expected the normal loads .*: have Fy_med, Fy_lat in its \[loads\] names"
+    with pytest.raises(ValueError, match=said):
+        calibration.build(cc.PolarFoundation(scene), measured)
 
 
 def test_a_dish_turned_about_its_own_axis_is_the_same_dish(knee):

@@ -10,7 +10,7 @@ import casadi_contact as cc
 from casadi_contact.scenes import Scene
 from problems import design
 from problems.design import __main__
-from problems.design.problem import BALANCED, at_bounds
+from problems.design.problem import BALANCED, at_bounds, least_radii
 from problems.design.report import agrees
 from problems.design.solve import balanced, on_elements
 from tests.support.command import ended
@@ -73,6 +73,7 @@ def test_no_dish_nearby_within_the_laxity_bounds_is_better(contact, solved):
         radii = result.best.radii_mm + move
         model = cc.PolarFoundation(contact.with_radii(radii), contact.rays, compiled=False)
         near = balanced(problem, radii, model, result.best.poses)
+        assert not near.reason
         lax = np.array([BOUNDS.ap_mm, BOUNDS.ml_mm])
         allowed = (near.laxity_mm >= lax[:, 0]).all() and (near.laxity_mm <= lax[:, 1]).all()
         assert not allowed or near.peak_mpa > result.best.peak_mpa
@@ -84,6 +85,16 @@ def test_a_dish_as_narrow_as_its_condyle_is_said_to_be_held_by_the_search(contac
     assert at_bounds(problem, result.best.radii_mm) == ""
     narrowest = contact.scene.geometry["frontal_radius"] + 0.5
     assert at_bounds(problem, np.array([result.best.radii_mm[0], narrowest])) == "dish_frontal_radius at 22.5 mm"
+
+
+@pytest.mark.parametrize(
+    ("own", "narrowest"), [({"frontal_radius": 25.0}, [39.4, 25.5]), ({"plateau_length": 90.0}, [45.5, 22.5])]
+)
+def test_the_narrowest_dish_of_the_search_is_wider_than_the_condyle_and_plateau_of_both_sides(contact, own, narrowest):
+    tables = contact.scene.tables
+    uneven = Scene.from_tables({**tables, "geometry": {**tables["geometry"], "med": own}})
+    np.testing.assert_allclose(least_radii(uneven), narrowest)
+    design.DishContact(uneven).with_radii(least_radii(uneven))
 
 
 def test_elements_settled_by_themselves_find_the_same_peak_and_laxity(solved):
@@ -121,6 +132,30 @@ def test_travel_that_no_dish_allows_ends_with_status_2_and_the_cure(tmp_path, mo
     monkeypatch.setattr(__main__, "solve", partial(design.solve, max_iterations=1))
     assert ended(monkeypatch, __main__.main, "--ap", "0,0.5", "--frames", 2, "--out", tmp_path) == 2
     assert "widen --ap and --ml" in capsys.readouterr().err
+
+
+def test_a_first_dish_too_flat_to_hold_the_femur_ends_with_status_2_and_the_reason(tmp_path, monkeypatch, capsys):
+    flat = tmp_path / "flat.toml"
+    flat.write_text(cc.load_scene("knee", dish_sagittal_radius=180.0).to_toml(), "utf-8")
+    out = tmp_path / "out"
+    assert ended(monkeypatch, __main__.main, "--scene", flat, "--frames", 2, "--out", out) == 2
+    said = capsys.readouterr().err
+    assert "does not carry laxity test ap: no equilibrium near this start" in said
+    assert "begin with smaller dish radii" in said
+    assert not list(out.glob("design.*"))
+
+
+def test_dishes_that_do_not_settle_on_the_elements_are_reported_and_end_with_status_3(tmp_path, monkeypatch, capsys):
+    """Of a side's 4×2 elements none lies where the femur stands."""
+    scene = tmp_path / "coarsest.toml"
+    scene.write_text(cc.load_scene("knee", teacher=(4, 2)).to_toml(), "utf-8")
+    assert ended(monkeypatch, __main__.main, "--scene", scene, "--frames", 2, "--out", tmp_path) == 3
+    assert "the best dish does not settle on the EF: frame 0: no equilibrium" in capsys.readouterr().err
+    summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
+    assert len(summary["ef_unsettled"]) == 2
+    assert summary["best"]["peak_mpa"] < summary["first"]["peak_mpa"]
+    assert summary["best_on_ef"]["peak_mpa"] is None
+    assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):
