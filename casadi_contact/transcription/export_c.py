@@ -15,10 +15,12 @@ from casadi_contact.conventions import POSE_NAMES, POSE_UNITS
 from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
-from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.functions import check_name, check_unused
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_parts, name_of_wrenches
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
+
+_EXAMPLE = "example"  # file of the program that calls the model
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,13 @@ class ExportedModel:
 
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
-        words = self.words(name)
+        words, functions = self.words(name), c_text("export_api.c")
+        check_unused(name, f"{self.source}\n{functions}")
         parts = [
             _written(words),
             self.source,
             f"#define TRUSTED {int(self.trusted)}",
-            Template(c_text("export_api.c")).substitute(words),
+            Template(functions).substitute(words),
         ]
         return "\n".join([*parts, casadi_interface(self._casadi_functions(name))])
 
@@ -150,13 +153,15 @@ def export_c(model: ExportedModel, folder: str | Path, *, name: str, example_pos
     ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots`` and ``name_patch_wrenches`` there.
     Raises ValueError for an unusable name, OSError where folder cannot be written.
     """
+    if name == _EXAMPLE:
+        raise ValueError(f"function name {name!r} is not usable, {_EXAMPLE}.c is the example program: choose another")
     words = model.words(name)
     words["example_pose"] = ", ".join(repr(float(np.float64(value))) for value in example_pose)
     texts = {
         f"{name}.h": model.header(name),
         f"{name}.c": model.c_source(name),
         f"{name}_mex.c": Template(c_text("export_mex.c")).substitute(words),
-        "example.c": Template(c_text("export_example.c")).substitute(words),
+        f"{_EXAMPLE}.c": Template(c_text("export_example.c")).substitute(words),
         "Makefile": Template(c_text("export_makefile")).safe_substitute(words),
     }
     if model.wrench_source:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,7 @@ _OF_C = (  # and of C++, whose programs include the header
     "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
 )
 RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
+_NO_CODE = re.compile(r"""/\*.*?\*/ | //[^\n]* | "(?:\\.|[^"\\\n])*" | \$\{?\w+\}?""", re.DOTALL | re.VERBOSE)
 
 
 def check_name(name: str) -> str:
@@ -25,6 +27,15 @@ def check_name(name: str) -> str:
             f"function name {name!r} is not usable, expected letters, digits and single underscores, and no word of C"
         )
     return name
+
+
+def check_unused(name: str, source: str) -> None:
+    """ValueError for a name that C source, or a template of it, has itself, alone or before an underscore: functions of
+    that name would be declared twice."""
+    if re.search(rf"\b{name}(?:_\w+)?\b", _NO_CODE.sub(" ", source)):
+        raise ValueError(
+            f"function name {name!r} is not usable, the C of contact models uses it itself: choose another"
+        )
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact import load_surrogate
 from casadi_contact.contact import CellFoundation, Cells, PolarFoundation
 from casadi_contact.scenes import Scene, load_scene
@@ -125,12 +126,21 @@ def test_makefile_builds_the_example(loads, tmp_path):
     assert [line.split()[0] for line in demo.splitlines()] == loads
 
 
-@pytest.mark.parametrize("name", ["not-a-c-name", "int", "main", "class"])
+@pytest.mark.parametrize("name", ["not-a-c-name", "int", "main", "class", "example", "linear"])
 def test_bad_name_is_refused(name, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     with pytest.raises(ValueError, match="not usable"):
         surrogate.export_c(tmp_path, name=name)
     assert not list(tmp_path.iterdir())
+
+
+@needs_compiler
+def test_a_compiled_function_is_not_named_as_what_its_c_is_made_of():
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    for model in (surrogate, cc.foundation("sphere_on_plane")):
+        with pytest.raises(ValueError, match="'linear' is not usable, the C of contact models uses it itself"):
+            model.function(name="linear", compiled=True)
+    assert surrogate.function(name="example", compiled=True).name() == "example"
 
 
 @pytest.mark.parametrize(

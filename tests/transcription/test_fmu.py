@@ -149,6 +149,11 @@ def test_another_model_s_token_is_refused(path, tmp_path):
         fmu.instantiate()
 
 
+def test_a_name_that_is_the_interface_s_own_is_refused(knee, tmp_path):
+    with pytest.raises(ValueError, match=r"'fmi3' is not usable, fmi3\.c is FMI's own interface"):
+        knee.export_fmu(tmp_path / "knee.fmu", name="fmi3")
+
+
 def test_the_library_has_every_function_of_the_standard(path, tmp_path):
     header = (Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h").read_text("utf-8")
     library = ctypes.CDLL(str(next(Path(fmpy.extract(path, tmp_path)).glob("binaries/*/*"))))

@@ -25,7 +25,7 @@ from casadi_contact.transcription import ExportedModel
 from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
 from casadi_contact.transcription.contact_functions import ContactFunctions, checked_batch
 from casadi_contact.transcription.exportable import Exportable
-from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.functions import check_name, check_unused
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
 from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch, name_of_wrenches
@@ -228,6 +228,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         outputs = {key: sizes[key] for key in wanted}
         kernel = FoundationKernel(self.scene, loads, self._patch_source(), self.lanes)
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+        check_unused(name, source)
         texts = [
             source,
             casadi_interface({check_name(name): outputs}, batch),

@@ -41,6 +41,8 @@ def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequ
     Raises CompilerError (an OSError) without a compiler and on a system other than Linux and macOS, ValueError for an
     unusable name.
     """
+    if name == "fmi3":
+        raise ValueError(f"function name {name!r} is not usable, fmi3.c is FMI's own interface: choose another")
     path, words = Path(path), model.words(name)
     words["start"] = ", ".join(repr(float(value)) for value in start)
     sources = {f"{name}.h": model.header(name), f"{name}.c": model.c_source(name)}
