@@ -76,6 +76,12 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     assert record["command"].startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
     check_surrogate(project)
+    changed = scene_file.read_text().replace("reference_load = ", "reference_load = 2")
+    scene_file.write_text(changed)
+    other = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    for stage in (pipeline.export, pipeline.report, speed):
+        with pytest.raises(ValueError, match=r"patch\.h5 was trained for another scene than socket as it is now"):
+            stage(other)
 
 
 @pytest.mark.parametrize(("name", "write"), [("samples.csv", write_csv), ("samples.h5", write_hdf5)])

@@ -52,6 +52,8 @@ def test_misses_are_judged_on_validation_rows_by_domain_and_load_the_worst_first
     found = misses(Off(samples, **{first: 1.5 * tolerances[first], second: 3.0 * tolerances[second]}), samples)
     assert found[0].startswith(second)
     assert found[-1].startswith(first)
+    assert misses(Off(samples, **{first: 0.9 * tolerances[first]}), samples, 1.0) == []
+    assert misses(Off(samples, **{first: np.nan}), samples)[0].startswith(f"{first} nan of"), "no number meets nothing"
     held_back = samples.select(role=[0, TEST])
     assert misses(Off(held_back, **{first: 1e6}), held_back) == []
 

@@ -21,7 +21,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
 from casadi_contact.dataset.gaps import refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_small_forces
-from casadi_contact.dataset.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.dataset.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import existing_file, open_hdf5, short
 from casadi_contact.motion.checks import check_radians, check_size
 from casadi_contact.motion.columns import read_columns
@@ -79,6 +79,10 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
+    if missing and role is None:
+        raise ValueError(
+            f"{path} has {len(np.unique(poses, axis=0))} poses, expected hundreds: no row is left to train on"
+        )
     if missing:
         raise ValueError(f"{path}: no row has role {', '.join(missing)}, expected some of each, or no column role")
     refuse_small_forces(samples, str(path))
@@ -117,8 +121,13 @@ def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str
 
 
 def _whole(path: Path, name: str, column: Array) -> np.ndarray:
-    if np.any(column != np.round(column)) or column.min() < 0.0 or column.max() > 255.0:
-        raise ValueError(f"{path}: {name} holds other numbers than those of a {name}")
+    """A column of whole numbers, 1 to 7 of a domain and 0 to 2 of a role; ValueError for others."""
+    least, most = (1, len(DOMAINS)) if name == "domain" else (0, len(ROLES) - 1)
+    if np.any(wrong := (column != np.round(column)) | (column < least) | (column > most)):
+        row = int(wrong.argmax())
+        raise ValueError(
+            f"{path}: {name} is {column[row]:g} in row {row + 1}, expected a whole number from {least} to {most}"
+        )
     return column.astype(np.uint8)
 
 

@@ -84,7 +84,7 @@ def train(
         models_to_ask(project, samples)  # refused here, not after hours of training
     model = teacher_of(samples) if teacher is None else teacher
     around = moved_samples(samples, model, update)
-    command = build_command(project, samples)
+    command = build_command(project, samples, cycle_files(project))
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
@@ -101,10 +101,10 @@ def train(
     return paths
 
 
-def build_command(project: Project, samples: Samples, *tolerances: str) -> str:
+def build_command(project: Project, samples: Samples, cycles: Sequence[str], *tolerances: str) -> str:
     """What builds a project's surrogates from nothing: a command line, a line of Python for a model of one's own.
 
-    tolerances: the options of a build to them instead of a preset.
+    cycles: files that the samples were drawn around; tolerances: the options of a build to them instead of a preset.
     """
     if "table" in samples.provenance:
         return project.command("build", "--table", samples.provenance["table"])
@@ -113,8 +113,8 @@ def build_command(project: Project, samples: Samples, *tolerances: str) -> str:
         named = f"{project.given or project.scene.name!r}, {project.preset_name!r}"
         made = "casadi_contact.tolerance.train_to_tolerance" if tolerances else f"cc.build({named}, model=...)"
         return f"{made} in Python, with a contact model of one's own"
-    cycles = [word for path in cycle_files(project) for word in ("--cycles", path)]
-    return project.command("build", "--model", drawn_from, *cycles, *tolerances, preset=not tolerances)
+    around = [word for path in cycles for word in ("--cycles", path)]
+    return project.command("build", "--model", drawn_from, *around, *tolerances, preset=not tolerances)
 
 
 def _active_rounds(

@@ -221,9 +221,17 @@ def project_surrogates(project: Project) -> dict[str, Surrogate]:
 
 
 def surrogates_made(project: Project) -> dict[str, Surrogate]:
-    """The surrogates in the project's folder by structure, perhaps none."""
+    """The surrogates in the project's folder by structure, perhaps none; ValueError for one of another scene, which may
+    have had other tolerances."""
     paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
-    return {structure: load_surrogate(path) for structure, path in paths.items()}
+    made = {structure: load_surrogate(path) for structure, path in paths.items()}
+    for structure, surrogate in made.items():
+        if surrogate.scene.digest != project.scene.digest:
+            raise ValueError(
+                f"{paths[structure]} was trained for another scene than {project.scene.name} as it is now: choose "
+                "another --out, or remove that folder"
+            )
+    return made
 
 
 def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
@@ -261,6 +269,7 @@ def motion_at_hand(project: Project) -> ReferenceMotion:
 
 
 def built_in_motion(scene: Scene) -> ReferenceMotion:
-    """The reference motion of the scene's built-in cycles."""
+    """The reference motion of the scene's built-in cycles; raises ValueError for a scene without geometry."""
+    _ = scene.material  # refuses in words a scene that has no grids either
     model = ElasticFoundation(scene, scene.grids["settle"])
     return reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]

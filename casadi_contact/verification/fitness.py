@@ -25,7 +25,7 @@ class Fitness:
 
     def failing(self, domain: str) -> list[str]:
         """Loads whose RMS error in a domain is above the tolerance: `verify` would not pass its samples."""
-        return [load for load, rms in self.errors[domain].items() if rms > self.tolerances[load]]
+        return [load for load, rms in self.errors[domain].items() if not rms <= self.tolerances[load]]
 
     @property
     def fit(self) -> list[str]:
