@@ -7,6 +7,7 @@ motion, so that they end in a stable equilibrium, and near it they become Newton
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -86,10 +87,10 @@ class Settling:
             given[6 * assembly.bodies.index(body) :][:6] = forces
         in_mm = np.tile(POSE_IN_MM, len(q))[rows]
         step, position = _FIRST_STEP_S, q.ravel()
-        for _ in range(max_iterations):
+        for iteration in itertools.count():
             left, slope = (np.asarray(part) for part in self._evaluate(position, given, pulling))
             residual = float(np.abs(left.ravel() / in_mm).max())
-            if residual <= tolerance or not np.isfinite(residual):
+            if residual <= tolerance or not np.isfinite(residual) or iteration >= max_iterations:
                 break
             while True:
                 move = np.linalg.solve(np.diag(in_mm**2 / step) - slope, left.ravel())
@@ -129,8 +130,8 @@ def settle_assembly(
     """Move the free pose parameters of bodies (by name) until what acts on them vanishes.
 
     poses (bodies, 6): start, and the values of locked parameters; applied: further generalised forces (6,) [N, N·mm] by
-    body; tensions [N] of the pulls. Raises ValueError for unknown names, where nothing is free and for wrong numbers;
-    what does not converge is reported, not raised.
+    body; tensions [N] of the pulls; max_iterations: steps at most, none where 0. Raises ValueError for unknown names,
+    where nothing is free and for wrong numbers; what does not converge is reported, not raised.
     """
     settle = Settling(assembly, free)
     return settle(poses, applied, tensions, tolerance=tolerance, max_iterations=max_iterations)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from statistics import median
 
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.candidates import (
@@ -27,6 +28,7 @@ from casadi_contact.structures import STRUCTURES, load_surrogate, ready_surrogat
 TIMED_AGAIN = "timed again for these loads"
 SHARE = "estimated by the share of networks"
 ALL_LOADS = "of all loads"
+SCALED = "scaled to this machine"  # follows either where others were timed again
 _TIMES_THE_CHEAPEST = 3.0  # machines differ, and so does what a network more or less costs
 
 # How a foundation of a resolution is made, by a word in it.
@@ -40,9 +42,11 @@ _RESOLUTIONS = {
 def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[str]) -> dict[str, tuple[float, str]]:
     """Microseconds per pose of each model for some loads only, and how they were found.
 
-    A surrogate is estimated by the share of its networks that the loads need, any other model keeps its measured time
-    for all loads. Those at hand that may be the cheapest by this (`_TIMES_THE_CHEAPEST`) are timed again on a reference
+    A surrogate is estimated by the share of its networks that the loads need, any other model by its measured time for
+    all loads. Those at hand that may be the cheapest by this (`_TIMES_THE_CHEAPEST`) are timed again on a reference
     cycle, in one run on one thread, surrogates with just these networks; the others would cost a compilation each.
+    Their estimates, of the machine that the chart was measured on, are multiplied by the median of timed / estimated
+    (`SCALED`), so that all times are of this machine. Where nothing is timed again, all are of the chart's.
     """
     times = {point.name: _estimate(project, point, loads) for point in points}
     most = _TIMES_THE_CHEAPEST * min(point.value.median_us for point in points if point.value is not None)
@@ -51,11 +55,15 @@ def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[s
     stopwatches = {c.name: c.time_value for c in _candidates(project, names, loads) if c.time_value is not None}
     with one_thread():
         timings = compare({name: partial(stopwatch, poses) for name, stopwatch in stopwatches.items()})
-    return times | {name: (timing.median_us, TIMED_AGAIN) for name, timing in timings.items()}
+    again = {name: (timing.median_us, TIMED_AGAIN) for name, timing in timings.items()}
+    if not again:
+        return times
+    slower = median(time_us / times[name][0] for name, (time_us, _) in again.items())
+    return {name: (slower * time_us, f"{how}, {SCALED}") for name, (time_us, how) in times.items()} | again
 
 
 def _estimate(project: Project, point: Point, loads: Sequence[str]) -> tuple[float, str]:
-    """Microseconds per pose for these loads, from those for all loads, and how they were found."""
+    """Microseconds per pose on the chart's machine for these loads, from those for all, and how they were found."""
     assert point.value is not None
     structure = point.family.removesuffix(MX_SUFFIX)
     if structure not in STRUCTURES:

@@ -11,7 +11,7 @@ from casadi_contact.benchmark.at_hand import make_surrogate, python_line, times_
 from casadi_contact.benchmark.candidates import refuse_without_elements
 from casadi_contact.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.benchmark.shipped import shipped_front
-from casadi_contact.conventions import Update
+from casadi_contact.conventions import Update, check_loads
 from casadi_contact.project import Project
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 
@@ -41,7 +41,8 @@ class Tolerance:
 class Offer:
     """A model with its time per pose and its RMS errors on unseen walking, for the loads asked for.
 
-    timing says how the time was found; force_rms_n or torque_rms_nmm is NaN where no such load was asked for.
+    timing says how the time was found: on the chart's machine, or on this one where models were timed again.
+    force_rms_n or torque_rms_nmm is NaN where no such load was asked for.
     """
 
     name: str
@@ -56,7 +57,7 @@ class Offer:
 class Choice:
     """The cheapest model that meets the tolerance (``model``), the next better one (None if there is none), the loads
     asked for, the file of a surrogate (the name of a shipped one, None for other models), a line of Python that makes
-    the model, and where times and errors come from (``measured``)."""
+    the model, and where errors and the chart's times come from (``measured``)."""
 
     model: Offer
     better: Offer | None
@@ -80,9 +81,10 @@ def choose(
     that are as cheap, the most accurate.
 
     scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
-    built, the front that comes with the library for this scene, of models that are at hand. loads: names, all of
-    the scene's if None; a surrogate's time is then that of the networks they need. A chosen size that is not on disk
-    is trained, with these networks only; update is called as in `project.fitting.train`.
+    built, the front that comes with the library for this scene, of models that are at hand. loads: a name or names, all
+    of the scene's if None. For some loads only, a surrogate's time is that of the networks they need, and times are of
+    this machine: timed again, or the chart's scaled to it. A chosen size that is not on disk is trained, with these
+    networks only; update is called as in `project.fitting.train`.
 
     Raises FileNotFoundError where nothing has been measured; ValueError for a scene without elements, a tolerance that
     is missing or not above 0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming
@@ -126,11 +128,7 @@ def _asked(
     front: Front, loads: Sequence[str] | None, force_n: float | None, torque_nmm: float | None
 ) -> tuple[tuple[str, ...], Tolerance]:
     """Loads and tolerance, checked against each other."""
-    names = front.loads if loads is None else tuple(dict.fromkeys(loads))
-    unknown = [name for name in names if name not in front.loads]
-    if unknown or not names:
-        got = f"unknown load {unknown[0]!r}" if unknown else "no loads asked for"
-        raise ValueError(f"{got}, expected some of {', '.join(front.loads)}")
+    names = tuple(dict.fromkeys(check_loads(front.loads, loads)))
     tolerance = Tolerance(force_n, torque_nmm)
     for kind, wanted in ((FORCE, force_n), (TORQUE, torque_nmm)):
         if wanted is None and of_kind(names, kind):

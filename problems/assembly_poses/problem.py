@@ -76,7 +76,7 @@ def build(assembly: Assembly, cycle: AssemblyCycle) -> AssemblyPoses:
 
     Raises ValueError for a pull without tension or that pushes, names that the assembly has not, forces on the body
     whose pose is measured by loads, a measured contact that is not one between the ground and a body in their own
-    frames, and as `pose_estimation.build`.
+    frames, a cycle that measures all pose parameters of all bodies, and as `pose_estimation.build`.
     """
     _check(assembly, cycle)
     count, bodies = len(cycle), assembly.bodies
@@ -88,6 +88,10 @@ def build(assembly: Assembly, cycle: AssemblyCycle) -> AssemblyPoses:
         if body != told
     }
     free = {body: names for body, names in free.items() if names}
+    if not free and not measured:
+        raise ValueError(
+            f"cycle {cycle.name}: all pose parameters are measured, nothing is left to find: leave out a column"
+        )
     z = ca.MX.sym("z", sum(map(len, free.values())), count)
     moves = ca.mtimes(ca.diag(ca.DM(_steps(free))), z)
     named = {body: measured.contact.pose for body in (told,) if measured}

@@ -206,6 +206,17 @@ def test_a_spring_pulls_back_to_its_rest():
     np.testing.assert_allclose(found.poses, [[1.0, 0.0, 1.0, 0.0, 0.0, 1.0]], atol=1e-6)
 
 
+@pytest.mark.parametrize("steps", [0, 1, 5])
+def test_where_steps_run_out_the_residual_is_that_of_the_poses_given(steps):
+    """A spring of 1 N/mm leaves as many newtons as its end is off; without a step that is the start."""
+    spring = Spring("soft", "body", np.ones(6), np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
+    found = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx",)}, max_iterations=steps)
+    assert found.residual == pytest.approx(5.0 - found.poses[0, 0])
+    assert (found.poses[0, 0] > 0.0) == (steps > 0)
+    assert not found.converged
+
+
 def test_what_is_not_there_is_refused_by_name(tmp_path):
     start = {"body": np.zeros(6)}
     rope = Pull("rope", ("body", "moon"), (np.zeros(3), np.ones(3)))

@@ -3,14 +3,18 @@
 import shlex
 import shutil
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
 from casadi_contact import cli
+from casadi_contact.benchmark import at_hand
 from casadi_contact.benchmark.choose import MEASURED, SAME_TIME, Offer, Tolerance, cheapest, meeting
 from casadi_contact.benchmark.front_file import read_front
+from casadi_contact.benchmark.shipped import shipped_front
+from casadi_contact.project import Project
 from casadi_contact.quantities import FORCE, quantity
 from tests.support.stored_results import SPEED_ACCURACY as STORED
 
@@ -83,6 +87,64 @@ def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make
     assert model(np.array([[0.5, 27.4, 0.1, 0.0, -0.05, -0.3]])).shape == (1, 7)
 
 
+@pytest.fixture
+def machine(monkeypatch):
+    """A machine on which whatever is timed takes so many times its estimate, nothing by the clock."""
+
+    def candidates(project, names, loads):
+        _, front = shipped_front(project.scene)
+        for point in front.models:
+            if point.name in names:
+                seconds = 1e-6 * machine.slower * at_hand._estimate(project, point, loads)[0]
+                yield SimpleNamespace(name=point.name, time_value=lambda poses, seconds=seconds: seconds)
+
+    machine = SimpleNamespace(slower=1.0)
+    monkeypatch.setattr(at_hand, "motion_at_hand", lambda project: SimpleNamespace(poses=np.zeros((1, 1, 6))))
+    monkeypatch.setattr(at_hand, "_candidates", candidates)
+    return machine
+
+
+def test_times_for_some_loads_are_of_one_machine_even_where_most_are_estimated(machine, tmp_path):
+    """Five times slower than the chart's, it takes five times as long of every model, timed or not."""
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    loads = ["Fy_med", "Fy_lat"]
+    as_fast = at_hand.times_for_loads(project, front.models, loads)
+    machine.slower = 5.0
+    slower = at_hand.times_for_loads(project, front.models, loads)
+    for name, (time_us, how) in slower.items():
+        assert (time_us, how) == (pytest.approx(5.0 * as_fast[name][0]), as_fast[name][1])
+    said = {how for _, how in slower.values()}
+    networks, all_loads = (f"{how}, {at_hand.SCALED}" for how in (at_hand.SHARE, at_hand.ALL_LOADS))
+    assert said == {at_hand.TIMED_AGAIN, networks, all_loads}
+
+
+def test_where_nothing_is_timed_again_all_times_are_the_chart_s(machine, tmp_path, monkeypatch):
+    monkeypatch.setattr(at_hand, "_candidates", lambda project, names, loads: ())
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    times = at_hand.times_for_loads(project, front.models, ["Tz"])
+    assert {how for _, how in times.values()} == {at_hand.SHARE, at_hand.ALL_LOADS}
+
+
+def test_a_slower_machine_chooses_the_same_model(machine, tmp_path):
+    def chosen():
+        tolerance = {"force_tolerance_n": 0.5, "folder": tmp_path}
+        return cc.choose("knee", loads=["Fy_med", "Fy_lat"], **tolerance).model
+
+    as_fast = chosen()
+    machine.slower = 20.0  # the kernels then take longer than what was not timed takes on the chart
+    assert chosen().name == as_fast.name
+
+
+def test_a_single_load_may_be_asked_for_by_its_name(machine, tmp_path):
+    by_name, in_a_list = (
+        cc.choose("knee", force_tolerance_n=0.5, loads=loads, folder=tmp_path) for loads in ("Fy_med", ["Fy_med"])
+    )
+    assert by_name == in_a_list
+    assert by_name.loads == ("Fy_med",)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -90,8 +152,9 @@ def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make
         ({"force_tolerance_n": 1.0}, "no torque tolerance given"),
         ({"force_tolerance_n": -1.0, "torque_tolerance_nmm": 1.0}, "force tolerance is -1.0, expected N above 0"),
         ({"force_tolerance_n": float("nan"), "torque_tolerance_nmm": 1.0}, "force tolerance is nan"),
-        ({"force_tolerance_n": 1.0, "loads": ["Fq"]}, "unknown load 'Fq', expected some of Fy_med"),
-        ({"force_tolerance_n": 1.0, "loads": []}, "no loads asked for"),
+        ({"force_tolerance_n": 1.0, "loads": ["Fq"]}, "loads Fq, expected some of Fy_med"),
+        ({"force_tolerance_n": 1.0, "loads": "Fq"}, "loads Fq, expected some of Fy_med"),
+        ({"force_tolerance_n": 1.0, "loads": []}, r"loads \(none\), expected some of Fy_med"),
     ],
 )
 def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):

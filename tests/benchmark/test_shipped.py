@@ -19,9 +19,11 @@ from casadi_contact.benchmark.shipped import __main__ as shipped
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.benchmark.walking import unseen_walking
+from casadi_contact.command_line import run_app
 from casadi_contact.dataset.errors import load_errors, rms_by_kind
-from casadi_contact.project import Project, motion_at_hand, surrogates_at_hand
+from casadi_contact.project import Project, built_in_motion, motion_at_hand, surrogates_at_hand
 from casadi_contact.report import read_kernel_speed
+from tests.support.own_contact import SCENE as SOCKET
 
 speed_module = import_module("casadi_contact.benchmark.speed")  # in the package its name is the function's
 
@@ -132,6 +134,17 @@ def test_measuring_again_says_what_was_measured_and_leaves_the_package_as_it_is(
     assert f"knee: {knee.value.median_us:.3g} µs, RMS 0.155 N, 5.3 N·mm" in done.output
     assert read_front(tmp_path / "results" / "knee-front.csv") == front
     assert path.read_bytes() == before
+
+
+def test_a_scene_without_geometry_has_no_front_and_no_motion_of_its_own(tmp_path, monkeypatch):
+    (tmp_path / "socket.toml").write_text(SOCKET.to_toml(), "utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        run_app(shipped.app, "shipped", ["socket.toml"], "python -m casadi_contact.benchmark.shipped")
+    assert "scene socket has no geometry for an elastic foundation (shape own_model)" in str(ended.value.code)
+    assert "\n" not in str(ended.value.code)
+    with pytest.raises(ValueError, match="scene socket has no geometry for an elastic foundation"):
+        built_in_motion(SOCKET)
 
 
 def test_a_scene_that_is_not_there_is_told_in_one_line(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.assembly import Assembly, Ligament, Pull
 from casadi_contact.contact import PolarFoundation, Rays
-from casadi_contact.conventions import POSE_IN_MM
+from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import ipopt_options
 from casadi_contact.verification import own_model
@@ -253,6 +253,13 @@ def test_a_pull_without_tension_and_unknown_parts_are_refused():
         assembly_poses.build(rope(), AssemblyCycle("swing", time_s, {}, "joint", {"Fy": time_s}, tension))
     with pytest.raises(ValueError, match=r"tension of rope is -1 N at frame 1.*never pushes"):
         assembly_poses.build(rope(), AssemblyCycle("swing", time_s, tensions={"rope": -time_s}))
+
+
+def test_a_cycle_that_leaves_nothing_to_find_is_refused():
+    time_s = np.array([0.0, 1.0])
+    cycle = AssemblyCycle("swing", time_s, {"body": dict.fromkeys(POSE_NAMES, time_s)}, tensions={"rope": time_s})
+    with pytest.raises(ValueError, match=r"swing: all pose parameters are measured, .*: leave out a column"):
+        assembly_poses.build(rope(), cycle)
 
 
 def test_forces_on_the_body_whose_loads_are_measured_are_refused(problem):

@@ -15,8 +15,7 @@ from casadi_contact.benchmark.front_file import Front, read_front
 from casadi_contact.benchmark.measure import measure
 from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.project import reference_motion_cycles, shipped_surrogates
-from casadi_contact.sampling import SamplingSettings, reference_motion
+from casadi_contact.project import built_in_motion, shipped_surrogates
 from casadi_contact.scenes import Scene
 
 _FOLDER = Path(__file__).parents[1] / "ready"
@@ -32,9 +31,12 @@ def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
 
 
 def measured_front(scene: Scene) -> Front:
-    """Measure elastic foundations and the scene's shipped surrogates, as kernels and graphs, on unseen walking."""
+    """Measure elastic foundations and the scene's shipped surrogates, as kernels and graphs, on unseen walking.
+
+    Raises ValueError for a scene without geometry.
+    """
+    motion = built_in_motion(scene)
     model = ElasticFoundation(scene, scene.grids["settle"])
-    motion, _ = reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))
     return measure(_candidates(scene), scene, unseen_walking(model, motion))
 
 
