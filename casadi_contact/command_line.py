@@ -9,9 +9,8 @@ from typing import Any, NoReturn
 
 import typer
 
-from casadi_contact.files import short
+from casadi_contact.files import finite_number, short
 from casadi_contact.interrupts import INTERRUPTED, is_interrupt
-from casadi_contact.motion.columns import finite_number
 from casadi_contact.terminal import printable
 
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.

@@ -6,6 +6,7 @@ from casadi_contact.files.hdf5 import new_hdf5, open_hdf5
 from casadi_contact.files.limits import MOST_MESH, MOST_TEXT, MOST_UNPACKED, checked_size, one_line, short
 from casadi_contact.files.names import file_stem
 from casadi_contact.files.npz import read_npz, write_npz
+from casadi_contact.files.numbers import finite_number
 from casadi_contact.files.replacing import replacing, scratch_folder, writable_folder, write_bytes, write_text
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "checked_size",
     "existing_file",
     "file_stem",
+    "finite_number",
     "folder_lock",
     "new_hdf5",
     "one_line",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, existing_file, replacing, short
+from casadi_contact.files import MOST_TEXT, checked_size, existing_file, finite_number, replacing, short
 
 MOST_VALUES = 1 << 24  # of a table: each takes up to 200 bytes of memory
 
@@ -90,21 +89,6 @@ class TextColumns:
         for k, cell in enumerate(self.text(name)):
             numbers[k] = finite_number(cell, f"{self.path} line {self.rows[k][0]}, {name}")
         return numbers
-
-
-def finite_number(text: str, where: str) -> float:
-    """The number that a file's text stands for, ValueError beginning with `where` for anything else: also for what only
-    Python takes for a number (1_000, digits of other scripts)."""
-    try:
-        number = float(text) if text.isascii() and "_" not in text else None
-    except ValueError:
-        number = None
-    if number is None:
-        point = " with a decimal point" if "," in text else ""
-        raise ValueError(f"{where}: got {short(text)!r}, expected a number{point}")
-    if not math.isfinite(number):
-        raise ValueError(f"{where}: got {text}, expected a finite number")
-    return number
 
 
 def read_columns(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, rotation
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
-from casadi_contact.statics.settle import SettleReport
+from casadi_contact.statics.settle import NOT_FINITE, SettleReport
 
 _MASS = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
 
@@ -72,17 +73,20 @@ class _DampedMotion:
         return self._space.onto(pose)
 
     def rate(self, _: float, state: Array) -> Array:
-        """d state/dt (2k,)."""
+        """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
         pose, speed = self.pose(state), _halves(state)[1]
         missing = self.equations.wanted[self.row] - self.equations.model(pose[None])[0, self._loads]
+        missing = missing if np.isfinite(missing).all() else np.zeros_like(missing)
         return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / _MASS])
 
     def rate_slope(self, _: float, state: Array) -> Array:
-        """Derivative (2k, 2k) of the rate by the state, where the motion A is taken as constant."""
+        """Derivative (2k, 2k) of the rate by the state, where the motion A is taken as constant, and so are loads whose
+        slope is not finite."""
         pose, size = self.pose(state), len(self._free)
         slope = np.zeros((2 * size, 2 * size))
         by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
         by_q = self._space.along(by_pose)[:, self._free] * self.equations.free_scales
+        by_q = np.where(np.isfinite(by_q), by_q, 0.0)
         slope[:size, size:] = np.eye(size)
         slope[size:, :size] = -self._motion(pose).T @ by_q / _MASS
         slope[size:, size:] = -self.damping / _MASS * np.eye(size)
@@ -108,6 +112,30 @@ def _halves(state: Array) -> tuple[Array, Array]:
     return state[:size], state[size:]
 
 
+def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float, method: str) -> tuple[Array, int, str]:
+    """The pose (6,) that a motion ends at, its steps, and why that is no rest: "" where it is."""
+
+    @lru_cache(maxsize=1)  # both events ask at the same states
+    def unrest_n(state: bytes) -> float:
+        return motion.unrest_n(np.frombuffer(state))
+
+    def unrest(_: float, state: Array) -> float:
+        return float(np.log(max(unrest_n(state.tobytes()), 1e-300) / tolerance))
+
+    def known(_: float, state: Array) -> float:
+        return 1.0 if np.isfinite(unrest_n(state.tobytes())) else -1.0
+
+    if known(0.0, motion.state) < 0.0:
+        return motion.start, 0, NOT_FINITE
+    unrest.terminal = known.terminal = True  # type: ignore[attr-defined]
+    options = {"method": method, "jac": motion.rate_slope, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
+    solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
+    rest, border = (len(times) > 0 for times in solution.t_events)
+    reason = "" if rest else NOT_FINITE if border else f"no rest within {end_time:g} s of damped motion"
+    last = next(state for state in solution.y.T[::-1] if known(0.0, state) > 0.0)
+    return motion.pose(last), len(solution.t) - 1, reason
+
+
 def relax(
     model: ContactModel,
     poses: ArrayLike,
@@ -124,7 +152,8 @@ def relax(
     q are the free pose parameters (rotations times LEVER_MM), A the conjugate motions of the targets, c the joint
     damping [N·s/mm]. The contact is stiff, so integration is implicit: SciPy's ``BDF`` or ``Radau``. It ends at rest,
     when the loads are met and c·q̇ is small, both within tolerance [N, torques over 25 mm]; a pose that is not at rest
-    after end_time [s] is reported, not raised. Needs as many targets as free parameters.
+    after end_time [s] is reported, not raised. So is one on whose way the model's loads are not finite: it ends where
+    they last were, or stays at its start. Needs as many targets as free parameters.
 
     Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`.
     """
@@ -135,21 +164,13 @@ def relax(
         raise ValueError(
             f"{len(equations.names)} targets for {len(equations.free)} free pose parameters, expected as many"
         )
-    steps, rests = np.zeros(len(poses), dtype=int), np.zeros(len(poses), dtype=bool)
+    steps, reason = np.zeros(len(poses), dtype=int), np.full(len(poses), "", dtype=object)
     for k in range(len(poses)):
         motion = _DampedMotion(equations, k, poses[k].copy(), damping)
-
-        def unrest(_: float, state: Array, motion: _DampedMotion = motion) -> float:
-            return float(np.log(max(motion.unrest_n(state), 1e-300) / tolerance))
-
-        unrest.terminal = True  # type: ignore[attr-defined]
-        options = {"method": method, "jac": motion.rate_slope, "events": unrest, "rtol": 1e-8, "atol": 1e-10}
-        solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
-        poses[k] = motion.pose(solution.y[:, -1])
-        steps[k], rests[k] = len(solution.t) - 1, solution.status == 1
+        poses[k], steps[k], reason[k] = _to_rest(motion, tolerance, end_time, method)
     misfit = equations.misfit(model(poses), np.arange(len(poses)))
     residual = equations.in_newtons(misfit)
-    converged = rests | (residual <= tolerance)  # at rest the residual is the tolerance, but for rounding
-    reason = np.where(converged, "", f"no rest within {end_time:g} s of damped motion").astype(object)
+    converged = (reason == "") | (residual <= tolerance)  # at rest the residual is the tolerance, but for rounding
+    reason[converged] = ""
     misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
     return poses, SettleReport(converged, steps, residual, misfits, reason)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -40,14 +39,3 @@ def end_with(verdict: Verdict, name: str, out: Path) -> None:
         what = "not solved" if verdict.exit_code == 2 else f"solved, but {why}"
         print(f"{name}: {what}: frames {rows_in_words(~good)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)
-
-
-def numbers(text: str, option: str) -> list[float]:
-    """Finite numbers separated by commas; ValueError naming the option."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = [math.nan]
-    if not all(map(math.isfinite, found)):
-        raise ValueError(f"--{option} is {text!r}, expected finite numbers separated by commas")
-    return found

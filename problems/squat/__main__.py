@@ -8,9 +8,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from casadi_contact.command_line import numbers
 from casadi_contact.files import writable_folder
 from casadi_contact.verification import judge, own_model
-from problems.common.command import RESULTS, end_with, new_app, numbers, run_command
+from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.squat.leg import Body
 from problems.squat.problem import build

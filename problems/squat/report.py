@@ -31,9 +31,9 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
     console = PlainConsole()
     print_verdict(console, verdict)
     columns = _trade_off(squat, results, verdict)
-    depth, flexion = squat.depth_deg, squat.nlp["x"].numel()
+    depth, variables = squat.depth_deg, squat.nlp["x"].numel()
     table = Table(
-        title=f"Squat to {depth:g}° of knee flexion: activation against medial contact force, {flexion} variables"
+        title=f"Squat to {depth:g}° of knee flexion: activation against medial contact force, {variables} variables"
     )
     shown = {name: column for name, column in columns.items() if name not in ("ipopt_status", "at_bounds")}
     for name in shown:
@@ -43,7 +43,7 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
     console.print(table)
     solved = sum(r.solved for r in results)
     console.print(
-        f"{solved} of {len(results)} solved, {squat.nlp['x'].numel()} variables, {squat.nlp['g'].numel()} constraints",
+        f"{solved} of {len(results)} solved, {variables} variables, {squat.nlp['g'].numel()} constraints",
         highlight=False,
     )
     for r in results:
@@ -64,7 +64,7 @@ def report(squat: Squat, results: Sequence[SquatResult], verdict: Verdict, fine:
         "depth_deg": depth,
         "intervals": squat.grid.intervals,
         "degree": squat.grid.degree,
-        "variables": squat.nlp["x"].numel(),
+        "variables": variables,
         "constraints": squat.nlp["g"].numel(),
         "weight_n": squat.mechanics.body.weight_n,
         "points": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
@@ -115,13 +115,14 @@ def draw(squat: Squat, results: Sequence[SquatResult], fine: ContactModel | str,
     page = new_page(13.0, 8.0)
     axes = page.subplots(2, 2)
     body = squat.mechanics.body
+    results = sorted(results, key=lambda r: r.weight)
     axes[0, 0].plot([r.effort for r in results], [r.medial_bw for r in results], "o-", color=COLOURS["blue"])
     for r in results:
         axes[0, 0].annotate(f" {r.weight:g}", (r.effort, r.medial_bw), fontsize=8)
     axes[0, 0].set(title="trade-off, by weight of the contact term")
     axes[0, 0].set(xlabel="mean squared activation [-]", ylabel="RMS medial contact force [BW]")
     log_scale(axes[0, 0], "x")
-    ends = sorted((results[0], results[-1]), key=lambda r: r.weight)
+    ends = results[0], results[-1]
     colours = [COLOURS["blue"], COLOURS["vermillion"]]
     names = list(squat.model.load_names)
     for r, colour in zip(ends, colours, strict=True):

@@ -54,9 +54,9 @@ def report(
     solved = result.converged
     off = {name: np.abs(wrench - result.wrenches)[solved].max(axis=0) for name, wrench in ef.items() if solved.any()}
     moved = {name: _largest(poses - result.poses) for name, poses in ef_poses.items()}
+    found = {name: int(np.isfinite(poses[:, 0]).sum()) for name, poses in ef_poses.items()}
     for name, largest in off.items():
-        found = int(np.isfinite(ef_poses[name][:, 0]).sum())
-        console.print(f"EF {grids[name]} - {kind}, {_difference(largest, moved[name], found)}", highlight=False)
+        console.print(f"EF {grids[name]} - {kind}, {_difference(largest, moved[name], found[name])}", highlight=False)
     if starts is not None:
         console.print(str(starts), highlight=False)
     _write_table(out / "static_equilibrium.csv", problem, result, ef.get("fine"), verdict)
@@ -70,6 +70,7 @@ def report(
         **solver_record(result),
         "ef_off_max": {name: dict(zip(WRENCH_NAMES, m.tolist(), strict=True)) for name, m in off.items()},
         "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
+        "ef_rows_with_equilibrium": found,
         **({} if starts is None else {"random_starts": starts.record()}),
     }
     write_summary(out / "static_equilibrium.json", summary)
@@ -112,8 +113,9 @@ def _about(problem: StaticEquilibrium, poses: Array, wrenches: Array) -> Array:
 
 
 def _largest(moves: Array) -> Array:
-    """Largest size (6,) over the rows that hold numbers, 0 where none does."""
-    return np.abs(np.nan_to_num(moves)).max(axis=0)
+    """Largest size (6,) over the rows of moves (n, 6) that hold numbers; NaN where none does."""
+    known = np.abs(moves[np.isfinite(moves).all(axis=1)])
+    return known.max(axis=0) if len(known) else np.full(moves.shape[1], np.nan)
 
 
 def _write_table(

@@ -18,12 +18,13 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from casadi_contact.command_line import numbers
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import KNEE_STEPS
 from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole
 from problems import knee_simulator
-from problems.common.command import new_app, numbers, run_command
+from problems.common.command import new_app, run_command
 from problems.knee_simulator import KneeSimulator, start_state
 from problems.knee_simulator.waveforms import Waveforms
 

@@ -10,14 +10,16 @@ import numpy as np
 from rich.table import Table
 
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import ANATOMY
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import new_page, save_page
+from casadi_contact.show import view_of
+from casadi_contact.show.figure import name_axes
 from casadi_contact.terminal import PlainConsole
 from problems.common.records import write_summary
 from problems.wear.problem import CYCLES, PatchWear, volume_mm3
 
 _DIGITS = 5
+_TALLEST = 2.0  # height of a panel over its width
 
 
 def report(
@@ -63,7 +65,7 @@ def report(
         "seconds": seconds,
     }
     write_summary(out / "wear.json", summary)
-    draw(wear, out / "wear.png")
+    draw(model, wear, out / "wear.png")
     console.print(f"results in {out}", highlight=False)
 
 
@@ -84,21 +86,22 @@ def _table(wear: Sequence[PatchWear], title: str) -> Table:
     return table
 
 
-def draw(wear: Sequence[PatchWear], path: Path) -> None:
-    """Depths after a million cycles and the way slid under pressure, seen from above, as a PNG."""
-    x, z = (np.concatenate([patch.centres_mm[:, i] for patch in wear]) for i in (0, 2))
-    page = new_page(10.0, 1.2 + 3.7 * np.ptp(x) / np.ptp(z))  # panels at one scale fill it
+def draw(model: ElasticFoundation, wear: Sequence[PatchWear], path: Path) -> None:
+    """Depths after a million cycles and the way slid under pressure, seen as the moving body presses, as a PNG."""
+    view, centres_mm = view_of(model), np.concatenate([patch.centres_mm for patch in wear])
+    right, up = view.right.of(centres_mm), view.up.of(centres_mm)
+    page = new_page(10.0, 1.2 + 3.7 * min(np.ptp(up) / np.ptp(right), _TALLEST))  # panels at one scale fill it
     panels = page.subplots(1, 2, sharex=True, sharey=True)
     depth = 1e3 * CYCLES * np.concatenate([patch.depth_mm for patch in wear])
     sliding = np.concatenate([patch.sliding_mm for patch in wear])
     for axis, values, label in zip(
         panels, (depth, sliding), ("worn in a million cycles [µm]", "slid under pressure in a cycle [mm]"), strict=True
     ):
-        image = axis.scatter(z, x, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
-        axis.plot(z[values <= 0.0][::7], x[values <= 0.0][::7], ",", color="0.85", zorder=0)
+        image = axis.scatter(right, up, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
+        axis.plot(right[values <= 0.0][::7], up[values <= 0.0][::7], ",", color="0.85", zorder=0)
         page.colorbar(image, ax=axis, label=label, shrink=0.95)
-        axis.set(xlabel=f"z [mm], {ANATOMY['z'][0]} to the right", aspect="equal")
-    panels[0].set_ylabel(f"x [mm], {ANATOMY['x'][0]} up")
+        name_axes(axis, view)
+        axis.label_outer()
     volumes = ", ".join(f"{patch.patch} {CYCLES * patch.volume_mm3:.3g}" for patch in wear)
     page.suptitle(f"Archard wear after a million cycles: {volumes} mm³")
     save_page(page, path, dots_per_inch=90)

@@ -17,7 +17,7 @@ from problems.squat import __main__
 from problems.squat.leg import GRAVITY
 from problems.squat.muscles import MUSCLES, column
 from problems.squat.problem import LEAST_ACTIVATION, flexion_rad
-from problems.squat.report import report
+from problems.squat.report import draw, report
 from problems.squat.solve import start_values
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
@@ -176,6 +176,19 @@ def test_the_table_and_its_file_say_which_bounds_hold(small, results, tmp_path, 
     assert "weight 0.01: the search's bounds hold tx at 15 mm (1 of 18 moments); the cost" in capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "squat.csv").open(encoding="utf-8")))
     assert [row["at_bounds"] for row in rows] == ["tx at 15 mm (1 of 18 moments)", ""]
+
+
+@needs_compiler
+def test_the_picture_compares_least_and_largest_weight_in_whatever_order_they_are_given(
+    small, results, tmp_path, monkeypatch
+):
+    pages = []
+    monkeypatch.setattr("problems.squat.report.save_page", lambda page, *_, **__: pages.append(page))
+    given = [replace(results[0], weight=weight) for weight in (0.1, 1.0, 0.0, 0.3)]
+    draw(small, given, "no elements", tmp_path / "squat.png")
+    bars = pages[0].axes[2].get_legend_handles_labels()[1]
+    assert bars == ["weight 0", "weight 1"]
+    assert [text.get_text() for text in pages[0].axes[0].texts] == [" 0", " 0.1", " 0.3", " 1"]
 
 
 @needs_compiler

@@ -24,7 +24,10 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
         turned = angular_velocity_map(np.array([float(row[f"{name}_rad"]) for name in POSE_NAMES[3:]])).T @ left
         np.testing.assert_allclose(turned[:2], 0.0, atol=1.0)
         assert abs(float(row["Tx_ef_Nmm"]) - float(row["Tx_contact_Nmm"])) < 100.0
-    assert json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))["converged"] == 2
+    summary = json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))
+    assert summary["converged"] == 2
+    assert set(summary["ef_rows_with_equilibrium"].values()) == {2}
+    assert all(off["ty"] > 0.0 for off in summary["ef_pose_off_max"].values())
     assert (tmp_path / "static_equilibrium.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -38,6 +41,11 @@ def test_a_patella_under_a_knee_s_loads_ends_without_a_search(tmp_path, monkeypa
 def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):
     assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--starts", 0, "--flexions", "20", "--fy", "300") == 2
     assert "static_equilibrium: not solved: frames 0" in capsys.readouterr().err
+    summary = json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))
+    # No equilibrium of the elements is no agreement with them, which would be 0.
+    assert set(summary["ef_rows_with_equilibrium"].values()) == {0}
+    for off in summary["ef_pose_off_max"].values():
+        assert off == dict.fromkeys(POSE_NAMES)
 
 
 @pytest.mark.parametrize(

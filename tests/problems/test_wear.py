@@ -14,6 +14,7 @@ from problems import wear
 from problems.common.records import pose_columns
 from problems.wear import __main__
 from problems.wear.cycle import leap
+from problems.wear.report import draw
 from tests.support.command import ended
 
 DEPTH_MM, SIDE_MM = 0.1, 10.0
@@ -114,6 +115,30 @@ def test_the_command_wears_a_cycle_from_a_file_and_draws_its_map(tmp_path, monke
     assert summary["volume_mm3"] > 0.0
     assert sum(patch["volume_mm3"] for patch in summary["patches"].values()) == pytest.approx(summary["volume_mm3"])
     assert (tmp_path / "wear.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("scene", "right", "up", "labels"),
+    [
+        ("knee", [0, 0, 1], [1, 0, 0], ("z, medial [mm]", "x, posterior [mm]")),
+        ("patellofemoral", [0, 0, 1], [0, 1, 0], ("z, medial [mm]", "y, superior [mm]")),
+        ("glenohumeral", [-1, 0, 0], [0, 1, 0], ("x, posterior [mm]", "y, superior [mm]")),
+    ],
+)
+def test_the_map_of_a_flat_surface_is_seen_as_it_is_pressed(tmp_path, monkeypatch, scene, right, up, labels):
+    """Never edge-on: an element 20 mm to the right and one 30 mm up are where they are named, of a page that fits."""
+    pages = []
+    monkeypatch.setattr("problems.wear.report.save_page", lambda page, *_, **__: pages.append(page))
+    model = cc.ElasticFoundation(cc.load_scene(scene), (8, 4))
+    centres_mm, ones = np.outer([0.0, 20.0, 0.0], right) + np.outer([0.0, 0.0, 30.0], up), np.ones(3)
+    draw(model, [wear.PatchWear("med", centres_mm, ones, ones, ones)], tmp_path / "wear.png")
+    (page,) = pages
+    first = page.axes[0]
+    shown = first.transData.transform(first.collections[0].get_offsets())
+    assert shown[1, 0] > shown[0, 0]
+    assert shown[2, 1] > shown[0, 1]
+    assert (first.get_xlabel(), first.get_ylabel()) == labels
+    assert page.get_size_inches().max() <= 10.0
 
 
 @pytest.fixture

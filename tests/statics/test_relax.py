@@ -6,6 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.conventions import rotation
 from casadi_contact.statics.relax import _conjugate_motion
+from casadi_contact.statics.settle import NOT_FINITE
 from tests.support import two_spheres
 from tests.support.ready_poses import at, walking
 from tests.support.two_spheres import TwoSpheres
@@ -75,3 +76,25 @@ def test_damped_motion_from_rest_stays_there():
     stayed, report = cc.relax(model, rest, *PRESSED)
     assert report.converged[0]
     np.testing.assert_allclose(stayed, rest, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("method", ["BDF", "Radau"])
+def test_a_pose_that_moves_to_where_loads_are_not_finite_ends_at_the_border_and_costs_no_other(method):
+    scene = cc.load_scene("sphere_on_plane")
+    elements = cc.ElasticFoundation(scene, (40, 40))
+
+    def fails_deep(poses):
+        loads = elements.wrenches(poses)
+        loads[poses[:, 1] < 29.95] = np.nan
+        return loads
+
+    model = cc.CallableModel(scene, fails_deep, elements.gaps)
+    starts = np.vstack([at(height) for height in (30.0, 29.97, 29.9)])
+    rest, report = cc.relax(model, starts, ("ty",), {"Fy": [-1000.0, -50.0, -50.0]}, method=method)
+    assert list(report.converged) == [False, True, False]
+    assert list(report.reason) == [NOT_FINITE, "", NOT_FINITE]
+    np.testing.assert_allclose(rest[0, 1], 29.95, atol=1e-9)
+    assert model(rest)[1, 1] == pytest.approx(-50.0, abs=1e-3)
+    np.testing.assert_array_equal(rest[2], starts[2])  # never finite: stays
+    assert np.isfinite(report.residual[0])  # the loads where it ends, which are the last known

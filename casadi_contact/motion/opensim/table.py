@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_TEXT, checked_size, existing_file, replacing
-from casadi_contact.motion.columns import finite_number
+from casadi_contact.files import MOST_TEXT, checked_size, existing_file, finite_number, replacing
 
 TIME = "time"
 VERSIONS = (1, 2, 3)
