@@ -67,7 +67,7 @@ def _optimum(problem: MuscleContact, max_iterations: int, print_level: int) -> t
         first, _ = _optimum(problem.first, max_iterations, print_level)
         _, poses, forces, *_ = (np.asarray(part).T for part in problem.first.solution(first))
         tension_n = forces[:, quadriceps(problem.walk.muscles.names)].sum(axis=1)
-        settled = problem.extensor.settled(poses, np.maximum(tension_n, 1.0))  # a slack line leaves it nowhere
+        settled = problem.extensor.settled(poses, tension_n)
         at = problem.extensor.contact_poses(poses, settled) / problem.extensor.steps
         start = np.hstack([first.reshape(len(poses), -1), at]).ravel()
         resting, warm = at.ravel(), {"mu_init": 1e-3}

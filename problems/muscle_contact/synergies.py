@@ -3,8 +3,9 @@
     a_m(t) = Σ_j W_mj·C_j(t),    W, C >= 0,    Σ_m W_mj = 1        j = 1 ... count
 
 The synergy vector W_j says how strongly synergy j drives each muscle, the same over the whole cycle, and so couples all
-frames; C_j is its command. Both are found with all other variables in one IPOPT problem, which begins where the
-activations of muscles that are each driven alone are factored best. Synergies know no measured contact force.
+frames; C_j is its command. Both are found with all other variables in one IPOPT problem. W and C begin where they
+factor the activations of muscles that are each driven alone best; all else begins where that problem began, since from
+its solution IPOPT takes as many iterations. Synergies know no measured contact force.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _SCALE = 10.0  # of the synergy vectors' variables, which sum to one over a doze
 
 def driven_by_synergies(problem: MuscleContact, count: int = SYNERGIES) -> MuscleContact:
     """The problem with activations (soleus' apart) that are combinations of `count` synergies; it is solved without
-    them first, for a start.
+    them first, for a start of vectors and commands.
 
     Raises ValueError for less than one synergy, for as many as there are muscles or more, and for a problem with a
     patella.

@@ -115,7 +115,8 @@ def read_walk(
     inverse_dynamics: CSV or .sto with time and coordinates of `COORDINATES` (``knee_ty`` or ``knee_ty_N``, N, N·m).
     muscles: a CSV with ``frame, muscle, length_m, velocity_m_per_s, arm_knee_ty, ...``, a frame for each row of
     inverse dynamics; or a folder of OpenSim's MuscleAnalysis (``*_Length.sto``, ``*_MomentArm_knee_ty.sto``, ...),
-    velocities then come from the lengths. parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`.
+    velocities then come from the lengths. parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`; it must name every
+    muscle of a CSV, and of a folder, which lists the whole body, those that count.
 
     Raises FileNotFoundError for no file and ValueError, naming file, line, column or muscle, for what cannot be used.
     """
@@ -199,6 +200,11 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
     table.require("length_m")
     table.require("velocity_m_per_s")
     muscle, frame = table.text("muscle"), table.numbers("frame")
+    if unknown := [name for name in dict.fromkeys(muscle) if name not in names]:
+        raise ValueError(
+            f"{path} has the muscles {', '.join(unknown)}, of which the parameters file has no row, expected one for "
+            "each: add their rows to it, or leave these muscles out of the muscles file"
+        )
     odd = np.flatnonzero((frame < 0.0) | (frame != np.floor(frame)))
     if len(odd):
         raise ValueError(

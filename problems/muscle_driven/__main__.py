@@ -14,12 +14,10 @@ import casadi_contact as cc
 from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.files import writable_folder
 from casadi_contact.quantities import two_digits
-from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
-from problems.common.outcome import print_verdict
 from problems.muscle_contact.given import (
     InverseDynamicsOption,
     MapOption,
@@ -74,10 +72,9 @@ def run(
     poses = runs[source.kind].simulation.poses
     reason = failure(driven, runs)
     verdict = judge(model, poses, np.full(len(poses), not reason), own_model(model.scene))
-    print_verdict(PlainConsole(), verdict)
-    report(driven, runs, out)
+    report(driven, runs, verdict, out, reason)
     if reason:
-        print(f"{NAME}: not solved: {reason}", file=sys.stderr)
+        print(f"{NAME}: not solved: {reason}; see {out}", file=sys.stderr)
         raise typer.Exit(2)
     end_with(verdict, NAME, out)
 

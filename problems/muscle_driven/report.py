@@ -14,7 +14,9 @@ from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
 from problems.common.knee_scene import SIDES
+from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 from problems.muscle_driven.solve import Simulation
@@ -48,8 +50,13 @@ def differences(driven: MuscleDriven, run: Run) -> dict[str, float]:
     return {**named, "flexion_deg": float(flexion), "energy_percent": 100.0 * run.simulation.energy_lost}
 
 
-def report(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], out: Path) -> None:
-    """Print the table; write muscle_driven.csv, .png and summary.json in the folder out. The first model is drawn."""
+def report(
+    driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], verdict: Verdict, out: Path, reason: str = ""
+) -> None:
+    """Print the table; write muscle_driven.csv, .png and summary.json in the folder out. The first model is drawn.
+
+    verdict: on the first model's motion; reason: why motions are not those of the walk, "" where all are.
+    """
     found = {name: differences(driven[name], run) for name, run in runs.items()}
     first, slowest = next(iter(runs)), max(run.seconds for run in runs.values())
     title = f"Muscle-driven forward simulation, {driven[first].inverse.walk.name}: largest difference from inverse"
@@ -69,24 +76,27 @@ def report(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], out: Pat
         cells = [f"{value:.2g}" for value in found[name].values()]
         table.add_row(name, f"{run.seconds:.3g}", f"{slowest / run.seconds:.1f}", str(run.simulation.steps), *cells)
     console = PlainConsole()
+    print_verdict(console, verdict)
     console.print(table)
     simulation, walk = runs[first].simulation, driven[first].inverse.walk
-    columns = {"time_s": walk.time_s, "cycle_percent": walk.percent, **pose_columns(simulation.poses)}
+    columns: dict[str, Any] = {"time_s": walk.time_s, "cycle_percent": walk.percent, **pose_columns(simulation.poses)}
     columns |= load_columns(WRENCH_NAMES, simulation.wrenches)
     columns |= {f"{name}_N": curve for name, curve in zip(SIDES, runs[first].sides.T, strict=True)}
     columns |= {f"work_{name}_Nmm": curve for name, curve in zip(POWERS, simulation.work.T, strict=True)}
-    columns |= {"kinetic_Nmm": simulation.kinetic}
+    columns |= {"kinetic_Nmm": simulation.kinetic, "verdict": verdict.words}
     write_columns(out / "muscle_driven.csv", columns, digits=DIGITS)
     summary = {
         name: {**found[name], "seconds": run.seconds, "steps": run.simulation.steps} for name, run in runs.items()
     }
-    write_summary(out / "summary.json", {"walk": walk.name, "models": summary})
-    draw(driven, runs, out / "muscle_driven.png")
+    said = {"verdict": str(verdict), "reason": reason, "walk": walk.name, "models": summary}
+    write_summary(out / "summary.json", said)
+    draw(driven, runs, out / "muscle_driven.png", "not solved" if reason else "")
     console.print(f"results in {out}", highlight=False)
 
 
-def draw(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], path: Path) -> None:
-    """Compression of both sides and flexion, forward and inverse, and where the energy went, as a PNG."""
+def draw(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], path: Path, remark: str = "") -> None:
+    """Compression of both sides and flexion, forward and inverse, and where the energy went, as a PNG; remark: what its
+    title says besides."""
     page = new_page(13.0, 8.5)
     parts = panels(page, 2, 2, set())
     first = next(iter(runs))
@@ -112,5 +122,5 @@ def draw(driven: Mapping[str, MuscleDriven], runs: Mapping[str, Run], path: Path
     energy.set(title="energy", ylabel="[J]")
     energy.legend(fontsize=8)
     frame((panel.lowest for panel in parts.values()), "cycle [%]")
-    page.suptitle(f"Muscles drive the knee: {walk.name}")
+    page.suptitle(f"Muscles drive the knee: {', '.join(filter(None, [walk.name, remark]))}")
     save_page(page, path, dots_per_inch=110)

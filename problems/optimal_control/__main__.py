@@ -60,7 +60,7 @@ def run(
     unsolved = missed(problem, result) or strays(problem, result, forward)
     solved = np.full(len(result.poses), not unsolved)
     verdict = judge(model, result.poses, solved, own_model(model.scene))
-    report(problem, result, verdict, out, source.kind, forward)
+    report(problem, result, verdict, out, source.kind, forward, unsolved)
     if unsolved:
         print(f"{NAME}: not solved: {unsolved}; see {out}", file=sys.stderr)
         raise typer.Exit(2)

@@ -39,9 +39,10 @@ def report(
     out: Path,
     kind: str = "surrogate",
     forward: Array | None = None,
+    unsolved: str = "",
 ) -> None:
     """Print the table and write optimal_control.csv, .json and .png in the folder out; kind: what to call the model;
-    forward: poses (points, 6) of `forward_poses`."""
+    forward: poses (points, 6) of `forward_poses`; unsolved: why it is no answer, "" where it is."""
     writable_folder(out)
     scene = problem.model.scene
     models = models_on_grids(scene)
@@ -67,6 +68,7 @@ def report(
     _write_table(out / "optimal_control.csv", problem, result, verdict, reason)
     summary: dict[str, Any] = {
         "verdict": str(verdict),
+        "reason": unsolved,
         "intervals": problem.intervals,
         "degree": problem.degree,
         "variables": problem.nlp["x"].numel(),

@@ -16,7 +16,7 @@ from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.knee_scene import KNEE_LOADS
-from problems.common.outcome import print_reasons
+from problems.common.outcome import print_reasons, rows_in_words
 from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.extensor import quadriceps
@@ -28,7 +28,7 @@ from problems.muscle_contact.given import (
     RotationsOption,
     given_walk,
 )
-from problems.patella.follow import SAME_N, follow, start_poses
+from problems.patella.follow import LEAST_TENSION_N, SAME_N, follow, start_poses
 
 NAME = "patella"
 app = new_app()
@@ -64,6 +64,9 @@ def run(
     console.print(f"muscles and femur: {walked}", highlight=False, soft_wrap=True)
     print_reasons(console, diagnose(problem, solved, walked).reason)
     console.print(f"patellofemoral contact: {verdict}", highlight=False, soft_wrap=True)
+    if (slack := tension < LEAST_TENSION_N).any():
+        said = f"quadriceps are slack in frames {rows_in_words(slack)}: there they pull by {LEAST_TENSION_N:g} N"
+        console.print(said, highlight=False, soft_wrap=True)
     reached = []
     for seed in range(starts):
         again = follow(ride.assembly, solved.poses, tension, start_poses(ride, np.random.default_rng(seed)))

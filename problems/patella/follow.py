@@ -17,6 +17,7 @@ from casadi_contact.quantities import TORQUE
 from casadi_contact.verification import Verdict, judge, own_model
 
 TOLERANCE_N = 1e-4
+LEAST_TENSION_N = 1.0  # of the quadriceps: nothing says where a patella stands that they do not hold
 SAME_N = 0.01
 ASIDE_MM, ASIDE_RAD = 2.0, 0.05
 
@@ -56,19 +57,19 @@ def follow(
 ) -> Ride:
     """Settle the patella in every frame.
 
-    femur: poses (n, 6) in the tibia. tension_n: pull of the quadriceps (n,). start: poses (n, 6) of the patella, each
-    frame's own. tolerance_n: what may be left on the patella, torques over 25 mm [N]. Raises ValueError for wrong
-    shapes, slack quadriceps, and an assembly of other bodies.
+    femur: poses (n, 6) in the tibia. tension_n: pull of the quadriceps (n,), slack ones pull by `LEAST_TENSION_N`.
+    start: poses (n, 6) of the patella, each frame's own. tolerance_n: what may be left on the patella, torques over
+    25 mm [N]. Raises ValueError for wrong shapes, quadriceps that push, and an assembly of other bodies or pulls.
     """
     femur, tension_n = as_poses(femur), np.asarray(tension_n, dtype=float)
-    if assembly.bodies != ("femur", "patella") or len(assembly.pulls) != 1:
+    if assembly.bodies != ("femur", "patella"):
         raise ValueError(
             f"assembly {assembly.name} has the bodies {', '.join(assembly.bodies)}, expected femur, patella"
         )
-    if tension_n.shape != (len(femur),) or not (tension_n > 0.0).all():
-        raise ValueError(
-            f"tensions have shape {tension_n.shape}, expected a positive one for each of {len(femur)} frames"
-        )
+    if len(assembly.pulls) != 1:
+        pulls = ", ".join(pull.name for pull in assembly.pulls) or "none"
+        raise ValueError(f"assembly {assembly.name} has the pulls {pulls}, expected one, the quadriceps")
+    tension_n = _taut(tension_n, len(femur))
     settle, function = Settling(assembly, {"patella": POSE_NAMES}), assembly.function()
     poses = np.stack([femur, np.tile(assembly.start_poses()[1], (len(femur), 1)) if start is None else start], axis=1)
     residual = np.full(len(femur), np.inf)
@@ -81,6 +82,18 @@ def follow(
         poses[frame] = held.poses if held.converged else poses[frame]
     loads = np.array([np.asarray(function(pair.T)).ravel() for pair in poses])
     return Ride(assembly, poses, loads, residual, residual <= tolerance_n)
+
+
+def _taut(tension_n: Array, frames: int) -> Array:
+    """Tensions (n,), those of slack quadriceps raised to `LEAST_TENSION_N`: solvers let a zero slip below itself."""
+    if tension_n.shape != (frames,):
+        raise ValueError(f"tensions have shape {tension_n.shape}, expected ({frames},): one [N] for each frame")
+    odd = np.flatnonzero(~(np.isfinite(tension_n) & (tension_n > -LEAST_TENSION_N)))
+    if len(odd):
+        raise ValueError(
+            f"the tension of frame {odd[0]} is {tension_n[odd[0]]:g} N, expected 0 or more: quadriceps never push"
+        )
+    return np.maximum(tension_n, LEAST_TENSION_N)
 
 
 def loads_apart_n(assembly: Assembly, loads: Array, others: Array) -> Array:

@@ -11,6 +11,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.verification import judge
 from problems import muscle_contact, muscle_driven
 from problems.muscle_contact.example import example_walk
 from problems.muscle_driven import __main__
@@ -117,10 +118,13 @@ def test_a_foundation_moves_the_knee_as_the_network_that_learned_it(driven, simu
     np.testing.assert_allclose(moved.wrenches[:, 1], simulation.wrenches[:, 1], atol=10.0)
     both = {"surrogate": driven, "foundation": other}
     runs = {name: Run.of(both[name], one, one.seconds) for name, one in zip(both, (simulation, moved), strict=True)}
-    report(both, runs, tmp_path)
+    report(both, runs, judge(driven.model, simulation.poses, True, "no model asked"), tmp_path)
     rows = list(csv.DictReader((tmp_path / "muscle_driven.csv").open()))
     assert float(rows[20]["Fy_med_N"]) == pytest.approx(runs["surrogate"].sides[20, 0], abs=0.01)
+    assert rows[20]["verdict"] == "solved, not checked"
     summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["verdict"].startswith("51 of 51 solved, not checked: no model asked")
+    assert summary["reason"] == ""
     assert summary["models"]["foundation"]["flexion_deg"] < 1.0
     assert (tmp_path / "muscle_driven.png").read_bytes().startswith(b"\x89PNG")
 
@@ -145,6 +149,12 @@ def test_a_motion_that_makes_energy_is_no_solution(tmp_path, monkeypatch, capsys
     assert said.out.startswith("0 of 21 solved")
     assert "% on surrogate" in said.err
     assert "give a smaller --tolerance" in said.err
+    summary = json.loads((tmp_path / "summary.json").read_text("utf-8"))
+    assert summary["verdict"].startswith("0 of 21 solved")
+    assert summary["reason"]
+    assert f"not solved: {summary['reason']}; see {tmp_path}" in said.err
+    rows = csv.DictReader((tmp_path / "muscle_driven.csv").open(encoding="utf-8"))
+    assert {row["verdict"] for row in rows} == {"not solved"}
 
 
 def test_a_motion_that_leaves_the_walk_in_a_gap_of_time_is_no_solution(tmp_path, monkeypatch, capsys):

@@ -235,6 +235,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch)
     assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--intervals", 25, "--no-periodic") == 0
     summary = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))
     assert summary["ipopt_status"] == "Solve_Succeeded"
+    assert summary["reason"] == ""
     assert summary["forward_largest_error"]["mm"] < 0.2
     assert max(summary["forward_rms_load_error"][name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")) < 12.0
     assert (tmp_path / "optimal_control.csv").read_text("utf-8").count("\n") == 76
@@ -255,6 +256,9 @@ def test_a_cycle_whose_wanted_loads_are_missed_ends_with_status_2(tmp_path, monk
     told = capsys.readouterr()
     assert told.out.startswith("0 of 36 solved")
     assert "not solved: of the wanted loads " in told.err
+    reason = json.loads((tmp_path / "optimal_control.json").read_text("utf-8"))["reason"]
+    assert reason
+    assert f"not solved: {reason}; see" in told.err
 
 
 def test_a_mistake_is_one_line(tmp_path, monkeypatch):

@@ -10,10 +10,10 @@ from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import shear_free_poses
-from problems import patella
+from problems import muscle_contact, patella
 from problems.muscle_contact.example import example_walk
 from problems.patella import __main__
-from problems.patella.follow import SAME_N
+from problems.patella.follow import LEAST_TENSION_N, SAME_N
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
@@ -63,12 +63,54 @@ def test_random_starts_end_where_the_neighbours_led(ride):
         assert off[load(ride, "patellofemoral_Fx_lat") > 1.0].max() < 0.01, "pressed, it has one place"
 
 
-def test_slack_quadriceps_and_other_assemblies_are_refused(ride):
-    with pytest.raises(ValueError, match="expected a positive one for each of 3 frames"):
-        patella.follow(ride.assembly, ride.poses[:, 0], 0.0 * TENSION_N)
+def test_slack_quadriceps_hold_the_patella_as_those_do_that_hardly_pull(ride):
+    """A zero is one of a solver, which may lie a little below."""
+    femur = ride.poses[:, 0]
+    slack, least = (patella.follow(ride.assembly, femur, [300.0, n, 300.0]) for n in (-1e-5, LEAST_TENSION_N))
+    assert slack.converged.all()
+    np.testing.assert_array_equal(slack.poses, least.poses)
+
+
+@pytest.mark.parametrize(
+    ("tensions", "said"),
+    [
+        ([300.0, -300.0, 300.0], "the tension of frame 1 is -300 N, expected 0 or more"),
+        ([300.0, 300.0, np.nan], "the tension of frame 2 is nan N, expected 0 or more"),
+        ([300.0, 300.0], r"tensions have shape \(2,\), expected \(3,\): one \[N\] for each frame"),
+    ],
+)
+def test_tensions_that_no_quadriceps_have_are_named_with_their_frame(ride, tensions, said):
+    with pytest.raises(ValueError, match=said):
+        patella.follow(ride.assembly, ride.poses[:, 0], tensions)
+
+
+def test_assemblies_of_other_bodies_or_pulls_are_refused(ride):
     other = Assembly("one", "earth", {"body": np.zeros(6)})
     with pytest.raises(ValueError, match="has the bodies body, expected femur, patella"):
         patella.follow(other, ride.poses[:, 0], TENSION_N)
+    pull = ride.assembly.pulls[0]
+    pulls = [pull, replace(pull, name="vasti")]
+    with pytest.raises(ValueError, match=f"has the pulls {pull.name}, vasti, expected one, the quadriceps"):
+        patella.follow(replace(ride.assembly, pulls=pulls), ride.poses[:, 0], TENSION_N)
+    with pytest.raises(ValueError, match="has the pulls none, expected one"):
+        patella.follow(replace(ride.assembly, pulls=[]), ride.poses[:, 0], TENSION_N)
+
+
+def test_frames_of_a_walk_in_which_the_quadriceps_are_slack_are_followed_and_named(tmp_path, monkeypatch, capsys):
+    whole = muscle_contact.solve
+
+    def slack(problem):
+        result = whole(problem)
+        forces = result.muscle_forces_n.copy()
+        forces[1] = 0.0
+        return replace(result, muscle_forces_n=forces)
+
+    monkeypatch.setattr(muscle_contact, "solve", slack)
+    monkeypatch.setattr(__main__, "given_walk", lambda *_: example_walk(3))
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path) == 0
+    said = capsys.readouterr().out
+    assert "patellofemoral contact: 3 of 3 solved and verified" in said
+    assert "quadriceps are slack in frames 1: there they pull by 1 N" in said
 
 
 def test_a_patella_that_balances_on_a_walk_that_muscles_do_not_is_no_solution(tmp_path, monkeypatch, capsys):
