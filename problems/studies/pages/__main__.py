@@ -2,10 +2,9 @@
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
 ``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
-solve_time.csv, muscle_settings.json and seeds.json (``python -m problems.studies.solve_time``, ``.muscle_settings`` and
-``.seeds``), two_stage_work.csv and, of another run, two_stage_20000_gflop.csv (``python -m
-problems.studies.two_stage_work``), evaluation.json (``evaluate``), kernel_speed.json (``speed``),
-pose_estimation/*.json and muscle_contact/*.json (summaries of the problems), and stability.json or
+solve_time.csv, muscle_settings.json, seeds.json and two_stage_work.csv (``python -m problems.studies.solve_time``,
+``.muscle_settings``, ``.seeds`` and ``.two_stage_work``), evaluation.json (``evaluate``), kernel_speed.json
+(``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the problems), and stability.json or
 stability-SCENE.json (``python -m problems.studies.stability``). A page is written for each that is there.
 """
 
@@ -37,7 +36,6 @@ FRONTS = {
     "speed_accuracy": ("speed-accuracy", "Speed and accuracy"),
     "sizes": ("sizes", "Sizes, samples and training"),
     "two_stage_work": ("two-stage-work", "The paper's method by work of training"),
-    "two_stage_20000_gflop": ("two-stage-20000-gflop", "The paper's method after 20,000 Gflop"),
 }
 app = new_app()
 
