@@ -14,9 +14,10 @@ _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other u
 
 
 def check_radians(where: str, column: str, angles: Array) -> None:
-    """ValueError for angles (n,) of a column beyond 200 degrees, too large for radians; where: what it is of."""
+    """ValueError for angles (n,) of a column beyond 200 degrees, too large for radians; where: what it is of, "" if the
+    caller says so."""
     if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
-        raise ValueError(f"{where}: {column} reaches {largest:g}, expected radians: is it in degrees?")
+        raise ValueError(f"{_before(where)}{column} reaches {largest:g}, expected radians: is it in degrees?")
 
 
 def check_size(where: str, column: str, numbers: Array) -> None:
@@ -30,15 +31,20 @@ def check_size(where: str, column: str, numbers: Array) -> None:
 
 
 def check_rising(where: str, time_s: Array) -> None:
-    """ValueError for times (n,) [s] of fewer than 2 frames, or that do not rise; where: what they are of."""
+    """ValueError for times (n,) [s] of fewer than 2 frames, or that do not rise; where: what they are of, "" if the
+    caller says so."""
     if len(time_s) < 2:
         raise ValueError(f"{where} has {len(time_s)} frames, expected at least 2")
     if np.any(held := np.diff(time_s) <= 0.0):
         frame = int(held.argmax()) + 1
         raise ValueError(
-            f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s after {time_s[frame - 1]:g} s, "
+            f"{_before(where)}time does not rise at frame {frame}, {time_s[frame]:g} s after {time_s[frame - 1]:g} s, "
             "expected rows sorted by time, and none twice"
         )
+
+
+def _before(where: str) -> str:
+    return f"{where}: " if where else ""
 
 
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:

@@ -77,9 +77,9 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     if not len(poses):
         raise ValueError("there is no row, expected a pose in each")
     if TIME in curves and len(poses) > 1:
-        check_rising("poses", curves[TIME])
+        check_rising("", curves[TIME])
     for name, angles in zip(POSE_NAMES[3:], poses.T[3:], strict=True):
-        check_radians("poses", name, angles)
+        check_radians("", name, angles)
     for name, size in zip(POSE_NAMES[:3], np.abs(poses[:, :3]).max(axis=0), strict=True):
         if size > _LARGEST_LENGTH_MM:
             raise ValueError(f"{name} reaches {size:g} mm, expected a joint's: is the file in mm, and not in m?")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -51,7 +52,7 @@ class ExportedModel:
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
         words, functions = self.words(name), c_text("export_api.c")
-        check_unused(name, f"{self.source}\n{functions}")
+        check_unused(name, self.source, suffixes=("", *re.findall(r"\$\{name\}(\w+)", functions)))
         parts = [
             _written(words),
             self.source,

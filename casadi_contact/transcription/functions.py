@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -17,7 +17,9 @@ _OF_C = (  # and of C++, whose programs include the header
     "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
 )
 RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
-_NO_CODE = re.compile(r"""/\*.*?\*/ | //[^\n]* | "(?:\\.|[^"\\\n])*" | \$\{?\w+\}?""", re.DOTALL | re.VERBOSE)
+_DECLARED = re.compile(
+    r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE
+)  # at file scope, as ours is written
 
 
 def check_name(name: str) -> str:
@@ -29,13 +31,11 @@ def check_name(name: str) -> str:
     return name
 
 
-def check_unused(name: str, source: str) -> None:
-    """ValueError for a name that C source, or a template of it, has itself, alone or before an underscore: functions of
-    that name would be declared twice."""
-    if re.search(rf"\b{name}(?:_\w+)?\b", _NO_CODE.sub(" ", source)):
-        raise ValueError(
-            f"function name {name!r} is not usable, the C of contact models uses it itself: choose another"
-        )
+def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
+    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself:
+    it would be declared twice."""
+    if {f"{name}{suffix}" for suffix in suffixes} & set(_DECLARED.findall(source)):
+        raise ValueError(f"function name {name!r} is not usable, the C of contact models has it itself: choose another")
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

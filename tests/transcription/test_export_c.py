@@ -138,7 +138,7 @@ def test_bad_name_is_refused(name, tmp_path):
 def test_a_compiled_function_is_not_named_as_what_its_c_is_made_of():
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     for model in (surrogate, cc.foundation("sphere_on_plane")):
-        with pytest.raises(ValueError, match="'linear' is not usable, the C of contact models uses it itself"):
+        with pytest.raises(ValueError, match="'linear' is not usable, the C of contact models has it itself"):
             model.function(name="linear", compiled=True)
     assert surrogate.function(name="example", compiled=True).name() == "example"
 
