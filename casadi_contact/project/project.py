@@ -99,12 +99,16 @@ class Project:
         if not self.samples_path.is_file() and not partial_folder(self.samples_path).is_dir():
             raise FileNotFoundError(f"{self.samples_path} does not exist: run {self.command('sample')} first")
         samples = read_samples(self.samples_path)
-        if samples.scene.digest != self.scene.digest:
-            raise ValueError(
-                f"{self.samples_path} holds samples of another scene than {self.scene.name} as it is now: "
-                "choose another --out, or remove that folder"
-            )
+        self.check_scene(samples.scene, f"{self.samples_path} holds samples of")
         return samples
+
+    def check_scene(self, scene: Scene, made_for: str) -> None:
+        """ValueError where what lies in the folder is of another scene, tolerances apart; made_for: what it is."""
+        if scene.digest != self.scene.digest:
+            raise ValueError(
+                f"{made_for} another scene than {self.scene.name} as it is now: choose another --out, or remove that "
+                "folder"
+            )
 
 
 Given = ParamSpec("Given")
@@ -226,11 +230,7 @@ def surrogates_made(project: Project) -> dict[str, Surrogate]:
     paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
     made = {structure: load_surrogate(path) for structure, path in paths.items()}
     for structure, surrogate in made.items():
-        if surrogate.scene.digest != project.scene.digest:
-            raise ValueError(
-                f"{paths[structure]} was trained for another scene than {project.scene.name} as it is now: choose "
-                "another --out, or remove that folder"
-            )
+        project.check_scene(surrogate.scene, f"{paths[structure]} was trained for")
     return made
 
 
