@@ -39,7 +39,7 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path, tolera
     asked_of = ((np.flatnonzero(loaded), _LOADED), (np.flatnonzero(~loaded), _FREE))
     rows = np.concatenate([rows[evenly(len(rows), most)] for rows, most in asked_of])
     asked = samples.rows(rows)
-    wrenches, gaps, _ = evaluated(model, asked.poses, len(asked.scene.parts))
+    wrenches, gaps = evaluated(model, asked.poses, len(asked.scene.parts))
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
     cure = f"give the model of then, choose another folder, or delete {where}"
     if 2 * int(finite.sum()) < len(rows):

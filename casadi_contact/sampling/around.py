@@ -6,7 +6,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
-from casadi_contact.sampling.chunk import WrenchModel, evaluated
+from casadi_contact.sampling.chunk import WrenchModel, evaluated, reaches_edge
 from casadi_contact.scenes import Scene
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
@@ -50,12 +50,16 @@ def samples_at(
     count, width = len(poses), len(scene.parts)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)
-    parts = [(np.zeros((0, width, 6)), np.zeros((0, width)), np.zeros(0, dtype=bool))]  # of no poses
+    parts, kept = [(np.zeros((0, width, 6)), np.zeros((0, width)))], np.ones(count, dtype=bool)  # of no poses
     for first in range(0, count, _AT_ONCE):
-        parts.append(evaluated(model, poses[first : first + _AT_ONCE], width))
+        rows = slice(first, first + _AT_ONCE)
+        if not rim:
+            kept[rows] = ~reaches_edge(model, poses[rows])
+        parts.append(evaluated(model, poses[rows][kept[rows]], width))
         if progress is not None:
             progress(min(first + _AT_ONCE, count), count)
-    wrenches, gaps, edge = (np.concatenate(column) for column in zip(*parts, strict=True))
-    kept = (~edge | rim) & np.isfinite(wrenches).all(axis=(1, 2))
+    wrenches, gaps = (np.concatenate(column) for column in zip(*parts, strict=True))
+    finite = np.isfinite(wrenches).all(axis=(1, 2))
+    kept[kept] = finite
     lost = Dropped(poses[~kept], domain[~kept])
-    return Samples(scene, poses[kept], wrenches[kept], gaps[kept], domain[kept], role[kept], dropped=lost)
+    return Samples(scene, poses[kept], wrenches[finite], gaps[finite], domain[kept], role[kept], dropped=lost)

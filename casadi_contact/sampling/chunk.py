@@ -120,17 +120,16 @@ def draw_chunk(
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
     drawn = _settled(settle_model, chunk, settings)
-    wrenches, gaps, edge = evaluated(teacher, drawn.poses, len(settle_model.scene.parts))
+    edge = reaches_edge(teacher, drawn.poses)  # first: it takes a tenth of the time of loads and gaps
+    drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
+    drawn.keep(~edge)
+    wrenches, gaps = evaluated(teacher, drawn.poses, len(settle_model.scene.parts))
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
-    if not finite.all():
-        drawn.dropped[NOT_FINITE] += int((~finite).sum())
-        drawn.keep(finite)
-        wrenches, gaps, edge = wrenches[finite], gaps[finite], edge[finite]
     pulls, touches = _false_contact(settle_model.scene, chunk, wrenches)
-    drawn.dropped["pulls"] += int(pulls.sum())
-    drawn.dropped["touches though lifted off"] += int(touches.sum())
-    drawn.dropped["contact reaches the edge of the elements"] += int((edge & ~pulls & ~touches).sum())
-    good = ~(pulls | touches | edge)
+    drawn.dropped[NOT_FINITE] += int((~finite).sum())
+    drawn.dropped["pulls"] += int((pulls & finite).sum())
+    drawn.dropped["touches though lifted off"] += int((touches & finite).sum())
+    good = finite & ~pulls & ~touches
     drawn.keep(good)
     return DrawnChunk(
         drawn.poses,
@@ -193,10 +192,17 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
     return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
 
 
-def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array, np.ndarray]:
-    """Wrenches (n, parts, 6), gaps (n, parts), NaN where unknown, and whether contact reaches the edge of the elements
-    (n,): it is cut there where the grid happens to end, no part of the joint [EF15 §2.2]. Parts are patches for a model
-    that does not tell them apart.
+def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
+    """True (n,) where contact reaches the edge of the elements: it is cut there where the grid happens to end, no part
+    of the joint [EF15 §2.2]. False for a model that cannot tell."""
+    if not hasattr(teacher, "at_edge"):
+        return np.zeros(len(poses), dtype=bool)
+    return np.asarray(teacher.at_edge(poses).any(axis=1))
+
+
+def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array]:
+    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; parts are patches for a model that does not tell
+    them apart.
 
     Raises ValueError for such a model where the scene cuts patches into parts.
     """
@@ -207,5 +213,4 @@ def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Ar
             "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
         )
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
-    edge = teacher.at_edge(poses).any(axis=1) if hasattr(teacher, "at_edge") else np.zeros(len(poses), dtype=bool)
-    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses), edge
+    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses)
