@@ -55,17 +55,20 @@ class WrenchLoads(ABC):
 
         s = √(N/N0) in contact (N: the scene's normal loads), s = -gap_slope·gap out of contact.
         """
-        return self._roots(poses, *self.wrench_jacobian(poses))
+        return self._wrenches_and_roots(poses)[2:]
 
     @pose_or_poses
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return, from one evaluation."""
-        wrenches, slopes = self.wrench_jacobian(poses)
-        return *load_jacobian(self._selection, wrenches, slopes), *self._roots(poses, wrenches, slopes)
+        wrenches, slopes, roots, root_slopes = self._wrenches_and_roots(poses)
+        return *load_jacobian(self._selection, wrenches, slopes), roots, root_slopes
 
     def _rows(self, loads: Iterable[str] | None) -> Array:
         """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
         return self._selection[[self.load_names.index(name) for name in self.check_loads(loads)]]
 
-    def _roots(self, poses: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
-        return signed_roots(self.scene, wrenches, slopes, lambda rows: self._gap_jacobian(poses[rows]))
+    def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `wrench_jacobian` and `root_loads` return."""
+        wrenches, slopes = self.wrench_jacobian(poses)
+        roots = signed_roots(self.scene, wrenches, slopes, lambda rows: self._gap_jacobian(poses[rows]))
+        return wrenches, slopes, *roots

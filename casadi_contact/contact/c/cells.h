@@ -82,16 +82,17 @@ INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame,
   s->filled = order;
 }
 
-INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                           PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, int with_gap,
+                           const double *weights, PatchLoads *out) {
   const Patch *p = patches + patch;
   Scratch *s = own_scratch(patch);
   Sums *sums = &s->sums;
   double slope, bend, fade, by[7][6];
   memset(out, 0, sizeof *out);
   if (order != GAPS) contact_sums(p, pose, frame, order == VALUE ? 1 : 2, s);
-  if (order == GAPS || !(sums->loads[6] < 0.0)) {
-    gap_loads(p, pose, frame, order, s, out);
+  out->apart = order != GAPS && !(sums->loads[6] < 0.0);
+  if (order == GAPS || out->apart) {
+    if (with_gap) gap_loads(p, pose, frame, order, s, out);
     return;
   }
   out->cut = sums->cut;

@@ -183,13 +183,14 @@ INLINE void cup_gap(const Place *p, PatchLoads *out) {
   }
 }
 
-INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                           PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, int with_gap,
+                           const double *weights, PatchLoads *out) {
   const Place p = place_of(pose);
   const int touches = p.edge < (p.cos_tilt > RIM_COS ? 1.0 : p.begin);
   (void)patch, (void)frame;
   memset(out, 0, sizeof *out);
-  if (!touches || order == GAPS) cup_gap(&p, out);
+  out->apart = !touches;
+  if (with_gap && (!touches || order == GAPS)) cup_gap(&p, out);
   if (touches && order != GAPS) {
     double pull[3] = {0.0}, of_frame[3][3];
     Sums sums;

@@ -9,8 +9,8 @@ INLINE int outside(const double *pose, const double *parts) {
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads near, pressed;
     if (!(parts[p] > 0.0)) continue;
-    patch_loads(p, pose, &frame, GAPS, 0, &near);
-    patch_loads(p, pose, &frame, VALUE, 0, &pressed);
+    patch_loads(p, pose, &frame, GAPS, 1, 0, &near);
+    patch_loads(p, pose, &frame, VALUE, 0, 0, &pressed);
     if (!(near.gap >= -THICKNESS) || fabs(parts[p] + GAP_SLOPE * near.gap) <= 1e-9 * parts[p]) return 1;
     if (dot3(near.gap_slope, pressed.wrench) > 0.0) return 1;
   }

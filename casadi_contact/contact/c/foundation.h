@@ -1,11 +1,13 @@
 /* Elastic foundations as kernels: what every contact model here shares. A model defines patch_loads: the wrench of one
- * patch, its derivatives by the twist of the moving body about t (velocity of t; angular velocity, fixed axes) and the
- * gap; from these come named loads and root loads, with derivatives by the pose. */
+ * patch, its derivatives by the twist of the moving body about t (velocity of t; angular velocity, fixed axes) and,
+ * where it is apart and the gap is asked for, the gap; from these come named loads and root loads, with derivatives by
+ * the pose. */
 enum { VALUE, FIRST, SECOND, GAPS };
 
 typedef struct {
   double wrench[6], stiffness[6][6], curvature[6][6]; /* curvature: of the weighted wrench, [a][b]: b acts last */
-  double gap, gap_slope[6], gap_curvature[6][6];      /* where there is no contact, or asked for by GAPS */
+  double gap, gap_slope[6], gap_curvature[6][6];      /* with_gap: where it is apart, and always with order GAPS */
+  int apart;                                          /* there is no contact */
   int cut;                                            /* contact reaches the rim */
 } PatchLoads;
 

@@ -49,7 +49,7 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double slope[3];
-    patch_loads(p, pose, &frame, VALUE, 0, &of);
+    patch_loads(p, pose, &frame, VALUE, ROOTS > 0, 0, &of);
     for (int i = 0; i < LOADS; i++) {
       for (int k = 0; k < 6; k++) loads[i] += selection[p][i][k] * of.wrench[k];
     }
@@ -65,7 +65,7 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double rows[6][6], slope[3];
-    patch_loads(p, pose, &frame, FIRST, 0, &of);
+    patch_loads(p, pose, &frame, FIRST, ROOTS > 0, 0, &of);
     for (int k = 0; k < 6; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
     for (int i = 0; i < LOADS; i++) {
       for (int k = 0; k < 6; k++) {
@@ -120,13 +120,13 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
     if (ROOTS) {
       double slope[3], bent[6][6];
-      patch_loads(p, pose, &frame, FIRST, 0, &of);
+      patch_loads(p, pose, &frame, FIRST, 0, 0, &of);
       if (normal_load(p, of.wrench, slope) > 0.0) {
         weigh_root(p, &of, roots_weight[p], weights, bent);
         add_by_pose(&frame, bent, hessian);
       }
     }
-    patch_loads(p, pose, &frame, SECOND, weights, &of);
+    patch_loads(p, pose, &frame, SECOND, ROOTS > 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
     if (ROOTS) {
       for (int a = 0; a < 6; a++) {

@@ -194,8 +194,8 @@ INLINE Place place_of(const Surfaces *s, const double *pose, const Frame *frame)
   return p;
 }
 
-INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, const double *weights,
-                           PatchLoads *out) {
+INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, int order, int with_gap,
+                           const double *weights, PatchLoads *out) {
   const Surfaces *s = surfaces + patch;
   const Place place = place_of(s, pose, frame);
   Middle middle;
@@ -203,7 +203,8 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
   const int touching = middle_of(s, &place, &middle, &nearest);
   memset(out, 0, sizeof *out);
   if (touching && order == GAPS) nearest = nearest_to(s, &place, middle.spot.u, middle.spot.v);
-  if (!touching || order == GAPS) {
+  out->apart = !touching;
+  if (with_gap && (!touching || order == GAPS)) {
     Lanes arm[3], push[6];
     Ray ray;
     cast(s, &place, all(nearest.u), all(nearest.v), OWN_ARC, AT_START, &ray);

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.callback import contact_callback, model_callback
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
+from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function
 from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
@@ -255,8 +256,18 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
         derivatives = np.empty((*shape, 6, 6)) if slopes else None
-        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut)
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut, None, None)
         return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
+
+    def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        if self._library is None:
+            return super()._wrenches_and_roots(poses)
+        shape = (len(poses), len(self.patch_names))
+        wrenches, slopes, cut = np.empty((*shape, 6)), np.empty((*shape, 6, 6)), np.empty(shape, dtype=np.int32)
+        gaps, gap_slopes = np.zeros(shape), np.zeros((*shape, 6))
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, slopes, cut, gaps, gap_slopes)
+        roots = signed_roots(self.scene, wrenches, slopes, lambda rows: (gaps[rows], gap_slopes[rows]))
+        return wrenches, slopes, *roots
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
