@@ -15,7 +15,7 @@ import numpy as np
 from casadi_contact.conventions import Array, evenly, pose_text
 from casadi_contact.dataset import Samples
 from casadi_contact.quantities import FORCE, TORQUE, quantity, two_digits
-from casadi_contact.sampling.chunk import WrenchModel, evaluated
+from casadi_contact.sampling.chunk import WrenchModel, part_gaps, part_wrenches
 from casadi_contact.statics.settle import NOT_FINITE
 
 _LOADED, _FREE = 8, 2  # samples asked again
@@ -39,7 +39,8 @@ def refuse_other_loads(model: WrenchModel, samples: Samples, where: Path, tolera
     asked_of = ((np.flatnonzero(loaded), _LOADED), (np.flatnonzero(~loaded), _FREE))
     rows = np.concatenate([rows[evenly(len(rows), most)] for rows, most in asked_of])
     asked = samples.rows(rows)
-    wrenches, gaps = evaluated(model, asked.poses, len(asked.scene.parts))
+    parts = len(asked.scene.parts)
+    wrenches, gaps = part_wrenches(model, asked.poses, parts), part_gaps(model, asked.poses, parts)
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
     cure = f"give the model of then, choose another folder, or delete {where}"
     if 2 * int(finite.sum()) < len(rows):

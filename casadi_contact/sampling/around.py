@@ -6,7 +6,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array, Progress
 from casadi_contact.dataset import TEST, VALIDATION, Dropped, Samples
-from casadi_contact.sampling.chunk import WrenchModel, evaluated, reaches_edge
+from casadi_contact.sampling.chunk import WrenchModel, part_wrenches, reaches_edge
 from casadi_contact.scenes import Scene
 
 AROUND_MM, AROUND_RAD = 1.0, float(np.deg2rad(2.0))
@@ -45,21 +45,23 @@ def samples_around(
 def samples_at(
     model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None, *, rim: bool = False
 ) -> Samples:
-    """Poses (n, 6) with the model's loads; roles, dropped poses and progress as in `samples_around`. rim: those whose
-    contact runs off the elements belong to the samples as well."""
+    """Poses (n, 6) with the model's loads and no gaps, which take longer and tell nothing of a surrogate's errors;
+    roles, dropped poses and progress as in `samples_around`. rim: those whose contact runs off the elements belong to
+    the samples as well."""
     count, width = len(poses), len(scene.parts)
     role: Array = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)
-    parts, kept = [(np.zeros((0, width, 6)), np.zeros((0, width)))], np.ones(count, dtype=bool)  # of no poses
+    loads, kept = [np.zeros((0, width, 6))], np.ones(count, dtype=bool)  # of no poses
     for first in range(0, count, _AT_ONCE):
         rows = slice(first, first + _AT_ONCE)
         if not rim:
             kept[rows] = ~reaches_edge(model, poses[rows])
-        parts.append(evaluated(model, poses[rows][kept[rows]], width))
+        loads.append(part_wrenches(model, poses[rows][kept[rows]], width))
         if progress is not None:
             progress(min(first + _AT_ONCE, count), count)
-    wrenches, gaps = (np.concatenate(column) for column in zip(*parts, strict=True))
+    wrenches = np.concatenate(loads)
     finite = np.isfinite(wrenches).all(axis=(1, 2))
     kept[kept] = finite
     lost = Dropped(poses[~kept], domain[~kept])
-    return Samples(scene, poses[kept], wrenches[finite], gaps[finite], domain[kept], role[kept], dropped=lost)
+    gaps = np.full((int(finite.sum()), width), np.nan)
+    return Samples(scene, poses[kept], wrenches[finite], gaps, domain[kept], role[kept], dropped=lost)

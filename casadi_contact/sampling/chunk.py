@@ -123,7 +123,8 @@ def draw_chunk(
     edge = reaches_edge(teacher, drawn.poses)  # first: it takes a tenth of the time of loads and gaps
     drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
     drawn.keep(~edge)
-    wrenches, gaps = evaluated(teacher, drawn.poses, len(settle_model.scene.parts))
+    parts = len(settle_model.scene.parts)
+    wrenches, gaps = part_wrenches(teacher, drawn.poses, parts), part_gaps(teacher, drawn.poses, parts)
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
     pulls, touches = _false_contact(settle_model.scene, chunk, wrenches)
     drawn.dropped[NOT_FINITE] += int((~finite).sum())
@@ -200,9 +201,8 @@ def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
     return np.asarray(teacher.at_edge(poses).any(axis=1))
 
 
-def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Array]:
-    """Wrenches (n, parts, 6) and gaps (n, parts), NaN where unknown; parts are patches for a model that does not tell
-    them apart.
+def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
+    """Wrenches (n, parts, 6); parts are patches for a model that does not tell them apart.
 
     Raises ValueError for such a model where the scene cuts patches into parts.
     """
@@ -212,5 +212,10 @@ def evaluated(teacher: WrenchModel, poses: Array, parts: int) -> tuple[Array, Ar
             f"the contact model tells {wrenches.shape[1]} patches apart, the scene {parts} parts: "
             "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
         )
+    return wrenches
+
+
+def part_gaps(teacher: WrenchModel, poses: Array, parts: int) -> Array:
+    """Gaps (n, parts), NaN where unknown."""
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
-    return wrenches, np.full(wrenches.shape[:2], np.nan) if gaps is None else gaps(poses)
+    return np.full((len(poses), parts), np.nan) if gaps is None else np.asarray(gaps(poses))
