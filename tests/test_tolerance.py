@@ -128,8 +128,8 @@ def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
     fits = {}
     for factor in (1.0, 1000.0):
         loose = SPHERE.with_tolerances(**{name: factor * value for name, value in SPHERE.tolerances.items()})
-        project = Project(loose, "quick", tmp_path / f"{factor:g}", own=Preset(1.0, efforts))
-        project.folder.mkdir()
+        project = Project(loose, "quick", tmp_path / "out", own=Preset(1.0, efforts))
+        project.folder.mkdir(exist_ok=True)
         drawn = replace(smooth_samples(240), provenance={"table": "smooth.csv", "table_digest": "0"})
         write_samples(project.samples_path, drawn)
         assert project.samples().scene.tolerances == SPHERE.tolerances

@@ -86,6 +86,12 @@ def on_disk(project: Project, path: Path | str) -> Surrogate | None:
     return surrogate if surrogate.scene.digest == project.scene.digest else None
 
 
+def _made(project: Project, path: Path) -> bool:
+    """Whether a surrogate lies there that was trained for the tolerances of now."""
+    surrogate = on_disk(project, path)
+    return surrogate is not None and surrogate.scene.tolerances == project.scene.tolerances
+
+
 def subset_of(samples: Samples, count: int | None) -> Samples:
     """All test rows and a random `count` of the others ([EF15 §3.5] fits a random subset), in their order."""
     learned = np.flatnonzero(samples.role != TEST)
@@ -111,11 +117,10 @@ def train_sizes(
     FileNotFoundError without samples, ValueError for samples of another scene.
     """
     wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
-    missing = [sized for sized in wanted if on_disk(project, sized_path(project, sized, loads)) is None]
+    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized, loads))]
     if missing:
         samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
-        folder = project.folder / "sizes"
-        writable_folder(folder)
+        writable_folder(project.folder / "sizes")
         command = project.command("chart")
         with worker_pool(executor) as workers:
             for sized in missing:
@@ -124,7 +129,7 @@ def train_sizes(
                     subset_of(samples, sized.samples),
                     sized.structure,
                     sized.efforts,
-                    folder / "training" / sized.stem,
+                    project.training_folder("sizes", sized.stem),
                     command,
                     sized.name,
                     update,

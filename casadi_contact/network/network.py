@@ -48,6 +48,11 @@ class Network:
         arrays = (self.input_shift, self.input_scale, *self.weights, *self.biases, np.array(self.output_scale))
         if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("network holds NaN or infinity in its weights or scales, expected finite numbers")
+        if not self.weights or not np.all(self.input_scale):
+            raise ValueError(
+                f"network of {len(self.weights)} layers has input scales {np.asarray(self.input_scale).tolist()}, "
+                "expected at least one layer, and no scale of 0"
+            )
 
     @property
     def hidden(self) -> tuple[int, ...]:

@@ -89,7 +89,7 @@ def train(
     paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
         efforts = project.preset.efforts[name]
-        folder, path = project.folder / "training" / name, project.surrogate_path(name)
+        folder, path = project.training_folder(name), project.surrogate_path(name)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(
                 project, samples, name, efforts, folder, command, name, update, workers, made=made, device=device

@@ -86,6 +86,11 @@ class Project:
         """Where the trained surrogate of a structure lies."""
         return self.folder / f"{structure}.h5"
 
+    def training_folder(self, *names: str) -> Path:
+        """Where the checkpoints of a training lie: a folder for the tolerances of now, since fits to others differ."""
+        tolerances = "-".join(f"{tolerance:g}" for tolerance in self.scene.tolerances.values())
+        return self.folder.joinpath(*names[:-1], "training", f"{names[-1]}-{tolerances}")
+
     @property
     def begun(self) -> bool:
         """True where the folder holds samples or a surrogate: then it speaks for itself, and nothing shipped does."""

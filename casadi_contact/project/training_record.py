@@ -14,6 +14,7 @@ from casadi_contact.project.project import Project, has_motion, read_motion
 from casadi_contact.structures import Surrogate
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training.arrays import device_name
+from casadi_contact.training.fit import FitOutcome
 
 _COURSE_POINTS = 60  # of a fit that the record keeps
 
@@ -26,27 +27,44 @@ def training_record(
     return {
         **samples_record(samples),
         **({} if odd is None else {"odd_rows": odd}),
-        "training_errors": {name: fit.rms for name, fit in fits.items()},
+        **fits_record(fits),
         "test_errors": domain_errors(surrogate, samples),
         "command": command,
         "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
+        "machine": {**machine_record(), **({} if device == "cpu" else {"device": device_name(device)})},
+    }
+
+
+def fits_record(fits: Mapping[str, FitOutcome]) -> dict[str, Any]:
+    """What the record says of the fits alone."""
+    return {
+        "training_errors": {name: fit.rms for name, fit in fits.items()},
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
         "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
-        "machine": {**machine_record(), **({} if device == "cpu" else {"device": device_name(device)})},
     }
+
+
+def work_of_both(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """Work and time of networks that went on from others, whose record may not tell theirs."""
+    both = {}
+    for key in ("gflop", "seconds"):
+        spent, later = before.get(key, {}), record[key]
+        both[key] = {name: round(spent.get(name, 0.0) + later.get(name, 0.0), 1) for name in {**spent, **later}}
+    return both
 
 
 def gone_on(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     """The record of networks that went on from others: work and time are those of both, dropped shares the former's,
     since of what a round draws only the worst is kept; all else is the later's."""
-    both = {}
-    for key in ("gflop", "seconds"):
-        spent, later = before[key], record[key]
-        both[key] = {name: round(spent.get(name, 0.0) + later.get(name, 0.0), 1) for name in {**spent, **later}}
     added = sum(record["samples"].values()) - sum(before["samples"].values())
-    return {**record, **both, "dropped": before["dropped"], "active": [*before.get("active", []), added]}
+    return {
+        **record,
+        **work_of_both(before, record),
+        "dropped": before["dropped"],
+        "active": [*before.get("active", []), added],
+    }
 
 
 def _course(history: Mapping[str, Any]) -> dict[str, list[float]]:

@@ -196,7 +196,7 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
 def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
     """True (n,) where contact reaches the edge of the elements: it is cut there where the grid happens to end, no part
     of the joint [EF15 §2.2]. False for a model that cannot tell."""
-    if not hasattr(teacher, "at_edge"):
+    if not hasattr(teacher, "at_edge") or not len(poses):
         return np.zeros(len(poses), dtype=bool)
     return np.asarray(teacher.at_edge(poses).any(axis=1))
 
@@ -206,7 +206,9 @@ def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
 
     Raises ValueError for such a model where the scene cuts patches into parts.
     """
-    wrenches = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
+    if not len(poses):
+        return np.zeros((0, parts, 6))  # a user's own model need not know what to say of no poses
+    wrenches: Array = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
     if wrenches.shape[1] != parts:
         raise ValueError(
             f"the contact model tells {wrenches.shape[1]} patches apart, the scene {parts} parts: "
@@ -218,4 +220,4 @@ def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
 def part_gaps(teacher: WrenchModel, poses: Array, parts: int) -> Array:
     """Gaps (n, parts), NaN where unknown."""
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
-    return np.full((len(poses), parts), np.nan) if gaps is None else np.asarray(gaps(poses))
+    return np.full((len(poses), parts), np.nan) if gaps is None or not len(poses) else np.asarray(gaps(poses))

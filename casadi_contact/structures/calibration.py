@@ -38,6 +38,7 @@ _LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
 BOX_MARGIN = 0.015  # of the sampled range of an insensitive pose parameter: twice so far beyond it validity is 0.5
 CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
 _LEAST_DROPPED = 20  # of fewer no border can be learned
+_OF_THE_MODEL = ("model_errors", "model_errors_against")  # keys of the record
 _LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
 
 
@@ -89,16 +90,18 @@ def with_trust(
     unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
     trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led)), **_model_errors(model)}
+    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led))}
+    if model is not None:  # what was known of another model is not known of this one
+        record = {key: value for key, value in record.items() if key not in _OF_THE_MODEL} | _model_errors(model)
     return kind(surrogate.scene, surrogate.networks, record, trust)
 
 
-def _model_errors(model: WrenchModel | None) -> dict[str, Any]:
+def _model_errors(model: WrenchModel) -> dict[str, Any]:
     """What a foundation was found to be off by when it was chosen: no error on samples includes it."""
     measured = getattr(model, "record", {})
     if "rms" not in measured or "against" not in measured:
         return {}
-    return {"model_errors": dict(measured["rms"]), "model_errors_against": str(measured["against"])}
+    return dict(zip(_OF_THE_MODEL, (dict(measured["rms"]), str(measured["against"])), strict=True))
 
 
 def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples | None]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ def fitted_rows(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
 def nonempty(what: str, rows: np.ndarray) -> None:
     """Raises ValueError if no row is left."""
     if not rows.any():
-        raise ValueError(f"samples hold no row for {what}, expected at least one: draw samples first")
+        raise ValueError(f"samples hold no row for {what}, expected at least one: draw them, or add them to the table")
 
 
 def finite(name: str, values: Array) -> Array:

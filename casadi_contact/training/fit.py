@@ -54,8 +54,14 @@ def check(regression: Regression) -> None:
     name, rows = regression.name, len(regression.inputs)
     if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
         raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
+    if regression.spots < 1 or (np.ndim(regression.targets) > 1 and regression.outputs < 2):
+        raise ValueError(
+            f"regression {name}: {regression.spots} spots and targets of shape {np.shape(regression.targets)}, "
+            "expected at least 1 spot, and targets (n,) of one output"
+        )
     per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
-    for column, expected in (("targets", per_row), ("weights", per_row), ("validation", (rows,))):
+    wanted = [("targets", per_row), ("weights", per_row), ("validation", (rows,))]
+    for column, expected in [*wanted, *([] if regression.domain is None else [("domain", (rows,))])]:
         shape = np.shape(getattr(regression, column))
         if shape != expected:
             raise ValueError(f"regression {name}: {column} has shape {shape}, expected {expected} like the inputs")
@@ -70,8 +76,9 @@ def check(regression: Regression) -> None:
                 f"regression {name}: {column} holds {values[bad][0]} at row {np.argwhere(bad)[0][0]}, "
                 "expected finite numbers"
             )
-    if np.asarray(regression.validation).dtype != bool:
-        raise ValueError(f"regression {name}: validation is {regression.validation.dtype}, expected True or False")
+    kind = getattr(regression.validation, "dtype", type(regression.validation).__name__)
+    if str(kind) != "bool":
+        raise ValueError(f"regression {name}: validation is {kind}, expected an array of True and False")
     training = ~regression.validation
     if (regression.weights < 0.0).any() or not (regression.weights[training] > 0.0).any():
         raise ValueError(f"regression {name}: expected weights of 0 or more, and above 0 in some training row")

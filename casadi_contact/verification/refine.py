@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -13,12 +13,16 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.dataset.errors import domain_errors
+from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.project.training_record import fits_record, work_of_both
 from casadi_contact.sampling import SamplePoint, SamplingSettings
 from casadi_contact.sampling.around import samples_around
 from casadi_contact.sampling.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
+from casadi_contact.training.fit import FitOutcome
+from casadi_contact.training.parts_fit import fit_parts
 from casadi_contact.verification.verify import Verification, verify
 
 SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn
@@ -28,6 +32,7 @@ KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new on
 _LEAST_KNOWN = 12_000
 _TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, because a few rows must be good among many
 
+Asked = TypeVar("Asked", Regression, PartsRegression)
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
 
@@ -71,7 +76,7 @@ def refine(
     ``record["pose_range"]``: frames that this leaves unsolved fail, and the range grows with the samples around them.
     samples: what the surrogate was trained on. model: verifies, settles and labels the new samples
     (`per_frame` static analyses around each failing frame). gflop: budget of each network in each round, see
-    `TrainingSettings`.
+    `TrainingSettings`; root loads of a patch's parts have theirs together.
     progress(text) is told each step. Nothing given is changed.
 
     Raises ValueError like `verify` and `with_trust`, for another answer of solve than a tuple of two, and where no new
@@ -148,6 +153,31 @@ def _drawn_around(
     return Samples(scene, **drawn)
 
 
+def _fitted_on(
+    surrogate: Surrogate, samples: Samples, gflop: float
+) -> tuple[dict[str, Network], dict[str, FitOutcome]]:
+    """The networks trained on, and their fits by name. Root loads of a patch's parts go on together, for what the whole
+    patch carries: alone they would unlearn it."""
+
+    def asked(regression: Asked) -> Asked:
+        return replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
+
+    networks, fits = dict(surrogate.networks), dict[str, FitOutcome]()
+    together = {name for patch in surrogate.parts_regressions(samples) for name in patch.names}
+    for regression in surrogate.regressions(samples):
+        if regression.name not in together:
+            start = networks[regression.name]
+            settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
+            result = fits[regression.name] = fit(asked(regression), settings, start=start)
+            networks[regression.name] = result.network
+    for patch in type(surrogate)(surrogate.scene, networks).parts_regressions(samples):
+        settings = TrainingSettings(max_gflop=len(patch.names) * gflop)
+        starts = [networks[name] for name in patch.names]
+        of_parts = fits[patch.name] = fit_parts(asked(patch), settings, None, None, starts)
+        networks |= of_parts.networks
+    return networks, fits
+
+
 def _trained_on(
     surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
 ) -> Surrogate:
@@ -156,16 +186,13 @@ def _trained_on(
     count = max(KNOWN_PER_NEW * len(new), _LEAST_KNOWN)
     kept = np.sort(rng.permutation(len(known))[:count])
     some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS})
-    networks, errors = {}, {}
-    for regression in surrogate.regressions(some.join_samples(new)):
-        start = surrogate.networks[regression.name]
-        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
-        wanted = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
-        result = fit(wanted, settings, start=start)
-        networks[regression.name], errors[regression.name] = result.network, result.rms
-    everything, kind = known.join_samples(new), type(surrogate)
-    record = {**surrogate.record, **samples_record(everything), "training_errors": errors}
-    record["refined"] = int(record.get("refined", 0)) + 1
+    networks, fits = _fitted_on(surrogate, some.join_samples(new), gflop)
+    everything, kind, before = known.join_samples(new), type(surrogate), surrogate.record
+    of_fits = fits_record(fits)
+    record = {**before, **samples_record(everything), **of_fits, **work_of_both(before, of_fits)}
+    record["refined"] = int(before.get("refined", 0)) + 1
+    if not before.get("refined"):
+        record["command"] = f"cc.refine in Python, of what this makes: {before.get('command', 'not known')}"
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
     around = samples_around(everything, model, count=len(everything) // 3)
     return with_trust(kind(surrogate.scene, networks, record), everything, around, model)

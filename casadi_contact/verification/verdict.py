@@ -160,6 +160,7 @@ def judge(
     another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
+    ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     expected = uncounted = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
@@ -168,11 +169,9 @@ def judge(
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)
         errors[np.isnan(errors)] = np.inf
-        name = type(model).__name__
+        errors[alone], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
             name, uncounted = model.label, uncounted_share(model, poses)
-    ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
-    errors[alone] = 0.0
     allowed = ALLOWED * tried.scene.tolerances_of(names)
     return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted)
 

@@ -1,6 +1,7 @@
 """A tiny real front: sizes trained and kept, everything measured, a size chosen for fewer loads."""
 
 import json
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
@@ -15,7 +16,7 @@ from casadi_contact.benchmark import at_hand, unseen_walking
 from casadi_contact.benchmark.candidate import Candidate
 from casadi_contact.benchmark.choose import SAME_TIME
 from casadi_contact.benchmark.front_file import SECONDS, read_front
-from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of
+from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of, train_sizes
 from casadi_contact.contact import ElasticFoundation, Rays
 from casadi_contact.dataset import TEST
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
@@ -61,6 +62,19 @@ def project(tmp_path_factory):
     finally:
         patch.undo()
         del PRESETS["tiny"]
+
+
+def test_sizes_are_trained_anew_for_other_tolerances_and_kept_for_the_same(project, tmp_path):
+    shutil.copytree(project.folder, tmp_path / "out")
+    half = project.scene.with_tolerances(**{name: 0.5 * most for name, most in project.scene.tolerances.items()})
+    other = replace(project, scene=half, folder=tmp_path / "out")
+    wanted, times = chart_surrogates(TINY.chart, half)[:1], []
+    for _ in range(2):
+        with ThreadPoolExecutor(1) as here:
+            (path,) = train_sizes(other, wanted, executor=here)
+        assert cc.load_surrogate(path).scene.tolerances == half.tolerances
+        times.append(path.stat().st_mtime_ns)
+    assert times[0] == times[1]
 
 
 @pytest.fixture(scope="module")

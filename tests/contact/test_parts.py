@@ -8,7 +8,8 @@ from casadi_contact.contact import CellFoundation, Cells
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
-from casadi_contact.structures import PatchSurrogate
+from casadi_contact.structures import PatchSurrogate, with_trust
+from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit_all
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
@@ -152,3 +153,22 @@ def test_a_part_without_elements_is_refused(tmp_path):
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [6.95]")
     with pytest.raises(ValueError, match="the part med_2 holds no element: check split_z"):
         cc.ElasticFoundation(scene, (10, 5)).part_wrenches(poses_about(1))
+
+
+def test_refinement_trains_root_loads_of_parts_together(tmp_path):
+    """Alone they would unlearn what they carry together."""
+    scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.5]")
+    model, poses = cc.ElasticFoundation(scene), poses_about(600, seed=1)
+    role = np.tile(np.array([TRAIN, TRAIN, TRAIN, VALIDATION, TEST], np.uint8), 120)
+    wrenches, gaps = model.part_wrenches(poses), model.part_gaps(poses)
+    samples = Samples(scene, poses, wrenches, gaps, np.ones(len(poses), np.uint8), role)
+    fits = fit_all(PatchSurrogate.regressions(samples), lambda _: TrainingSettings(sizes=((5, 5),), max_iterations=20))
+    networks = {name: fit.network for name, fit in fits.items()}
+    surrogate = with_trust(PatchSurrogate(scene, networks, samples_record(samples)), samples)
+    refined = cc.refine(surrogate, samples, lambda _: (poses[:4], np.ones(4, bool)), model, rounds=1, gflop=0.02)
+    record = refined.surrogate.record
+    assert "together_med" in record["stop_reasons"]
+    assert not {"root_med_1", "root_med_2"} & set(record["stop_reasons"])
+    assert "root_lat" in record["stop_reasons"]
+    for name in ("root_med_1", "root_med_2"):
+        assert (refined.surrogate.networks[name].weights[0] != networks[name].weights[0]).any()

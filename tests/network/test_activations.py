@@ -136,6 +136,14 @@ def test_an_unknown_activation_is_refused_everywhere():
         TrainingSettings(activation="relu")
 
 
+def test_a_network_without_layers_or_with_a_scale_of_zero_is_refused():
+    layers = {"weights": (np.ones((1, 2)),), "biases": (np.zeros(1),)}
+    with pytest.raises(ValueError, match=r"1 layers has input scales \[1.0, 0.0\], expected .* no scale of 0"):
+        Network(np.zeros(2), np.array([1.0, 0.0]), **layers)
+    with pytest.raises(ValueError, match=r"0 layers .* expected at least one layer"):
+        Network(np.zeros(2), np.ones(2), (), ())
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_network_with_weights_that_are_not_finite_is_refused(value):
     network = initial_network(smooth().inputs, smooth().targets, (3,), "tanh", seed=0)

@@ -173,6 +173,33 @@ class Rimmed(TwoSpheres):
         return (centres[..., 2] - self.scene.anchors_mm[:, 2] > 0.2) & (self.gaps(poses) < 0.0)
 
 
+class AllRim(Rimmed):
+    """Every pose reaches the edge: nothing is asked, of no poses either."""
+
+    def at_edge(self, poses):
+        return np.ones((len(poses), 2), dtype=bool)
+
+    def wrenches(self, poses):
+        raise AssertionError
+
+    gaps = wrenches
+
+
+def test_where_all_contact_reaches_the_edge_the_model_is_not_asked(tmp_path):
+    settings = SamplingSettings(counts={"D1": 20}, frames=21, most_dropped=1.0)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(
+            knee(),
+            sphere_motion(),
+            tmp_path / "s.h5",
+            settings=settings,
+            executor=executor,
+            models=lambda scene, settings: (TwoSpheres(scene), AllRim(scene)),
+        )
+    assert len(samples) == 0
+    assert samples.provenance["dropped"] == {"D1": {"contact reaches the edge of the elements": 20}}
+
+
 def rimmed_models(scene, settings):
     return TwoSpheres(scene), Rimmed(scene)
 

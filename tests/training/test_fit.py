@@ -184,7 +184,11 @@ def test_numbers_that_are_none_are_refused_by_name(column, bad):
         ({"weights": np.zeros(400)}, "expected weights of 0 or more"),
         ({"weights": -np.ones(400)}, "expected weights of 0 or more"),
         ({"validation": np.ones(400, bool)}, "above 0 in some training row"),
-        ({"validation": np.ones(400)}, "expected True or False"),
+        ({"validation": np.ones(400)}, "expected an array of True and False"),
+        ({"validation": [False] * 400}, "validation is list, expected an array"),
+        ({"domain": np.ones(3)}, "domain has shape"),
+        ({"targets": np.ones((400, 1)), "weights": np.ones((400, 1))}, r"expected .* targets \(n,\) of one output"),
+        ({"spots": 0}, "0 spots .* expected at least 1"),
         ({"tolerance": np.nan}, "tolerance"),
     ],
 )

@@ -54,6 +54,9 @@ def solve(surrogate):
 
 def test_a_case_outside_the_learned_region_is_brought_to_tolerance(start):
     surrogate, samples = start
+    of_another = {"model_errors": {"Fy": 0.1}, "model_errors_against": "rays", "gflop": {"root_contact": 7.0}}
+    record = {**surrogate.record, **of_another, "command": "casadi-contact build sphere_on_plane"}
+    surrogate = type(surrogate)(SCENE, surrogate.networks, record, surrogate.trust)
     before = {name: network.weights[0].copy() for name, network in surrogate.networks.items()}
     told = []
     result = cc.refine(surrogate, samples, solve, MODEL, rounds=5, gflop=5.0, progress=told.append)
@@ -68,6 +71,12 @@ def test_a_case_outside_the_learned_region_is_brought_to_tolerance(start):
     assert result.surrogate.record["refined"] == len(result.added)
     assert solve(result.surrogate)[1].all()
     assert told
+    record = result.surrogate.record
+    assert record["command"] == "cc.refine in Python, of what this makes: casadi-contact build sphere_on_plane"
+    assert set(record["stop_reasons"]) == set(record["gflop"]) == set(record["seconds"]) == set(surrogate.networks)
+    rounds = len(result.added)
+    assert 7.0 < record["gflop"]["root_contact"] < 7.0 + 6.0 * rounds, "of what was before as well"
+    assert not {"model_errors", "model_errors_against"} & set(record), "they were another model's"
     for name, weights in before.items():
         np.testing.assert_array_equal(surrogate.networks[name].weights[0], weights, "the given one is unchanged")
 

@@ -22,25 +22,28 @@ TRIAL_POINTS = 1000
 
 
 class RadialBasis:
-    """Loads by an interpolator on scaled poses; neighbours None: all `count` points take part in every call."""
+    """Loads by an interpolator on scaled poses, of the pose parameters that vary; neighbours None: all `count` points
+    take part in every call."""
 
     def __init__(self, data: TrainingSet, count: int, kernel: str, neighbours: int | None = None) -> None:
         self.load_names, self._limits = data.load_names, data.limits
-        self._shift, self._inverse = data.centre, 1.0 / data.spread
-        poses = (data.poses[:count] - self._shift) * self._inverse
-        self._interpolator = RBFInterpolator(poses, data.loads[:count], neighbors=neighbours, kernel=kernel)
-        self._z = np.empty((1, 6))
+        self._varying = np.flatnonzero(np.ptp(data.poses, axis=0) > 0.0)
+        self._shift, self._inverse = data.centre[self._varying], 1.0 / data.spread[self._varying]
+        self._interpolator = RBFInterpolator(
+            self._scaled(data.poses[:count]), data.loads[:count], neighbors=neighbours, kernel=kernel
+        )
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, L)."""
-        return self._limits.hold(self._interpolator((as_poses(poses) - self._shift) * self._inverse))
+        return self._limits.hold(self._interpolator(self._scaled(as_poses(poses))))
 
     def one(self, pose: Array) -> Array:
         """Loads (L) of one pose."""
-        np.subtract(pose, self._shift, out=self._z[0])
-        np.multiply(self._z, self._inverse, out=self._z)
-        loads: Array = self._interpolator(self._z)[0]
+        loads: Array = self._interpolator(self._scaled(np.asarray(pose)[None]))[0]
         return self._limits.hold(loads)
+
+    def _scaled(self, poses: Array) -> Array:
+        return np.asarray((poses[:, self._varying] - self._shift) * self._inverse)
 
 
 def best_kernel(data: TrainingSet) -> str:

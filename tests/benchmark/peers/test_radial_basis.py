@@ -34,6 +34,17 @@ def test_the_smoothest_kernel_is_chosen_for_a_smooth_function(data):
     assert best_kernel(data) == "quintic"
 
 
+@pytest.mark.parametrize("neighbours", [None, 60])
+def test_pose_parameters_that_never_vary_are_left_out(neighbours):
+    """As a scene locks them."""
+    samples = smooth_samples(800)
+    samples.poses[:, [2, 4]] = [0.3, -0.1]
+    data = TrainingSet.of(samples, NAMES)
+    model = RadialBasis(data, 300, best_kernel(data), neighbours)
+    np.testing.assert_allclose(model(data.poses[:50]), data.loads[:50], atol=1e-6 * data.load_scale[1].max())
+    np.testing.assert_allclose(model.one(data.poses[3]), model(data.poses[3:4])[0], rtol=1e-9)
+
+
 def test_too_few_samples_are_refused_in_words():
     with pytest.raises(ValueError, match="too few for radial basis functions"):
         best_kernel(TrainingSet.of(smooth_samples(8), NAMES))
