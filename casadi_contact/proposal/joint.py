@@ -78,8 +78,8 @@ def joint_of(pair: Pair, meeting: Meeting, regions: Regions, kind: str | None = 
     expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
     if count != expected:
         raise ValueError(
-            f"the bodies come near each other in {count} places side by side, a {kind} in {expected}: choose another "
-            f"--joint, or cut the meshes to the surfaces that touch"
+            f"the bodies come near each other in {'one place' if count == 1 else f'{count} places side by side'}, a "
+            f"{kind} in {expected}: choose another --joint, or cut the meshes to the surfaces that touch"
         )
     if kind == "other":
         names: Sequence[str] = ("contact",) if count == 1 else [f"p{k + 1}" for k in range(count)]

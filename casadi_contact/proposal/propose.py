@@ -148,6 +148,11 @@ def _drafted(
     if pair.carrying < pair.scale or (units is None and pair.scale < 1.0):
         untold.insert(0, _small(pair, meshes["fixed"], unit))
     told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
+    if sight.regions.passed_over and kind is None:
+        untold.append(
+            "a second place of contact, small and clearly apart: taken for part of the one patch (--joint knee or "
+            "patella makes two patches)"
+        )
     if sight.places > len(joint.patches):
         told.append(f"the bodies touch in {sight.places} places, one patch: turning shifts no load between them")
     shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}

@@ -23,7 +23,9 @@ _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a sad
 _ABOUT_COS, _ABOUT = 0.985, 0.9  # of a ball's socket most is seen within 10 degrees, of a groove half within 10 to 16
 _WALLS, _LEFT = 0.02, 0.2  # of what comes near, for a notch's axis to be needed; of that, what may be unseen from there
 _ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
-_LEAST_SHARE = 0.1  # of all that comes near, for a patch
+LEAST_SHARE = 0.1  # of all that comes near, for a patch
+SMALL_SHARE = 0.03  # for one that is asked for: beside a socket that fits closely the other condyle touches little
+_EMPTY = 0.1  # of the lower of two peaks: where so little comes near, even a small place is one of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,8 @@ class Regions:
     anchors. hollow: whether the fixed body is a cup about the centre. cup_mm (3,): from where all of a cup or of a
     notch with steep walls is seen: the centre, or the nearest point on the notch's axis; None for other bodies.
     centred: whether most of the moving normals there run through the anchors, as all of a ball's do and few of a
-    spool's, which turns about an axis."""
+    spool's, which turns about an axis. passed_over: whether a small place beside, clearly parted, counts as part of the
+    one patch."""
 
     weight: Array
     axis: int | None
@@ -46,6 +49,7 @@ class Regions:
     hollow: bool
     cup_mm: Array | None
     centred: bool
+    passed_over: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -54,10 +58,10 @@ class Regions:
         return np.searchsorted(self.cuts_mm, points_mm[:, self.axis], side="right")
 
 
-def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
+def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True, least_share: float = LEAST_SHARE) -> Regions:
     """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
-    there are valleys between places. What lies about one centre, as a ball's socket, is one patch whatever pit or notch
-    it has: no turn shifts load within it."""
+    there are valleys between places, to each side at least this share of all that comes near. What lies about one
+    centre, as a ball's socket, is one patch whatever pit or notch it has: no turn shifts load within it."""
     centre, pivot = _centre_and_pivot(pair, meeting)
     touched = []
     for angles in itertools.product(np.radians(_TURNS_DEG), repeat=3):
@@ -72,11 +76,13 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
     parted = parted and float(weight @ (np.abs(facing) > _ABOUT_COS)) < _ABOUT * float(weight.sum())
     across = [axis for axis in range(3) if parted and axis != int(np.abs(meeting.pressing).argmax())]
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
+    there, emptiest = pair.areas_mm2 * (pair.normals @ meeting.pressing < 0), 1.0
     for axis in across:
-        there = pair.areas_mm2 * (pair.normals @ meeting.pressing < 0)
-        depth, cuts = _valleys(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
+        along = _along(pair.points_mm[:, axis], weight, there, pair.scale * _BIN_MM)
+        depth, cuts = _valleys(*along, least_share)
         if cuts and depth < best[0]:
             best = (depth, axis, cuts)
+        emptiest = min(emptiest, _valleys(*along, SMALL_SHARE)[0])
     seen, straight = (float(weight @ (facing > least)) for least in (LEAST_UPWARD, _STRAIGHT))
     hollow = seen > _HOLLOW * float(weight.sum()) and straight > 0.5 * float(weight.sum())
     found = Regions(
@@ -89,6 +95,7 @@ def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True) -> Regions:
         hollow=hollow,
         cup_mm=centre if hollow else _within_notch(pair, weight, centre, meeting.pressing),
         centred=True,
+        passed_over=best[1] is None and emptiest < _EMPTY,
     )
     patches = found.patch_of(pair.points_mm)
     rows, on_moving, slopes = (np.concatenate([each[k] for each in touched]) for k in range(3))
@@ -139,25 +146,27 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def _valleys(coordinate: Array, weight: Array, there: Array, bin_mm: float) -> tuple[float, tuple[float, ...]]:
-    """How deep the deepest valley is (share of its lower peak) and where the valleys lie [mm], of the share of the
-    surface that comes near along a coordinate. Where there is no surface, nothing comes near."""
+def _along(coordinate: Array, weight: Array, there: Array, bin_mm: float) -> tuple[Array, Array, Array]:
+    """Middles (m,) of bins along a coordinate [mm], what comes near there, and which share of the surface it is. Where
+    there is no surface, nothing comes near."""
     low, high = coordinate[weight > 0.0].min(), coordinate[weight > 0.0].max()
-    edges = np.arange(low, high + bin_mm, bin_mm)
-    if len(edges) < 4:
-        return 1.0, ()
+    edges = np.arange(low, max(high, low + bin_mm) + bin_mm, bin_mm)
     near, whole = (
         ndimage.gaussian_filter1d(np.histogram(coordinate, edges, weights=w)[0], _SMOOTH_BINS) for w in (weight, there)
     )
-    share = near / np.maximum(whole, 0.1 * whole.max())
-    middles, cuts, depth = 0.5 * (edges[1:] + edges[:-1]), [], 1.0
-    start = 0
+    return 0.5 * (edges[1:] + edges[:-1]), near, near / np.maximum(whole, 0.1 * whole.max())
+
+
+def _valleys(middles: Array, near: Array, share: Array, least_share: float) -> tuple[float, tuple[float, ...]]:
+    """How deep the deepest valley is (share of its lower peak) and where the valleys lie [mm], of what `_along` tells;
+    least_share: of all that comes near, to each side of a valley."""
+    cuts, depth, start = list[float](), 1.0, 0
     for k in range(1, len(share) - 1):
         if share[k] != share[max(start, 0) :].min() and not (share[k] <= share[k - 1] and share[k] < share[k + 1]):
             continue
         peak = min(share[start:k].max(initial=0.0), share[k + 1 :].max(initial=0.0))
         left, right = near[start:k].sum(), near[k + 1 :].sum()
-        if share[k] < _VALLEY * peak and min(left, right) > _LEAST_SHARE * near.sum():
+        if share[k] < _VALLEY * peak and min(left, right) > least_share * near.sum():
             cuts.append(float(middles[k]))
             depth, start = min(depth, share[k] / peak), k
     return depth, tuple(cuts)

@@ -14,7 +14,7 @@ from casadi_contact.proposal.damage import without_specks
 from casadi_contact.proposal.joint import Joint, joint_of, patches_part
 from casadi_contact.proposal.meeting import Meeting, check_moving_outside, meeting_of
 from casadi_contact.proposal.pair import Pair
-from casadi_contact.proposal.regions import Regions, regions_of
+from casadi_contact.proposal.regions import SMALL_SHARE, Regions, regions_of
 
 _TILTED_DEG = 15.0  # joints lie at lesser angles to the axes that they are drawn in
 
@@ -77,6 +77,8 @@ def _seen(meshes: Mapping[str, TriangleMesh], kind: str | None, turned: Array) -
     regions = regions_of(pair, meeting)
     if kind == "hip" and regions.hollow:
         regions = regions_of(pair, meeting, parted=False)
+    if kind in ("knee", "patella") and len(regions.anchors_mm) == 1:
+        regions = regions_of(pair, meeting, least_share=SMALL_SHARE)
     joint, places = joint_of(pair, meeting, regions, kind), len(regions.anchors_mm)
     if kind is None and places > 1 and not patches_part(pair, meeting, regions, joint):
         regions = regions_of(pair, meeting, parted=False)

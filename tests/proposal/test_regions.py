@@ -9,7 +9,7 @@ from casadi_contact.proposal.pair import Pair, axis_of_normals
 from casadi_contact.proposal.propose import _shell
 from casadi_contact.proposal.regions import regions_of
 from casadi_contact.proposal.sight import sight_of
-from tests.support.joint_meshes import POLE, ball_in_cup, button_on_groove, revolved, seen
+from tests.support.joint_meshes import POLE, ball_in_cup, button_on_groove, medial_pivot, revolved, seen
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, turn_to, unit
 from tests.support.shared_data import shared_file
 
@@ -154,3 +154,20 @@ def test_real_knees_have_two_patches_and_flex_backwards(moving, fixed, axes, tog
     assert abs(regions.cuts_mm[0]) < 3.0
     anchors = frame.points(regions.anchors_mm, "moving")
     assert np.abs(np.abs(anchors[:, 2]) - 22.0).max() < 5.0  # condyles, medial and lateral
+
+
+def test_a_small_place_beside_a_close_socket_is_told_and_parted_where_a_knee_is_asked_for():
+    """A medial pivot knee."""
+    meshes = dict(zip(("moving", "fixed"), medial_pivot(), strict=True))
+    alone, asked = sight_of(meshes), sight_of(meshes, "knee")
+    assert alone.joint.patches == ("contact",)
+    assert alone.regions.passed_over
+    assert asked.joint.patches == ("med", "lat")
+    assert asked.regions.axis == 2
+    np.testing.assert_allclose(asked.regions.cuts_mm, [-3.0], atol=5.0)
+    np.testing.assert_allclose(np.sort(asked.regions.anchors_mm[:, 2]), [-22.0, 22.0], atol=1.5)
+
+
+@pytest.mark.parametrize("meshes", [ball_in_cup, button_on_groove])
+def test_nothing_is_passed_over_where_there_is_one_place_or_two(meshes):
+    assert not seen(*meshes())[1].passed_over
