@@ -104,7 +104,11 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
             raise ValueError(f"{path} has the column {got}, expected {wanted}: {cure}")
         for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
             if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
-                raise ValueError(f"{path} has the column {got}, expected {columns[name]}: rename it")
+                patches = ", ".join(scene.patch_names)
+                raise ValueError(
+                    f"{path} has the column {got}, expected {columns[name]}: rename it, or, since it is a knee's, take "
+                    f"a scene with the patches med and lat (scene {scene.name} has {patches})"
+                )
     if not any(columns[name] in table.header for name in known):
         raise ValueError(
             f"{path} has no load of scene {scene.name}, expected some of "

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
+from hashlib import sha256
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -88,7 +90,7 @@ class Project:
 
     def training_folder(self, *names: str) -> Path:
         """Where the checkpoints of a training lie: a folder for the tolerances of now, since fits to others differ."""
-        tolerances = "-".join(f"{tolerance:g}" for tolerance in self.scene.tolerances.values())
+        tolerances = sha256(json.dumps(self.scene.tolerances, sort_keys=True).encode()).hexdigest()[:8]
         return self.folder.joinpath(*names[:-1], "training", f"{names[-1]}-{tolerances}")
 
     @property
