@@ -23,7 +23,7 @@ _STRAIGHT = 0.85  # cos of the angle at which most of it is seen there: of a sad
 _ABOUT_COS, _ABOUT = 0.985, 0.9  # of a ball's socket most is seen within 10 degrees, of a groove half within 10 to 16
 _WALLS, _LEFT = 0.02, 0.2  # of what comes near, for a notch's axis to be needed; of that, what may be unseen from there
 _ROUND = 0.95  # of what touches, for the moving body to bulge there: a ball all of it, a saddle some half
-LEAST_SHARE = 0.1  # of all that comes near, for a patch
+_LEAST_SHARE = 0.1  # of all that comes near, for a patch
 SMALL_SHARE = 0.03  # for one that is asked for: beside a socket that fits closely the other condyle touches little
 _EMPTY = 0.1  # of the lower of two peaks: where so little comes near, even a small place is one of its own
 
@@ -58,7 +58,7 @@ class Regions:
         return np.searchsorted(self.cuts_mm, points_mm[:, self.axis], side="right")
 
 
-def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True, least_share: float = LEAST_SHARE) -> Regions:
+def regions_of(pair: Pair, meeting: Meeting, *, parted: bool = True, least_share: float = _LEAST_SHARE) -> Regions:
     """Turn the moving body a little about every axis, let it touch, and note what comes near; parted: in patches, where
     there are valleys between places, to each side at least this share of all that comes near. What lies about one
     centre, as a ball's socket, is one patch whatever pit or notch it has: no turn shifts load within it."""

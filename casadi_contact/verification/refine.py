@@ -32,7 +32,7 @@ KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new on
 _LEAST_KNOWN = 12_000
 _TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, because a few rows must be good among many
 
-Asked = TypeVar("Asked", Regression, PartsRegression)
+_Asked = TypeVar("_Asked", Regression, PartsRegression)
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
 
@@ -159,7 +159,7 @@ def _fitted_on(
     """The networks trained on, and their fits by name. Root loads of a patch's parts go on together, for what the whole
     patch carries: alone they would unlearn it."""
 
-    def asked(regression: Asked) -> Asked:
+    def asked(regression: _Asked) -> _Asked:
         return replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
 
     networks, fits = dict(surrogate.networks), dict[str, FitOutcome]()
