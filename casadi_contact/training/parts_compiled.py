@@ -127,7 +127,8 @@ class CompiledParts:
             *((ctypes.c_void_p * count)(*(arrays[k].ctypes.data for k in numbers)) for arrays in (given, totals)),
             _pointer(room),
         )
-        return [size * self._unit**2 * total.sum(axis=1, dtype=np.float64) for total in totals]
+        ones = np.ones(self._lanes)  # a product sums short rows in an eighth of `sum`'s time
+        return [size * self._unit**2 * (total.astype(np.float64) @ ones) for total in totals]
 
     def gram(self, number: int, rows: np.ndarray, scales: Array) -> Array:
         """JᵀJ (upper triangle) of a part's root load on these ascending rows, which matter, each times its scale."""

@@ -75,7 +75,7 @@ class PartsMlp:
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each parameter of a part and row that matters to it."""
-        self.flop += 2 * products * int(self._matters.sum(axis=0) @ self._sizes)
+        self.flop += 2 * products * self._parameters_that_matter
 
     def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
@@ -87,6 +87,7 @@ class PartsMlp:
     def accept(self, parameters: Array) -> Array:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
         self._matters = (self._weights != 0.0) | (self._tried > 0.0)
+        self._parameters_that_matter = int(self._matters.sum(axis=0) @ self._sizes)
         slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
         self._effects = np.sqrt((slopes**2).sum(axis=2) + self._weights**2)
         of_patch, of_roots = np.split(self._tried_residuals, [slopes.shape[2]], axis=1)
