@@ -87,6 +87,14 @@ def finite_numbers(value: Any) -> Array | None:
     return numbers if np.isfinite(numbers).all() else None
 
 
+def check_above_zero(**settings: Any) -> None:
+    """Raise ValueError, naming it, for a setting that is no finite number above 0."""
+    for name, value in settings.items():
+        number = finite_numbers(value)
+        if number is None or number.shape != () or number <= 0.0:
+            raise ValueError(f"{name} is {value!r}, expected a finite number above 0")
+
+
 def evenly(count: int, most: int) -> np.ndarray:
     """Up to `most` of the numbers 0 ... count - 1, spread evenly, both ends among them.
 

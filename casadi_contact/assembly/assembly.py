@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring
-from casadi_contact.conventions import Array
+from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring, check_size
+from casadi_contact.conventions import Array, finite_numbers
 from casadi_contact.optimisation import generalised_forces, total_selection
 from casadi_contact.quantities import FORCE, Kind, quantity
 from casadi_contact.shapes.checks import identifier
 from casadi_contact.transcription.frames import placed, relative_pose, rotation
+from casadi_contact.transcription.functions import check_name
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class Assembly:
     """Bodies (each with six degrees of freedom in the ground), and what acts between them and the ground.
 
     start: poses (6,) [mm, rad] of the free bodies by name, in the order in which functions take them. Raises
-    ValueError for a body that is not there, for names that are not distinct, and for a contact whose scene locks or
-    ties pose parameters: nothing holds the bodies so.
+    ValueError for a start of another shape, for a body that is not there, for names that are not distinct, and for a
+    contact whose scene locks or ties pose parameters: nothing holds the bodies so.
     """
 
     name: str
@@ -43,6 +44,8 @@ class Assembly:
                 f"assembly {self.name} has the bodies {', '.join(known)} and the parts {', '.join(names)}, "
                 "expected at least one free body, and names that differ"
             )
+        for body, pose in self.start.items():
+            check_size(f"assembly {self.name}: the start of {body}", pose, 6)
         for contact in self.contacts:
             contact.model.scene.pose_space.check_whole(f"assembly {self.name}: the contact {contact.name}")
         for spring in self.springs:
@@ -91,7 +94,7 @@ class Assembly:
         poses = ca.MX.sym("poses", 6, len(self.bodies))
         loads = [self._contact_loads(contact, poses) for contact in self.contacts]
         tensions = [ligament.tension(self._along(ligament, poses)[0]) for ligament in self.ligaments]
-        return ca.Function(name, [poses], [ca.vertcat(*loads, *tensions)], ["poses"], ["loads"])
+        return ca.Function(check_name(name), [poses], [ca.vertcat(*loads, *tensions)], ["poses"], ["loads"])
 
     def forces(self, name: str = "assembly_forces") -> ca.Function:
         """casadi.Function poses (6 x bodies), tensions (pulls) [N] -> generalised forces (6 x bodies) [N, N·mm].
@@ -116,7 +119,7 @@ class Assembly:
             k = self.bodies.index(spring.body)
             found[k] -= ca.DM(spring.stiffness) * (poses[:, k] - ca.DM(spring.rest))
         names = ["poses", "tensions"], ["forces"]
-        return ca.Function(name, [poses, tensions], [ca.horzcat(*found)], *names)
+        return ca.Function(check_name(name), [poses, tensions], [ca.horzcat(*found)], *names)
 
     def contact(self, name: str) -> Contact:
         """A contact by its name; ValueError where there is none."""
@@ -128,14 +131,16 @@ class Assembly:
     def contact_poses(self, name: str, poses: ArrayLike) -> Array:
         """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6).
 
-        Raises ValueError for another shape, and for a contact that is not there.
+        Raises ValueError for another shape, for numbers that are not finite, and for a contact that is not there.
         """
         count, shape = len(self.bodies), np.shape(poses)
         if shape[-2:] != (count, 6) or len(shape) > 3 or 0 in shape:
             raise ValueError(f"poses has shape {shape}, expected (n, {count}, 6): a pose of {', '.join(self.bodies)}")
+        if (numbers := finite_numbers(poses)) is None:
+            raise ValueError("poses are not all finite, real numbers")
         q = ca.MX.sym("q", 6, count)
         pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
-        stacked = np.asarray(poses, dtype=float).reshape(-1, 6)
+        stacked = numbers.reshape(-1, 6)
         return np.asarray(pose.map(len(stacked) // count)(stacked.T)).T
 
     def contact_pose(self, contact: Contact, poses: ca.MX) -> ca.MX:
@@ -150,7 +155,7 @@ class Assembly:
 
     def _contact_loads(self, contact: Contact, poses: ca.MX) -> ca.MX:
         """Named loads of a contact (L)."""
-        function = contact.model.function(name=f"{contact.name}_loads", compiled=True)
+        function = contact.model.function(name=contact.function_name, compiled=True)
         return function(self.contact_pose(contact, poses))
 
     def _in_ground(self, contact: Contact, poses: ca.MX) -> ca.MX:

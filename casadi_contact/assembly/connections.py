@@ -12,15 +12,24 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import Array
+from casadi_contact.conventions import Array, check_above_zero, finite_numbers
+from casadi_contact.transcription.functions import check_name
 
 _TOE = 0.03  # strain at which fibres are straight
+
+
+def check_size(what: str, value: Any, size: int) -> None:
+    """Raise ValueError unless the value is `size` finite numbers."""
+    numbers = finite_numbers(value)
+    if numbers is None or numbers.shape != (size,):
+        raise ValueError(f"{what} is {value!r}, expected {size} finite numbers")
 
 
 @dataclass(frozen=True)
 class Contact:
     """A contact model between a fixed and a moving body of an assembly; each frame (6,) [mm, rad] places the model's
-    own body frame on that of the assembly."""
+    own body frame on that of the assembly. Raises ValueError for other frames, and for a name that no function can
+    have."""
 
     name: str
     model: SymbolicContact
@@ -28,6 +37,19 @@ class Contact:
     moving: str
     fixed_frame: Array = field(default_factory=lambda: np.zeros(6))
     moving_frame: Array = field(default_factory=lambda: np.zeros(6))
+
+    def __post_init__(self) -> None:
+        try:
+            check_name(self.function_name)
+        except ValueError:
+            raise ValueError(f"contact {self.name!r}: expected letters, digits and single underscores") from None
+        check_size(f"{self.name}: fixed_frame", self.fixed_frame, 6)
+        check_size(f"{self.name}: moving_frame", self.moving_frame, 6)
+
+    @property
+    def function_name(self) -> str:
+        """Of its loads, in CasADi and C."""
+        return f"{self.name}_loads"
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -37,11 +59,15 @@ class Contact:
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line between a point (3,) [mm] of one body and one of another."""
+    """A straight line between a point (3,) [mm] of one body and one of another. Raises ValueError for other points."""
 
     name: str
     bodies: tuple[str, str]
     points_mm: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        for point in self.points_mm:
+            check_size(f"{self.name}: a point", point, 3)
 
 
 @dataclass(frozen=True)
@@ -50,10 +76,18 @@ class Ligament(Line):
     J Biomech Eng 113 (1991) 263-269, as OpenSim's Blankevoort1991Ligament without its damping),
 
     0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = 0.03, k = stiffness_n [N]
+
+    Raises ValueError also for a stiffness or a slack length that is not above 0.
     """
 
     stiffness_n: float
     slack_length_mm: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above_zero(
+            **{f"{self.name}: stiffness_n": self.stiffness_n, f"{self.name}: slack_length_mm": self.slack_length_mm}
+        )
 
     def tension(self, length: Any) -> Any:
         """Tension [N] at a length [mm], once continuously differentiable, as a CasADi expression."""
@@ -69,9 +103,14 @@ class Pull(Line):
 
 @dataclass(frozen=True)
 class Spring:
-    """Linear springs on the pose of one body in the ground: generalised forces -stiffness·(pose - rest), each (6,)."""
+    """Linear springs on the pose of one body in the ground: generalised forces -stiffness·(pose - rest), each (6,).
+    Raises ValueError for other sizes."""
 
     name: str
     body: str
     stiffness: Array
     rest: Array
+
+    def __post_init__(self) -> None:
+        check_size(f"{self.name}: stiffness", self.stiffness, 6)
+        check_size(f"{self.name}: rest", self.rest, 6)

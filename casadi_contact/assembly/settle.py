@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.assembly import Assembly
-from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, finite_numbers, pose_index
+from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, check_above_zero, finite_numbers, pose_index
 from casadi_contact.files import short
 
 _FIRST_STEP_S = 1e-4
@@ -133,5 +133,6 @@ def settle_assembly(
     body; tensions [N] of the pulls; max_iterations: steps at most, none where 0. Raises ValueError for unknown names,
     where nothing is free and for wrong numbers; what does not converge is reported, not raised.
     """
+    check_above_zero(tolerance=tolerance)
     settle = Settling(assembly, free)
     return settle(poses, applied, tensions, tolerance=tolerance, max_iterations=max_iterations)

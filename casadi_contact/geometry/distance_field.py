@@ -100,7 +100,7 @@ def field_fits(mesh: TriangleMesh, spacing_mm: float) -> bool:
 def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
     """Nodes (3,) along x, y and z."""
     size = np.ptp(mesh.vertices_mm, axis=0) + 2.0 * MARGIN_MM
-    return np.asarray(np.ceil(size / spacing_mm).astype(int) + 1)
+    return np.maximum(np.ceil(size / spacing_mm).astype(int) + 1, 4)  # as many as a cubic takes
 
 
 def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float) -> Array:

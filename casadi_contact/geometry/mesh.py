@@ -86,14 +86,17 @@ def checked_mesh(
     """Merge equal vertices, drop degenerate and repeated triangles; refuse what cannot work (see `load_mesh`)."""
     if units not in MM_PER_UNIT:
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
-    vertices, faces = np.asarray(vertices, dtype=float).reshape(-1, 3), np.asarray(faces, dtype=np.int64)
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64)
+    for what, array in (("vertices", vertices), ("triangles", faces)):
+        if array.size and (array.ndim != 2 or array.shape[1] != 3):
+            raise ValueError(f"mesh {name}: its {what} have shape {array.shape}, expected (n, 3)")
     if not len(vertices) or not len(faces):
         raise ValueError(
             f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles: is the file "
             "whole?"
         )
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError(f"mesh {name}: a triangle names vertex {faces.max()} of {len(vertices)}: the file is damaged")
+    if len(wrong := faces[(faces < 0) | (faces >= len(vertices))]):
+        raise ValueError(f"mesh {name}: a triangle names vertex {wrong[0]} of {len(vertices)}: the file is damaged")
     vertices, faces = _used_vertices(name, vertices, faces)
     vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
     faces = placement.faces(faces)

@@ -29,6 +29,8 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
         if kind == "stl":
             _check_stl_size(whole)
         elif kind == "obj":
+            whole = re.sub(rb"#[^\r\n]*", b"", whole).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            _check_corners(whole)
             whole = _with_absolute_indices(whole)
         else:
             _check_ply_lines(whole)
@@ -45,18 +47,27 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
 
 def _check_stl_size(content: bytes) -> None:
     """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
-    claimed = int.from_bytes(content[80:84], "little")
-    if not _is_ascii_stl(content) and len(content) != 84 + 50 * claimed:
-        raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {84 + 50 * claimed}")
+    claimed = _claimed(content)
+    if not _is_ascii_stl(content) and len(content) != _size_of(claimed):
+        raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {_size_of(claimed)}")
+
+
+def _claimed(content: bytes) -> int:
+    return int.from_bytes(content[80:84], "little")
+
+
+def _size_of(triangles: int) -> int:
+    return 84 + 50 * triangles
 
 
 def _is_ascii_stl(content: bytes) -> bool:
-    return b"facet" in content[:1000].lower()
+    """By its words, which the header of a binary file may hold as well."""
+    return b"facet" in content[:1000].lower() and len(content) != _size_of(_claimed(content))
 
 
 def _check_facets(content: bytes, read: int) -> None:
     """Raise ValueError for ASCII STL of which facets were not read: those of a solid that is cut short."""
-    begun = len(re.findall(rb"\bfacet\s+normal\b", content, re.IGNORECASE))
+    begun = len(re.findall(rb"^\s*facet\s+normal\b", content, re.IGNORECASE | re.MULTILINE))
     if begun != read:
         raise ValueError(f"{begun} facets begin and {read} end in a whole solid")
 
@@ -77,6 +88,14 @@ def _check_ply_lines(content: bytes) -> None:
         if count and first_property[1] == b"list" and len(last := rows[count - 1].split()) <= int(last[0]):
             raise ValueError(f"it ends in a {name} with {len(last) - 1} of {int(last[0])} corners")
         rows = rows[count:]
+
+
+def _check_corners(content: bytes) -> None:
+    """Raise ValueError for a face of an OBJ file with fewer than three corners, which trimesh would leave out."""
+    for number, line in enumerate(content.splitlines(), start=1):
+        words = line.split()
+        if words[:1] == [b"f"] and len(words) < 4 and not line.rstrip().endswith(b"\\"):
+            raise ValueError(f"line {number} is a face of {len(words) - 1} corners, expected three or more")
 
 
 def _with_absolute_indices(content: bytes) -> bytes:

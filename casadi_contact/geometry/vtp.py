@@ -35,7 +35,7 @@ def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
             points = _array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
             strips = piece.find("Strips/DataArray") is not None and piece.get("NumberOfStrips") != "0"
             if not strips or piece.find("Polys/DataArray") is not None:
-                faces.append(_fans(*_cells(root, piece, "Polys")) + offset)
+                faces.append(_fans(points, *_cells(root, piece, "Polys")) + offset)
             if strips:
                 faces.append(_strips(*_cells(root, piece, "Strips")) + offset)
             vertices.append(points)
@@ -103,10 +103,20 @@ def _decode_start(text: str, size: int) -> bytes:
     return base64.b64decode(text[: 4 * -(-size // 3)])[:size]
 
 
-def _fans(connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Polygon (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ..."""
+def _fans(points: Array, connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Polygon (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ...; ValueError where one folds back: the polygon is
+    not convex."""
     first, k = _triangles(connectivity, offsets)
-    return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)].astype(np.int64)
+    triangles = connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)].astype(np.int64)
+    if len(triangles) and triangles.min() >= 0 and triangles.max() < len(points):  # else it is refused for that
+        a, b, c = points[triangles.T]
+        areas = np.cross(b - a, c - a)
+        starts = np.flatnonzero(k == 0)
+        wholes = np.repeat(np.add.reduceat(areas, starts), np.diff([*starts, len(k)]), axis=0)
+        if (folded := (areas * wholes).sum(axis=1) < -1e-6 * (wholes**2).sum(axis=1)).any():
+            at = triangles[folded.argmax(), 0]
+            raise ValueError(f"a polygon at vertex {at} is not convex: save the mesh as triangles")
+    return triangles
 
 
 def _strips(connectivity: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -114,14 +114,14 @@ def _arrays(
     arrays: dict[str, np.ndarray] = {"kernel": np.frombuffer(page_kernel(contact, surrogate), dtype=np.uint8)}
     named = dict(zip(contact.patch_names, surfaces, strict=True))
     behind = [surface.coarse.behind(contact.scene.material.thickness) for surface in surfaces]
-    parts = {name: surface.triangles for name, surface in named.items()}
+    parts = {f"patch_{name}": surface.triangles for name, surface in named.items()}  # a patch may be named "moving"
     for name, part in {**parts, "behind": Triangles.together(behind), "moving": moving}.items():
         arrays[f"{name}_points"] = np.round(part.points_mm, 2).astype(np.float32)
         arrays[f"{name}_normals"] = np.round(part.normals, 2).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in named.items():
-        arrays[f"{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
-        arrays[f"{name}_places"] = surface.places
+        arrays[f"patch_{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
+        arrays[f"patch_{name}_places"] = surface.places
     return arrays
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.conventions import Array
 
 _LARGEST = 1e15  # squares of more drown all else; 1e20, 1e30 and the like stand for a missing value in other programs
+_LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm was taken for one in m
 _LARGEST_ANGLE_RAD = 3.5  # beyond 200 degrees of flexion an angle is in other units
 
 
@@ -18,6 +19,14 @@ def check_radians(where: str, column: str, angles: Array) -> None:
     caller says so."""
     if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE_RAD:
         raise ValueError(f"{_before(where)}{column} reaches {largest:g}, expected radians: is it in degrees?")
+
+
+def check_lengths(where: str, column: str, lengths_mm: Array) -> None:
+    """ValueError for lengths (n,) [mm] of a column beyond 1 m; where: as in `check_radians`."""
+    if (largest := float(np.abs(lengths_mm).max())) > _LARGEST_LENGTH_MM:
+        raise ValueError(
+            f"{_before(where)}{column} reaches {largest:g} mm, expected a joint's: is the file in mm, and not in m?"
+        )
 
 
 def check_size(where: str, column: str, numbers: Array) -> None:

@@ -38,7 +38,9 @@ class TextColumns:
         values = lost = 0
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
-                for number, row in enumerate(csv.reader(file), start=1):
+                lines = csv.reader(file)
+                for row in lines:
+                    number = lines.line_num  # a quoted cell may hold the end of a line
                     if not any(cell.strip() for cell in row):
                         lost = lost or (number if len(row) > 1 else 0)
                         continue

@@ -21,7 +21,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.files import short
-from casadi_contact.motion.checks import check_radians, checked_curves
+from casadi_contact.motion.checks import check_lengths, check_radians, checked_curves
 from casadi_contact.motion.columns import TextColumns, write_columns
 from casadi_contact.motion.load_cycle import OverTime
 from casadi_contact.quantities import quantity
@@ -37,7 +37,8 @@ _SEED = 2015
 @dataclass(frozen=True)
 class JointCycle(OverTime):
     """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
-    (n,). Raises ValueError as `checked_curves` does, for no load, and for angles that are too large for radians."""
+    (n,). Raises ValueError as `checked_curves` does, for no load, for angles that are too large for radians, and for
+    lengths beyond 1 m."""
 
     name: str
     time_s: Array
@@ -55,6 +56,8 @@ class JointCycle(OverTime):
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
             check_radians(f"cycle {self.name}", quantity(name).column, self.pose[name])
+        for name in (*sorted({"tx", "ty", "tz"} & set(self.pose)), *self.centres):
+            check_lengths(f"cycle {self.name}", name, checked[name])
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""

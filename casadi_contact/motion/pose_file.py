@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, Array, as_poses
-from casadi_contact.motion.checks import check_radians, check_rising
+from casadi_contact.motion.checks import check_lengths, check_radians, check_rising
 from casadi_contact.motion.columns import TextColumns, write_columns
 from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.quantities import quantity
@@ -16,7 +16,6 @@ from casadi_contact.quantities import quantity
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"
 _COLUMNS = tuple(quantity(name).column for name in POSE_NAMES)  # tx_mm ... rz_rad
-_LARGEST_LENGTH_MM = 1000.0  # no joint's bodies are a metre apart: a file in mm was taken for one in m
 
 
 def read_poses(path: str | Path) -> Array:
@@ -80,9 +79,8 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
         check_rising("", curves[TIME])
     for name, angles in zip(POSE_NAMES[3:], poses.T[3:], strict=True):
         check_radians("", name, angles)
-    for name, size in zip(POSE_NAMES[:3], np.abs(poses[:, :3]).max(axis=0), strict=True):
-        if size > _LARGEST_LENGTH_MM:
-            raise ValueError(f"{name} reaches {size:g} mm, expected a joint's: is the file in mm, and not in m?")
+    for name, lengths in zip(POSE_NAMES[:3], poses.T[:3], strict=True):
+        check_lengths("", name, lengths)
     return poses
 
 

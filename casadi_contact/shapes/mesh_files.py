@@ -48,7 +48,7 @@ ELEMENTS = ("grid", "triangles")
 OPEN_EDGES = ("cut", "rim")
 SHELLS = ("outer", "whole")
 MOST_SPOTS = 64
-_LEAST_SPACING_MM = 1e-3  # far finer than fits into memory
+_SPACINGS_MM = {"low": 1e-3, "high": 1.5}  # far finer than fits into memory; a joint's surface is lost between nodes
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
 _LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
@@ -95,9 +95,9 @@ def check_mesh_geometry(table: object) -> dict[str, Any]:
 
 def _spacing(value: object) -> float | dict[str, float]:
     if not isinstance(value, Mapping):
-        return number("geometry.spacing", value, low=_LEAST_SPACING_MM)
+        return number("geometry.spacing", value, **_SPACINGS_MM)
     each = table_of("geometry.spacing", value, BODIES, complete=True)
-    return {body: number(f"geometry.spacing.{body}", each[body], low=_LEAST_SPACING_MM) for body in BODIES}
+    return {body: number(f"geometry.spacing.{body}", each[body], **_SPACINGS_MM) for body in BODIES}
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:

@@ -21,8 +21,11 @@ _DISC = 1.4  # diameter of an element's disc over its side: neighbours leave no 
 
 
 def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> None:
-    """Write a picture of one pose, or a strip of up to MOST_FRAMES of several poses (n, 6), evenly spaced."""
+    """Write a picture of one pose, or a strip of up to MOST_FRAMES of several poses (n, 6), evenly spaced.
+    Raises ValueError for no pose."""
     poses = as_poses(poses)
+    if not len(poses):
+        raise ValueError("there is no pose to draw, expected one or more")
     chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_FRAMES)).round().astype(int))
     save(_one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen), path)
 

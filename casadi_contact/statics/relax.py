@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, rotation
+from casadi_contact.conventions import WRENCH_NAMES, Array, angular_velocity_map, check_above_zero, rotation
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 from casadi_contact.statics.settle import NOT_FINITE, SettleReport
@@ -155,8 +155,10 @@ def relax(
     after end_time [s] is reported, not raised. So is one on whose way the model's loads are not finite: it ends where
     they last were, or stays at its start. Needs as many targets as free parameters.
 
-    Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`.
+    Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`,
+    and for a damping or an end that is not above 0.
     """
+    check_above_zero(tolerance=tolerance, damping=damping, end_time=end_time)
     poses = start_copy(model, poses)
     equations = Equilibrium.of(model, len(poses), free, targets)
     model = equations.model

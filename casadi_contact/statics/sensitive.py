@@ -53,6 +53,8 @@ def sensitive_directions(
     of_load = newton_scales(model.load_names, lever_mm)
     of_pose = np.array([1.0] * 3 + [lever_mm] * 3)
     scaled = model.scene.pose_space.along(model.jacobian(poses)[1][0]) / of_load[:, None] / of_pose
+    if not np.isfinite(scaled).all():
+        raise ValueError("the model's loads are not finite at this pose, expected a pose at which it gives numbers")
     if not scaled.any():
         raise ValueError("no load changes at this pose, expected a pose in contact")
     columns = np.linalg.norm(scaled, axis=0)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, Progress
+from casadi_contact.conventions import Array, Progress, check_above_zero
 from casadi_contact.quantities import quantity, three_digits
 from casadi_contact.statics.equilibrium import Equilibrium, start_copy
 
@@ -72,9 +72,11 @@ def settle(
     What the scene locks or ties is put in place at the start, and tied parameters follow the free ones in every step:
     all poses lie in the scene's pose space. progress(done, all) is called in every step: poses settled, or given up.
 
-    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets, and for a free
-    parameter that the scene locks or ties; a pose that does not converge is reported, not raised.
+    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets, a tolerance that
+    is not above 0, and for a free parameter that the scene locks or ties; a pose that does not converge is reported,
+    not raised.
     """
+    check_above_zero(tolerance=tolerance)
     poses = start_copy(model, poses)
     count = len(poses)
     equations = Equilibrium.of(model, count, free, targets)

@@ -14,7 +14,7 @@ from casadi_contact.quantities import beside, three_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
 from casadi_contact.verification.uncertain_load import uncounted_share
-from casadi_contact.verification.verify import loads_on
+from casadi_contact.verification.verify import loads_on, true_of_each
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
@@ -160,7 +160,7 @@ def judge(
     another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
-    ended, alone = (_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
+    ended, alone = (true_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     expected = uncounted = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
@@ -174,11 +174,3 @@ def judge(
             name, uncounted = model.label, uncounted_share(model, poses)
     allowed = ALLOWED * tried.scene.tolerances_of(names)
     return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted)
-
-
-def _of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:
-    """Truth of each pose (n,)."""
-    truth = np.asarray(value, dtype=bool)
-    if truth.shape not in ((), (count,)):
-        raise ValueError(f"{key} has shape {truth.shape}, expected one for each of {count} poses, or one for all")
-    return np.broadcast_to(truth, count)

@@ -110,20 +110,31 @@ def verify(
     poses = as_poses(poses)
     if not len(poses):
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
-    if solved is not None and np.shape(solved) != (len(poses),):
-        raise ValueError(f"solved has shape {np.shape(solved)}, expected ({len(poses)},), one for each pose")
+    ended = true_of_each("solved", True if solved is None else solved, len(poses))
     validity, expected = np.ones(len(poses)), np.zeros((len(poses), len(surrogate.load_names)))
     if isinstance(surrogate, Surrogate):
         validity, expected = surrogate.validity(poses), surrogate.expected_error(poses)
     return Verification(
         surrogate.load_names,
         poses,
-        np.ones(len(poses), dtype=bool) if solved is None else np.asarray(solved, dtype=bool),
+        ended,
         surrogate(poses) - loads_on(model, poses, surrogate.load_names),
         surrogate.scene.tolerances_of(surrogate.load_names),
         validity,
         expected,
     )
+
+
+def true_of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:
+    """Truth of each pose (n,), given for each or for all; ValueError for another shape, and for other than True, False,
+    1 and 0."""
+    given = np.asarray(value)
+    if given.dtype.kind not in "biuf" or not np.isin(given, (0, 1)).all():
+        raise ValueError(f"{key} holds {given.ravel()[0] if given.size else given.dtype}, expected True or False")
+    truth = given.astype(bool)
+    if truth.shape not in ((), (count,)):
+        raise ValueError(f"{key} has shape {truth.shape}, expected one for each of {count} poses, or one for all")
+    return np.broadcast_to(truth, count)
 
 
 def loads_on(model: ContactModel, poses: Array, names: Sequence[str]) -> Array:

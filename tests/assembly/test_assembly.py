@@ -298,3 +298,24 @@ def test_a_hostile_file_is_refused_in_one_line(sound, hostile, said, tmp_path):
     assert said in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
     assert str(refused.value).isprintable()
+
+
+def test_parts_made_in_python_are_refused_as_those_of_a_file_are(knee):
+    contact = knee.contacts[0]
+    with pytest.raises(ValueError, match=r"contact 'tib__fem': expected letters, digits and single underscores"):
+        replace(contact, name="tib__fem")
+    with pytest.raises(ValueError, match=r"fixed_frame is .*, expected 6 finite numbers"):
+        replace(contact, fixed_frame=np.zeros(3))
+    with pytest.raises(ValueError, match=r"spring: stiffness is .*, expected 6 finite numbers"):
+        Spring("spring", "femur", np.zeros(3), np.zeros(6))
+    ends = (np.zeros(3), np.ones(3))
+    with pytest.raises(ValueError, match="slack_length_mm is 0, expected a finite number above 0"):
+        Ligament("ligament", ("femur", "tibia"), ends, 1000.0, 0)
+    with pytest.raises(ValueError, match=r"pull: a point is .*, expected 3 finite numbers"):
+        Pull("pull", ("femur", "tibia"), (np.zeros(2), np.ones(3)))
+    with pytest.raises(ValueError, match=r"the start of femur is .*, expected 6 finite numbers"):
+        replace(knee, start={**knee.start, "femur": np.full(6, np.nan)})
+    with pytest.raises(ValueError, match="poses are not all finite, real numbers"):
+        knee.contact_poses(contact.name, np.full((len(knee.bodies), 6), 1j))
+    with pytest.raises(ValueError, match="function name 'my loads' is not usable"):
+        knee.function("my loads")

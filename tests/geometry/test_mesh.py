@@ -298,3 +298,13 @@ def test_rays_hit_the_first_triangle_in_double_precision():
     distance, face = caster.first_hits(origins, directions)
     np.testing.assert_allclose(distance, [5.0, 4.0, np.inf], atol=1e-12)
     assert caster.leaves(directions, face).tolist() == [False, True, False]
+
+
+def test_arrays_of_other_shapes_and_vertices_that_are_not_there_are_named():
+    vertices, faces = ball_mesh(16.0, 4.0)
+    with pytest.raises(ValueError, match=r"its triangles have shape \(1, 4\), expected \(n, 3\)"):
+        checked_mesh("quads", vertices, np.array([[0, 1, 2, 3]]))
+    with pytest.raises(ValueError, match=r"its vertices have shape \(3, \d+\), expected \(n, 3\)"):
+        checked_mesh("columns", vertices.T, faces)
+    with pytest.raises(ValueError, match=r"names vertex -1 of"):
+        checked_mesh("below", vertices, np.vstack([faces, [[0, 1, -1]]]))

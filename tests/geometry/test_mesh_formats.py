@@ -178,3 +178,64 @@ def test_an_stl_file_of_several_solids_is_read_whole_or_refused(tmp_path):
     path.write_text(text[: int(0.8 * len(text))])
     with pytest.raises(ValueError, match="expected a whole STL file"):
         load_mesh(path, "mm")
+
+
+def test_a_binary_stl_file_may_have_any_words_in_its_header(tmp_path):
+    corners = BALL[0][BALL[1]].astype("<f4")
+    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    facets["corners"] = corners
+    head = b"solid Exported by a FacetModeller, facet normal".ljust(80) + len(corners).to_bytes(4, "little")
+    (tmp_path / "ball.stl").write_bytes(head + facets.tobytes())
+    whole_ball(tmp_path / "ball.stl")
+    (tmp_path / "named.stl").write_text(stl_solid("facet normal", BALL[0][BALL[1]]))
+    whole_ball(tmp_path / "named.stl")
+
+
+def test_obj_comments_and_line_ends_are_read_and_a_face_of_two_corners_is_refused(tmp_path):
+    vertices, faces = BALL
+    text = "".join(v(p) for p in vertices) + "".join("f {} {} {} # tri -1\n".format(*f) for f in faces + 1)
+    path = tmp_path / "ball.obj"
+    for end in ("\n", "\r\n", "\r"):
+        path.write_bytes(text.replace("\n", end).encode())
+        whole_ball(path)
+    lines = text.splitlines()
+    lines[len(vertices) + 4] = "f 1 2"
+    path.write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=rf"line {len(vertices) + 5} is a face of 2 corners"):
+        load_mesh(path, "mm")
+
+
+def prism_vtp(outline):
+    """A closed prism of polygons: its two ends, and a quadrilateral for each edge of the outline (n, 2)."""
+    n = len(outline)
+    points = [(x, y, z) for z in (0, 30) for x, y in outline]
+    polygons = [[*range(n)][::-1], [*range(n, 2 * n)], *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n))]
+    joined, ends = [k for polygon in polygons for k in polygon], np.cumsum([len(polygon) for polygon in polygons])
+    arrays = (("connectivity", joined), ("offsets", ends))
+    cells = "".join(
+        f'<DataArray type="Int64" Name="{name}" format="ascii">{" ".join(map(str, numbers))}</DataArray>'
+        for name, numbers in arrays
+    )
+    coordinates = " ".join(str(c) for point in points for c in point)
+    return (
+        f'<VTKFile type="PolyData" byte_order="LittleEndian"><PolyData><Piece NumberOfPoints="{len(points)}" '
+        f'NumberOfPolys="{len(polygons)}"><Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">'
+        f"{coordinates}</DataArray></Points><Polys>{cells}</Polys></Piece></PolyData></VTKFile>"
+    )
+
+
+@pytest.mark.parametrize("first", range(6))
+def test_polygons_become_triangles_of_the_same_area(first, tmp_path):
+    hexagon = [(20, 0), (40, 0), (60, 20), (40, 40), (20, 40), (0, 20)]
+    path = tmp_path / "prism.vtp"
+    path.write_text(prism_vtp(np.roll(hexagon, first, axis=0).tolist()))
+    a, b, c = np.moveaxis(load_mesh(path, "mm").corners_mm, 1, 0)
+    sides = 30.0 * np.linalg.norm(np.diff([*hexagon, hexagon[0]], axis=0), axis=1).sum()
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert area == pytest.approx(2 * 1600.0 + sides)
+
+
+def test_a_polygon_whose_fan_would_fold_back_is_refused(tmp_path):
+    (tmp_path / "l.vtp").write_text(prism_vtp([(60, 0), (60, 10), (10, 10), (10, 60), (0, 60), (0, 0)]))
+    with pytest.raises(ValueError, match="is not convex: save the mesh as triangles"):
+        load_mesh(tmp_path / "l.vtp", "mm")

@@ -3,6 +3,7 @@
 import base64
 import gzip
 import hashlib
+import json
 import re
 from importlib import resources
 
@@ -22,6 +23,7 @@ from casadi_contact.live.moving_body import MOST_TRIANGLES, fewer_triangles, mov
 from casadi_contact.live.triangles import Triangles
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.pose_file import write_poses
+from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, write_obj
 from tests.support.triangle_areas import area_vectors_mm2
 
 
@@ -135,6 +137,22 @@ def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_
 def test_a_surrogate_of_another_scene_is_refused():
     with pytest.raises(ValueError, match=r"trained for another scene \(knee\) than hip"):
         joint_page("hip", surrogate="knee")
+
+
+@pytest.mark.parametrize("patch", ["moving", "behind", "contact"])
+def test_a_patch_may_be_called_as_a_body_is(patch, tmp_path):
+    pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
+    write_obj(tmp_path / "ball.obj", *ball_mesh(30.0, 3.0))
+    write_obj(tmp_path / "plate.obj", *sheet_mesh(16.0, 2.0))
+    text = mesh_scene_text("ball.obj", "plate.obj", extra=f"[geometry.patches.{patch}]\n", grid=(20, 20))
+    (tmp_path / "scene.toml").write_text(text)
+    write_poses(np.zeros(1), [[0.0, 29.9, 0.0, 0.0, 0.0, 0.0]], tmp_path / "poses.csv")
+    html, _ = joint_page(str(tmp_path / "scene.toml"), str(tmp_path / "poses.csv"))
+    content = json.loads(re.search(r'id="content"[^>]*>(.*?)</script>', html, re.DOTALL)[1])
+    sizes = {entry["name"]: entry["count"] for entry in content["arrays"]}
+    ball = moving_body(cc.load_scene(tmp_path / "scene.toml"))
+    assert sizes["moving_points"] == ball.points_mm.size
+    assert 2 * sizes[f"patch_{patch}_points"] == sizes[f"patch_{patch}_places"]  # six numbers a point
 
 
 def test_the_library_that_draws_is_the_one_that_its_makers_published():

@@ -93,3 +93,9 @@ def test_no_file_and_a_folder_are_named(tmp_path):
         read_columns("none.csv", required=("x",), what="walk")
     with pytest.raises(FileNotFoundError, match="is a folder, expected a CSV file"):
         read_columns(tmp_path, required=("x",))
+
+
+def test_messages_name_the_line_of_the_file_whatever_quoted_cells_hold(tmp_path):
+    (tmp_path / "t.csv").write_text('x,note\n1.0,"two\nlines"\nno number,b\n')
+    with pytest.raises(ValueError, match="line 4"):
+        TextColumns.read(tmp_path / "t.csv").numbers("x")

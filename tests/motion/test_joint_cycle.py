@@ -147,3 +147,10 @@ def test_columns_in_other_units_are_refused_with_the_unit_that_is_expected(tmp_p
 def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said):
     with pytest.raises(ValueError, match=said):
         JointCycle("walk", time_s, pose, loads)
+
+
+def test_lengths_of_kilometres_are_a_file_in_other_units():
+    given = {"time_s": [0.0, 1.0], "loads": {"Fy": [500.0, 500.0]}}
+    for far in ({"pose": {"tx": [0.0, 5000.0]}}, {"pose": {}, "centres": {"cop_x": [0.0, -5000.0]}}):
+        with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*is the file in mm, and not in m"):
+            JointCycle("far", **{**given, **far})

@@ -209,3 +209,9 @@ def test_measured_poses_come_out_in_mm_and_rad():
     curves = mapped_curves(table, [ColumnMap.parse("knee_sup_r=ty"), ColumnMap.parse("knee_rot_r=rz")])
     assert 40.0 < curves["ty"].min() < curves["ty"].max() < 45.0
     assert -1.5 < curves["rz"].min() < 0.0
+
+
+def test_a_table_has_a_column_for_every_load_and_no_other():
+    for shape, names in (((2, 3), ("Fx", "Fy")), ((2, 1), ("Fx", "Fy")), ((2,), ("Fx",)), ((2, 2), ("Fx", "Fx"))):
+        with pytest.raises(ValueError, match=r"values has shape .* expected \(n, "):
+            loads_table([0.0, 1.0], np.ones(shape), names, "loads")

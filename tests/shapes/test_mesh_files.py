@@ -53,7 +53,12 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
         ('units = "mm"', 'units = "mm"\naxes = ["x", "y", "w"]', "expected three file axes"),
         ('units = "mm"', 'units = "mm"\ncolour = 1', r"unknown key geometry\.colour"),
         ('units = "mm"', 'units = "mm"\nspacing = 0.0', "geometry.spacing = 0.0"),
-        ('units = "mm"', 'units = "mm"\nspacing = 1e-9', "geometry.spacing = 1e-09, expected a number above 0.001"),
+        ('units = "mm"', 'units = "mm"\nspacing = 1e-9', "geometry.spacing = 1e-09, expected a number between 0.001"),
+        (
+            'units = "mm"',
+            'units = "mm"\nspacing = 3.0',
+            "geometry.spacing = 3.0, expected a number between 0.001 and 1.5",
+        ),
         ('units = "mm"', 'units = "mm"\nspacing = {moving = 0.5}', "geometry.spacing lacks fixed"),
         ('units = "mm"', 'units = "mm"\nspacing = {moving = 0.5, fixed = -1}', "geometry.spacing.fixed = -1"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nx = [2.0, 1.0]", "two rising numbers"),

@@ -83,3 +83,8 @@ def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
     assert out.read_bytes()[:4] == PNG
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
     assert "expected six numbers" in str(result.exception)
+
+
+def test_a_picture_of_no_pose_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="no pose to draw"):
+        draw_contact(cc.ElasticFoundation(cc.load_scene("sphere_on_plane")), np.zeros((0, 6)), tmp_path / "a.png")

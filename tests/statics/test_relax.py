@@ -98,3 +98,13 @@ def test_a_pose_that_moves_to_where_loads_are_not_finite_ends_at_the_border_and_
     assert model(rest)[1, 1] == pytest.approx(-50.0, abs=1e-3)
     np.testing.assert_array_equal(rest[2], starts[2])  # never finite: stays
     assert np.isfinite(report.residual[0])  # the loads where it ends, which are the last known
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, np.inf, "a"])
+@pytest.mark.parametrize("setting", ["tolerance", "damping", "end_time"])
+def test_settings_that_lead_nowhere_are_refused_at_once(knee, setting, wrong):
+    with pytest.raises(ValueError, match=f"{setting} is .*, expected a finite number above 0"):
+        cc.relax(knee, at(27.4), *PRESSED, **{setting: wrong})
+    if setting == "tolerance":
+        with pytest.raises(ValueError, match=r"tolerance is .*, expected a finite number above 0"):
+            cc.settle(knee, at(27.4), *PRESSED, tolerance=wrong)

@@ -70,3 +70,8 @@ def test_a_project_finds_what_its_scene_leaves_out_and_keeps_it(tmp_path):
     assert Project.open(other, "quick", tmp_path).scene.geometry["ball_radius"] == 23.0
     with pytest.raises(ValueError, match=r"leaves loads\.sensitive_pose out"):
         SamplePoint.of_scene(cc.load_scene("glenohumeral"))
+
+
+def test_a_pose_at_which_the_model_gives_no_numbers_is_refused():
+    with pytest.raises(ValueError, match="loads are not finite at this pose"):
+        cc.sensitive_directions(cc.foundation("knee"), [0.5, 1e200, 0.1, 0.0, 0.0, -0.3])

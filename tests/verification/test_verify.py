@@ -83,3 +83,9 @@ def test_mistakes_are_named(knee, poses):
         cc.verify(knee, poses, sphere)
     with pytest.raises(ValueError, match="calibrate"):
         cc.verify(random_surrogate(knee.scene, "patch"), poses, knee)
+
+
+@pytest.mark.parametrize("wrong", ["False", np.nan, 2.0])
+def test_what_is_no_truth_does_not_count_as_solved(knee, poses, wrong):
+    with pytest.raises(ValueError, match=r"solved holds .*, expected True or False"):
+        cc.verify(knee, poses[:1], knee, solved=[wrong])

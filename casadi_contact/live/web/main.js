@@ -182,9 +182,9 @@ async function begin() {
     corners: arrays[`${name}_corners`],
   });
   const surfaces = content.patches.map(({ name }) => ({
-    ...triangles(name),
-    coarse: arrays[`${name}_coarse`],
-    places: arrays[`${name}_places`],
+    ...triangles(`patch_${name}`),
+    coarse: arrays[`patch_${name}_coarse`],
+    places: arrays[`patch_${name}_places`],
   }));
   const models = await loadModels(arrays.kernel, {
     loads: content.loads.length,

@@ -113,7 +113,8 @@ def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
 
 
 def loads_table(time_s: ArrayLike, loads: Array, load_names: Sequence[str], name: str) -> Table:
-    """Loads (n, L) [N, N·mm] as an OpenSim table: forces in N, torques in N·m."""
+    """Loads (n, L) [N, N·mm] as an OpenSim table: forces in N, torques in N·m. Raises ValueError for another shape, and
+    for names that do not differ."""
     return _own_table(time_s, loads, load_names, name)
 
 
@@ -124,6 +125,11 @@ def _own_unit(kind: Kind) -> str:
 
 def _own_table(time_s: ArrayLike, values: Array, names: Sequence[str], title: str) -> Table:
     """Values (n, k) by name, in the library's units, as a table in OpenSim's."""
+    values = np.asarray(values, dtype=float)
+    if values.ndim != 2 or values.shape[1] != len(names) or len(set(names)) != len(names):
+        raise ValueError(
+            f"values has shape {values.shape}, expected (n, {len(names)}) of {', '.join(names)}, none twice"
+        )
     kinds = [quantity(name).kind for name in names]
     scales = [1.0 / UNITS[kind][_own_unit(kind)] for kind in kinds]
     columns = {name: values[:, k] * scale for k, (name, scale) in enumerate(zip(names, scales, strict=True))}
