@@ -22,6 +22,8 @@ def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.
     check_gives(model, "__call__", "jacobian")
 
     def loads(poses: torch.Tensor) -> torch.Tensor:
+        if not isinstance(poses, torch.Tensor):
+            raise ValueError(f"poses is a {type(poses).__name__}, expected a tensor: torch.tensor(poses).double()")
         check_last_axis(poses.shape)
         if poses.dtype != torch.float64 or poses.device.type != "cpu":
             raise ValueError(

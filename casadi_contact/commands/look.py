@@ -59,6 +59,7 @@ def show(
         expected = "six numbers tx,ty,tz,rx,ry,rz"
         shown = np.array([contact_pose(model) if pose is None else numbers(pose, "pose", expected)])
     path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
+    writable_folder(path.parent)
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
     console.print(f"picture{at} in {path}", highlight=False, soft_wrap=True)

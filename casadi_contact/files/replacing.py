@@ -33,7 +33,8 @@ def writable_folder(folder: Path) -> None:
 def replacing(path: Path, *, durable: bool = True) -> Iterator[Path]:
     """A path beside `path` to write to; it takes the place of `path` when the block ends well, else it is removed.
 
-    durable: wait until the disc has it. A link at `path` is replaced, and what it points to is as it was. Raises
+    durable: wait until the disc has it. Who may read and write a file at `path` stays as it was; a link is replaced,
+    and what it points to is as it was. Raises
     OSError in one line, naming `path`, where it cannot be written, and for a device, pipe or folder there; `path` is
     then as it was.
     """
@@ -46,6 +47,9 @@ def replacing(path: Path, *, durable: bool = True) -> Iterator[Path]:
         yield beside
         if durable:
             _to_disc(beside, os.O_RDWR)
+        if path.exists() and not path.is_symlink():
+            with suppress(OSError):  # not every file system can do this
+                shutil.copymode(path, beside)
         os.replace(beside, path)
         if durable:
             with suppress(OSError):  # not every file system can do this to a folder

@@ -1,7 +1,7 @@
 """Surfaces of the moving body as smooth signed distances, in the moving frame: negative inside the body.
 
-Three analytic families cover the parametric shapes, each the exact distance from a convex body and so a convex
-function, which the elastic foundation's culling relies on:
+Three analytic families cover the parametric shapes, each the exact distance from a convex body where it is not deeper
+than its least radius, and so a convex function there, which the elastic foundation's culling relies on:
 
 * swept arcs: a circle of radius r_f swept along tangent-continuous sagittal arcs of radii R_i about axes parallel
   to z: g = √((ρ_i - (R_i - r_f))² + (z - z_0)²) - r_f, with ρ_i the distance to axis i. Each arc is a torus piece;

@@ -37,8 +37,8 @@ _SEED = 2015
 @dataclass(frozen=True)
 class JointCycle(OverTime):
     """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
-    (n,). Raises ValueError as `checked_curves` does, for no load, for angles that are too large for radians, and for
-    lengths beyond 1 m."""
+    (n,). Raises ValueError as `checked_curves` does, for names of others, for no load, for angles too large for
+    radians, and for lengths beyond 1 m."""
 
     name: str
     time_s: Array
@@ -47,6 +47,12 @@ class JointCycle(OverTime):
     centres: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        unknown = [name for name in self.pose if name not in POSE_NAMES]
+        unknown += [name for name in (*self.loads, *self.centres) if name in POSE_NAMES]
+        if unknown:
+            raise ValueError(
+                f"cycle {self.name}: {', '.join(unknown)} given as a pose parameter or a load that it is not"
+            )
         curves = {"time_s": self.time_s, **self.pose, **self.loads, **self.centres}
         checked = checked_curves(self.name, curves)
         object.__setattr__(self, "time_s", checked["time_s"])

@@ -117,7 +117,7 @@ def _patch(key: str, table: object) -> dict[str, Any]:
 
 
 def _check_direction(key: str, direction: list[float]) -> None:
-    if not math.hypot(*direction) > 0.0:
+    if math.hypot(*direction) < 1e-6:
         raise fail(key, direction, "a direction, for example [0.0, -1.0, 0.0]")
 
 

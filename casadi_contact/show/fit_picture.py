@@ -10,13 +10,14 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array
 from casadi_contact.geometry import TriangleMesh
+from casadi_contact.quantities import three_digits
 from casadi_contact.shapes import shape_named
 from casadi_contact.shapes.mesh_bodies import body_field, body_mesh
 from casadi_contact.show.figure import discs, name_axes, new_figure, save
 from casadi_contact.show.view import View, view_of
 
 _UM_PER_MM = 1000.0
-_COLOURED_SHARE = 0.98  # of the vertices lie within the colour bar; those on sharp rims lie beyond
+_COLOURED_SHARE = 0.98  # of either body's vertices lie within the colour bar
 
 
 def surface_fits(model: ElasticFoundation) -> list[str]:
@@ -42,7 +43,8 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
         drawn = _vertices(axis, meshes[body], off_um[body], seen, largest)
         fit = fields[body].fit
         rms, most = _UM_PER_MM * fit.rms_mm, _UM_PER_MM * fit.largest_mm
-        axis.set_title(f"{body} body, seen towards {seen.name}: RMS {rms:.2g} µm, at most {most:.2g} µm", fontsize=9)
+        text = f"RMS {three_digits(rms)} µm, at most {three_digits(most)} µm"
+        axis.set_title(f"{body} body, seen towards {seen.name}\n{text}", fontsize=9)
     figure.colorbar(drawn, ax=axes, label="signed distance [µm], outside > 0", shrink=0.8, extend="both")
     figure.suptitle(f"{scene.name}: how far the meshes' vertices lie from the smooth surfaces", fontsize=10)
     save(figure, path)

@@ -1,5 +1,6 @@
 """Contact inside PyTorch: values, gradients and double backward are the model's own."""
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="the bridge needs casadi_contact[torch]")
@@ -49,6 +50,9 @@ def test_single_precision_other_shapes_what_is_not_finite_and_third_derivatives_
         loads(torch.tensor(POSES[:, :5]))
     with pytest.raises(ValueError, match=r"poses holds nan at row 0 \(tx\), expected finite numbers"):
         loads(torch.full((6,), torch.nan, dtype=torch.float64))
+    for foreign in (np.zeros(6), [0.0] * 6):
+        with pytest.raises(ValueError, match=r"expected a tensor: torch.tensor\(poses\)"):
+            loads(foreign)
     pose = torch.tensor(POSES[0], requires_grad=True)
     (first,) = torch.autograd.grad(loads(pose).square().sum(), pose, create_graph=True)
     (second,) = torch.autograd.grad(first.sum(), pose, create_graph=True)

@@ -89,6 +89,9 @@ def test_chunks_of_any_size_and_no_poses_at_all_give_the_same(device):
     np.testing.assert_array_equal(whole(poses), TorchFoundation(scene, GRID, device=device, poses_at_once=1)(poses))
     assert whole(poses[:0]).shape == (0, 7)
     assert whole(poses[0]).shape == (7,)
+    for wrong in (0, -1, 1.5):
+        with pytest.raises(ValueError, match=r"poses_at_once is .*, expected a whole number of 1 or more"):
+            TorchFoundation(scene, GRID, device=device, poses_at_once=wrong)
 
 
 def test_samples_are_drawn_as_on_the_processor(device, tmp_path):

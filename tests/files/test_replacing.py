@@ -40,3 +40,14 @@ def test_a_link_is_replaced_and_what_it_points_to_kept(tmp_path, before):
     write_text(link, "new")
     assert (link.read_text(), link.is_symlink()) == ("new", False)
     assert (old.read_text() if old.exists() else None) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="only POSIX systems have these modes")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444])
+def test_who_may_read_a_file_stays_as_it_was(tmp_path, mode):
+    path = tmp_path / "own.txt"
+    write_text(path, "before")
+    path.chmod(mode)
+    write_text(path, "after")
+    assert path.read_text() == "after"
+    assert path.stat().st_mode & 0o777 == mode

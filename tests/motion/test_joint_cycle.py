@@ -154,3 +154,9 @@ def test_lengths_of_kilometres_are_a_file_in_other_units():
     for far in ({"pose": {"tx": [0.0, 5000.0]}}, {"pose": {}, "centres": {"cop_x": [0.0, -5000.0]}}):
         with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*is the file in mm, and not in m"):
             JointCycle("far", **{**given, **far})
+
+
+def test_a_pose_parameter_is_no_load_and_a_load_no_pose_parameter():
+    for pose, loads in (({"Fy": [1.0, 2.0]}, {"Fy": [1.0, 2.0]}), ({}, {"ty": [1.0, 2.0]})):
+        with pytest.raises(ValueError, match="given as a pose parameter or a load that it is not"):
+            JointCycle("mixed", [0.0, 1.0], pose, loads)

@@ -101,7 +101,9 @@ def read_opensim_table(path: str | Path) -> Table:
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not a text file ({error})") from None
+        raise ValueError(
+            f"{path} is not a text file in UTF-8 ({error}), expected a .mot or .sto file: save it as text"
+        ) from None
     ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
     if not ends:
         raise ValueError(f"{path} has no line 'endheader', expected a .mot or .sto file")
@@ -184,6 +186,8 @@ def _read_labels(path: Path, number: int, line: str) -> list[str]:
 
 def _read_row(path: Path, number: int, line: str, labels: list[str]) -> list[float]:
     words = line.split()
+    if any(word.count(",") > 1 for word in words):
+        raise ValueError(f"{path} line {number} has vectors (DataType), expected a number for each label: save scalars")
     if len(words) != len(labels):
         raise ValueError(f"{path} line {number}: got {len(words)} values, expected {len(labels)}")
     return [finite_number(word, f"{path} line {number}, {label}") for label, word in zip(labels, words, strict=True)]
