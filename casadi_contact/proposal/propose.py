@@ -230,7 +230,9 @@ def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str
                 f"{_LEAST_GUESSED_MM:g} mm and more for a size that tells the unit: say which it is with --units"
             )
         return unit, meshes
-    cure = " Say so with --units; where the two files differ in it, scale one" if "is the file in" in errors[0] else ""
+    wrong = {error.partition(" is ")[0] for error in errors}  # in mm one file, in m the other one
+    cure = " Say so with --units" if len(wrong) == 1 else " No unit does for both files: scale one"
+    cure = cure if "is the file in" in errors[0] else ""
     raise ValueError(next((error for error in errors if "mm across" not in error), errors[0] + cure))
 
 
