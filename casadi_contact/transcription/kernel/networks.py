@@ -30,7 +30,7 @@ def filled_up(rows: Array) -> Array:
 class Shape:
     """What decides the C code of a group: sigmoid, inputs, hidden layers, number of networks. Offsets count doubles.
 
-    Packed weights: shift | first layer, all networks in one row | further layers, network after network | output
+    Packed weights: shift (filled up) | first layer, all networks in a row | further layers, network after network | output
     weights, network after network | output biases. A layer is its biases, then one row per input. One network of
     several outputs ends in a layer like the others instead.
     """
@@ -74,7 +74,7 @@ class Shape:
 
     def layer(self, layer: int) -> int:
         """Where a layer begins."""
-        return self.inputs + self.count * sum(self.slab(before) for before in range(layer))
+        return padded(self.inputs) + self.count * sum(self.slab(before) for before in range(layer))
 
     @property
     def output(self) -> int:
@@ -105,7 +105,7 @@ class Group:
         """The weights as `Shape` describes them; input and output scales are folded in."""
         nets = self.networks
         first = [filled_up(np.vstack([net.biases[0], (net.weights[0] / net.input_scale).T])) for net in nets]
-        parts = [nets[0].input_shift, np.hstack(first)]
+        parts = [filled_up(nets[0].input_shift[None]), np.hstack(first)]
         for layer in range(1, len(self.shape.hidden)):
             parts += [filled_up(np.vstack([net.biases[layer], net.weights[layer].T])) for net in nets]
         if self.shape.outputs > 1:
@@ -121,7 +121,7 @@ class Group:
         numbers = [repr(float(number)) for number in self.packed()]
         values = ",\n  ".join(", ".join(numbers[i : i + 5]) for i in range(0, len(numbers), 5))
         names = comment_text(", ".join(self.names))
-        return f"/* {names} */\nstatic const double {self.symbol}[{len(numbers)}] = {{\n  {values}}};\n"
+        return f"/* {names} */\nstatic const double {self.symbol}[{len(numbers)}] ALIGNED = {{\n  {values}}};\n"
 
 
 @dataclass(frozen=True)

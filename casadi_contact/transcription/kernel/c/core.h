@@ -2,9 +2,10 @@
  * Weights of a layer with I inputs and O outputs: (I + 1) rows of O numbers, the biases first; O is a multiple of 8,
  * filled up with zeros. Loops run over outputs, so that they vectorise without reordering any sum. */
 
-/* Some tunings use half of AVX-512's registers, which costs up to a quarter more time where vectors fill whole ones. */
-#if defined(__AVX512F__) && defined(__GNUC__) && !defined(__clang__) && (!defined(MOST_LANES) || MOST_LANES > 4)
-#if __GNUC__ >= 9
+/* Some tunings use half of AVX-512's registers. A foundation whose vectors fill whole ones then takes a quarter longer;
+ * derivatives of some networks would take longer with them. */
+#if defined(__AVX512F__) && defined(__GNUC__) && !defined(__clang__) && defined(MOST_LANES)
+#if __GNUC__ >= 9 && MOST_LANES > 4
 #pragma GCC target("prefer-vector-width=512")
 #endif
 #endif
@@ -16,9 +17,11 @@
 #if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline, unused))
 #define FUNCTION static __attribute__((noinline, unused))
+#define ALIGNED __attribute__((aligned(64))) /* to lines of the cache, as whole registers are read */
 #else
 #define INLINE static inline
 #define FUNCTION static
+#define ALIGNED
 #endif
 
 /* Complete unrolling before vectorisation would leave scalar code. */
