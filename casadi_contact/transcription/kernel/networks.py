@@ -30,9 +30,9 @@ def filled_up(rows: Array) -> Array:
 class Shape:
     """What decides the C code of a group: sigmoid, inputs, hidden layers, number of networks. Offsets count doubles.
 
-    Packed weights: shift (filled up) | first layer, all networks in a row | further layers, network after network | output
-    weights, network after network | output biases. A layer is its biases, then one row per input. One network of
-    several outputs ends in a layer like the others instead.
+    Packed weights: shift, filled up | first layer, all networks in one row | further layers, network after network |
+    output weights, network after network | output biases. A layer is its biases, then one row per input. One network
+    of several outputs ends in a layer like the others instead.
     """
 
     activation: str
