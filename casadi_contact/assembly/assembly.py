@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring, check_size
+from casadi_contact.assembly.connections import Contact, Ligament, Line, Pull, Spring, finite_vector
 from casadi_contact.conventions import Array, finite_numbers
 from casadi_contact.optimisation import generalised_forces, total_selection
 from casadi_contact.quantities import FORCE, Kind, quantity
@@ -45,7 +45,7 @@ class Assembly:
                 "expected at least one free body, and names that differ"
             )
         for body, pose in self.start.items():
-            check_size(f"assembly {self.name}: the start of {body}", pose, 6)
+            finite_vector(f"assembly {self.name}: the start of {body} is", pose, 6)
         for contact in self.contacts:
             contact.model.scene.pose_space.check_whole(f"assembly {self.name}: the contact {contact.name}")
         for spring in self.springs:

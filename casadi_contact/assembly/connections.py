@@ -13,16 +13,18 @@ import numpy as np
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, check_above_zero, finite_numbers
+from casadi_contact.files import short
 from casadi_contact.transcription.functions import check_name
 
 _TOE = 0.03  # strain at which fibres are straight
 
 
-def check_size(what: str, value: Any, size: int) -> None:
-    """Raise ValueError unless the value is `size` finite numbers."""
+def finite_vector(what: str, value: Any, count: int, expected: str = "") -> Array:
+    """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
     numbers = finite_numbers(value)
-    if numbers is None or numbers.shape != (size,):
-        raise ValueError(f"{what} is {value!r}, expected {size} finite numbers")
+    if numbers is None or numbers.shape != (count,):
+        raise ValueError(f"{what} {short(repr(value))}, expected {expected or f'{count} finite numbers'}")
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ class Contact:
             check_name(self.function_name)
         except ValueError:
             raise ValueError(f"contact {self.name!r}: expected letters, digits and single underscores") from None
-        check_size(f"{self.name}: fixed_frame", self.fixed_frame, 6)
-        check_size(f"{self.name}: moving_frame", self.moving_frame, 6)
+        finite_vector(f"{self.name}: fixed_frame is", self.fixed_frame, 6)
+        finite_vector(f"{self.name}: moving_frame is", self.moving_frame, 6)
 
     @property
     def function_name(self) -> str:
@@ -67,7 +69,7 @@ class Line:
 
     def __post_init__(self) -> None:
         for point in self.points_mm:
-            check_size(f"{self.name}: a point", point, 3)
+            finite_vector(f"{self.name}: a point is", point, 3)
 
 
 @dataclass(frozen=True)
@@ -112,5 +114,5 @@ class Spring:
     rest: Array
 
     def __post_init__(self) -> None:
-        check_size(f"{self.name}: stiffness", self.stiffness, 6)
-        check_size(f"{self.name}: rest", self.rest, 6)
+        finite_vector(f"{self.name}: stiffness is", self.stiffness, 6)
+        finite_vector(f"{self.name}: rest is", self.rest, 6)

@@ -10,15 +10,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.assembly.assembly import Assembly
-from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, check_above_zero, finite_numbers, pose_index
-from casadi_contact.files import short
+from casadi_contact.assembly.connections import finite_vector
+from casadi_contact.conventions import POSE_IN_MM, Array, as_poses, check_above_zero, pose_index
 
 _FIRST_STEP_S = 1e-4
 _LARGEST_MOVE_MM = 0.5
@@ -76,14 +75,16 @@ class Settling:
                 f"got {len(q)} poses; assembly {assembly.name} has the free bodies {', '.join(assembly.bodies)}"
             )
         pulls = ", ".join(pull.name for pull in assembly.pulls) or "none"
-        pulling = _numbers(
+        pulling = finite_vector(
             "tensions are", tensions, len(assembly.pulls), f"a finite number [N] for each pull ({pulls})"
         )
         if (pulling < 0.0).any():
             raise ValueError(f"tensions are {list(tensions)} N, expected 0 or more: a line pulls and never pushes")
         given = np.zeros(6 * len(q))
         for body, force in applied.items():
-            forces = _numbers(f"forces on {body} are", force, 6, "6 finite numbers: Fx ... Fz [N], Tx ... Tz [N·mm]")
+            forces = finite_vector(
+                f"forces on {body} are", force, 6, "6 finite numbers: Fx ... Fz [N], Tx ... Tz [N·mm]"
+            )
             given[6 * assembly.bodies.index(body) :][:6] = forces
         in_mm = np.tile(POSE_IN_MM, len(q))[rows]
         step, position = _FIRST_STEP_S, q.ravel()
@@ -100,14 +101,6 @@ class Settling:
             position[rows] += move
             step = min(2.0 * step, _LONGEST_STEP_S)
         return SettledBodies(position.reshape(-1, 6), residual, residual <= tolerance)
-
-
-def _numbers(what: str, value: Any, count: int, expected: str) -> Array:
-    """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
-    numbers = finite_numbers(value)
-    if numbers is None or numbers.shape != (count,):
-        raise ValueError(f"{what} {short(repr(value))}, expected {expected}")
-    return numbers
 
 
 def _check_bodies(assembly: Assembly, named: Mapping[str, object]) -> None:

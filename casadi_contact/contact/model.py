@@ -13,6 +13,7 @@ from casadi_contact.contact.way_until import way_until
 from casadi_contact.conventions import (
     Array,
     angular_velocity_map,
+    check_above_zero,
     load_jacobian,
     load_selection,
     pose_or_poses,
@@ -110,10 +111,7 @@ class CallableModel:
         approach_mm: float = 0.25,
         reach_mm: float = 15.0,
     ) -> None:
-        lengths = {"step_mm": step_mm, "step_rad": step_rad, "approach_mm": approach_mm, "reach_mm": reach_mm}
-        for name, length in lengths.items():
-            if not 0.0 < length < np.inf:
-                raise ValueError(f"{name} is {length}, expected a finite number above 0")
+        check_above_zero(step_mm=step_mm, step_rad=step_rad, approach_mm=approach_mm, reach_mm=reach_mm)
         self.scene = scene
         self.load_names = scene.load_names
         self.patch_names = scene.patch_names
