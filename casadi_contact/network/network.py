@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -187,11 +188,18 @@ class PartsRegression:
         shares = factors[:, :, None] * self.shares
         return replace(self, shares=shares, wanted=factors * self.wanted, weights=factors * self.weights)
 
-    def residuals(self, roots: Array, rows: np.ndarray | slice = slice(None)) -> Array:
-        """Residuals (n, m + K) of these rows at root loads (n, K)."""
+    def of_rows(self, rows: np.ndarray) -> PartsRegression:
+        """The regression of these rows alone, as they lie in C's memory."""
+        names = ("shares", "wanted", "targets", "weights", "validation")
+        chosen: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[rows]) for name in names}
+        domain = None if self.domain is None else self.domain[rows]
+        return replace(self, **chosen, inputs=tuple(x[rows] for x in self.inputs), domain=domain)
+
+    def residuals(self, roots: Array) -> Array:
+        """Residuals (n, m + K) at root loads (n, K)."""
         pressed = np.maximum(roots, 0.0)
-        of_patch = np.einsum("nk,nkj->nj", pressed * pressed, self.shares[rows]) - self.wanted[rows]
-        return np.concatenate([of_patch, self.weights[rows] * (roots - self.targets[rows])], axis=1)
+        of_patch = np.einsum("nk,nkj->nj", pressed * pressed, self.shares) - self.wanted
+        return np.concatenate([of_patch, self.weights * (roots - self.targets)], axis=1)
 
 
 def _domain_weights(domain: np.ndarray | None, by_domain: Mapping[int, float]) -> Array:

@@ -166,7 +166,7 @@ PRESETS: dict[str, Preset] = {
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),  # fitted on together alone
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 11_000.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 10_000.0, tolerance_share=0.2),
                     }
                 },
             ),

@@ -117,6 +117,13 @@ class Blocks:
         return Piece(shape, of.number, *(array.ctypes.data for array in arrays))
 
 
+def by_lanes(values: Array, lanes: int) -> np.ndarray:
+    """Values (rows, ...) in single precision as (rows / lanes, ..., lanes), zeros behind the last row."""
+    padded = np.zeros((-(-len(values) // lanes), lanes, *values.shape[1:]), np.float32)
+    padded.reshape(-1, *values.shape[1:])[: len(values)] = values
+    return np.ascontiguousarray(np.moveaxis(padded, 1, -1))
+
+
 def _aligned(shape: tuple[int, ...]) -> np.ndarray:
     """Numbers of any value in single precision, from the start of a line of the cache."""
     size = int(np.prod(shape))

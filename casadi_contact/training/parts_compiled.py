@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg.blas import dsyrk
 
 from casadi_contact.conventions import Array
-from casadi_contact.network import Network
-from casadi_contact.training.parts_blocks import GROUP_ROWS, Blocks, Part, Piece
+from casadi_contact.network import Network, PartsRegression
+from casadi_contact.training.parts_blocks import GROUP_ROWS, Blocks, Part, Piece, by_lanes
 from casadi_contact.training.weights import layer_shapes
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import loaded
@@ -29,39 +29,34 @@ def parts_library(activation: str) -> Path:
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     lines += ["#define WIDEST WIDTH", f"#define SIGMOIDS {activation}_1"]
     lines += [c_text("parts.h", _C_FOLDER), c_text("core.h"), activation_loops(activation)]
-    for number, rows, tile in (("float", "LANES", "TILE_FLOATS"), ("double", "HALF", "TILE_DOUBLES")):
-        lines += [f"#define NUMBER {number}", f"#define WORKED_ON {rows}", f"#define TILE_INPUTS {tile}"]
+    for number, rows in (("float", "LANES"), ("double", "HALF")):
+        lines += [f"#define NUMBER {number}", f"#define WORKED_ON {rows}"]
         lines.append(c_text("layer_sums.h", _C_FOLDER))
     return shared_library(
         "\n".join([*lines, c_text("parts_products.h", _C_FOLDER)]), "the training of parts, about 2 s"
     )
 
 
-def compiled_parts(
-    networks: Sequence[Network], inputs: Sequence[Array], weighted: np.ndarray, residuals: int
-) -> CompiledParts | None:
-    """The networks in training, None without a C compiler and where the C has no room for them; residuals: of a row,
-    that all parts share."""
-    activations = {network.activation for network in networks}
+def compiled_parts(networks: Sequence[Network], regression: PartsRegression) -> CompiledParts | None:
+    """The networks in training, None without a C compiler and where the C has no room for them."""
+    activations, residuals = {network.activation for network in networks}, regression.wanted.shape[1]
     if residuals > MOST_RESIDUALS or len(activations) > 1 or max(len(n.hidden) for n in networks) >= MOST_LAYERS:
         return None
     try:
-        return CompiledParts(networks, inputs, weighted, parts_library(activations.pop()))
+        return CompiledParts(networks, regression, parts_library(activations.pop()))
     except CompilerError as error:
         warn_once(f"{error}; parts are trained in NumPy, twice as long")
         return None
 
 
 class CompiledParts:
-    """The parts' networks on the rows of a patch; weighted (n, K): whether a root load has a residual of its own."""
+    """The parts' networks on the rows of a patch. Weighted are root loads that have a residual of their own."""
 
-    def __init__(
-        self, networks: Sequence[Network], inputs: Sequence[Array], weighted: np.ndarray, library: Path
-    ) -> None:
-        self._library, self._rows = loaded(library), len(weighted)
+    def __init__(self, networks: Sequence[Network], regression: PartsRegression, library: Path) -> None:
+        self._library, weighted = loaded(library), regression.weights != 0.0
         self._lanes = int(self._library.lanes_of_a_block())
         self._parts = []
-        for k, (network, x) in enumerate(zip(networks, inputs, strict=True)):
+        for k, (network, x) in enumerate(zip(networks, regression.inputs, strict=True)):
             shapes = layer_shapes(x.shape[1], network.hidden)
             scaled = (x - network.input_shift) / network.input_scale
             self._parts.append(Part(k, network, shapes, scaled, self._lanes))
@@ -73,6 +68,9 @@ class CompiledParts:
         widest = max(part.vectors for part in self._parts)
         self._room = np.empty(MOST_BLOCKS * widest * self._lanes // 2)
         self._scales = np.array([float(part.like.output_scale) for part in self._parts])
+        self._largest_share = float(np.abs(regression.shares).max(initial=0.0)) or 1.0
+        self._rows, self._shares = len(weighted), by_lanes(regression.shares / self._largest_share, self._lanes)
+        self._weights = self._scales * regression.weights
 
     def roots(self, parameters: Sequence[Array]) -> Array:
         """Root loads (n, K) at the parameters of each part."""
@@ -83,13 +81,11 @@ class CompiledParts:
             found[blocks.rows, k] = self._scales[k] * outputs[blocks.place]
         return found
 
-    def move(
-        self, parameters: Sequence[Array], matters: np.ndarray, slopes: Array, weights: Array, changes: Array
-    ) -> list[Array]:
+    def move(self, parameters: Sequence[Array], matters: np.ndarray, slopes: Array, changes: Array) -> list[Array]:
         """Make parameters current; returns Jᵀ·changes of each part, of the changes (n, K) of root loads.
 
-        matters (n, K): whether a root load has an effect, true where it is weighted. slopes (n, K, m) of the patch's
-        residuals and weights (n, K) of a root load's own, by the root loads.
+        matters (n, K): whether a root load has an effect, true where it is weighted. slopes (n, K) of the normal loads
+        N_k/N0 by the root loads.
         """
         besides = matters & ~self._is_weighted
         extra = [Blocks(part, np.flatnonzero(besides[:, part.number])) for part in self._parts]
@@ -101,10 +97,10 @@ class CompiledParts:
             effects = blocks.laid_out(self._scales[k] * changes[blocks.rows, k])
             self._call(self._library.move_to, blocks, np.ascontiguousarray(parameters[k]), effects, lanes)
             gradients[k] += lanes.sum(axis=1)
-        slopes, weights = slopes * self._scales[:, None], weights * self._scales
-        unit = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(weights).max(initial=0.0))) or 1.0
+        slopes = self._largest_share * self._scales * slopes
+        unit = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(self._weights).max(initial=0.0))) or 1.0
         self._unit = unit  # numbers in single precision are near 1
-        self._effects = [np.ascontiguousarray(a, np.float32) for a in (slopes / unit, (weights / unit) ** 2)]
+        self._effects = tuple(by_lanes(array, self._lanes) for array in (slopes / unit, (self._weights / unit) ** 2))
         return gradients
 
     def _call(self, function: Callable[..., None], blocks: Blocks, *arrays: Array) -> None:
@@ -116,14 +112,14 @@ class CompiledParts:
         size = max(float(np.abs(direction).max()) for direction in directions) or 1.0
         given = [(direction / size).astype(np.float32) for direction in directions]
         totals = [np.zeros((part.parameters, self._lanes), np.float32) for part in self._parts]
-        room = np.empty((GROUP_ROWS, len(self._parts)), np.float32)
+        room = np.empty((len(self._parts), GROUP_ROWS), np.float32)
         count, numbers = len(self._current), [blocks.part.number for blocks in self._current]
         self._library.gram_product(
             count,
             (Piece * count)(*(blocks.struct() for blocks in self._current)),
             ctypes.c_int64(self._rows),
-            *(GROUP_ROWS, len(self._parts), self._effects[0].shape[2]),
-            *map(_pointer, self._effects),
+            *(GROUP_ROWS, len(self._parts), self._shares.shape[2]),
+            *map(_pointer, (self._shares, *self._effects)),
             *((ctypes.c_void_p * count)(*(arrays[k].ctypes.data for k in numbers)) for arrays in (given, totals)),
             _pointer(room),
         )

@@ -83,8 +83,9 @@ class _Course:
         saved: dict[str, Any] | None,
     ) -> None:
         self._regression, self._settings, self._start = regression, settings, start
-        training, self._validation = ~regression.validation, np.flatnonzero(regression.validation)
-        self._mlp = PartsMlp(start, regression, np.flatnonzero(training), settings.chunk_rows)
+        self._training = regression.of_rows(np.flatnonzero(~regression.validation))
+        self._validation = regression.of_rows(np.flatnonzero(regression.validation))
+        self._mlp = PartsMlp(start, self._training, settings.chunk_rows)
         self.history, self._before, self._cpu_s, state = History(), 0, 0.0, None
         self._best, self._best_score, self.stop_reason = flatten_parts(start), np.inf, ""
         if saved is not None:
@@ -135,7 +136,7 @@ class _Course:
         of = self._regression
         if not stopping.error_reached(self._lm.rms, validation_rms, of.tolerance):
             return False
-        residuals = of.residuals(self._roots_at(self._lm.parameters, np.arange(len(of.validation))))
+        residuals = self._residuals_at(self._lm.parameters, of)
         return stopping.reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _content(self) -> dict[str, Any]:
@@ -149,23 +150,21 @@ class _Course:
             "stop_reason": self.stop_reason,
         }
 
-    def _rms_at(self, parameters: Array, rows: np.ndarray, most: float = np.inf) -> float:
-        """√(Σr²/n) of these rows, none of which counts more than ``most``; NaN without rows."""
-        if not len(rows):
+    def _rms_at(self, parameters: Array, rows: PartsRegression, most: float = np.inf) -> float:
+        """√(Σr²/n), no row of which counts more than ``most``; NaN without rows."""
+        if not len(rows.validation):
             return np.nan
-        residuals = self._regression.residuals(self._roots_at(parameters, rows), rows)
+        residuals = self._residuals_at(parameters, rows)
         return float(np.sqrt(np.minimum((residuals**2).sum(axis=1), most**2).mean()))
 
-    def _roots_at(self, parameters: Array, rows: np.ndarray) -> Array:
-        """Root loads (n, K) of these rows."""
-        pairs = zip(unflatten_parts(parameters, self._start), self._regression.inputs, strict=True)
-        return np.stack([network.value(inputs[rows]) for network, inputs in pairs], axis=1)
+    def _residuals_at(self, parameters: Array, rows: PartsRegression) -> Array:
+        pairs = zip(unflatten_parts(parameters, self._start), rows.inputs, strict=True)
+        return rows.residuals(np.stack([network.value(inputs) for network, inputs in pairs], axis=1))
 
     def result(self) -> PartsFit:
         """The best networks so far, and their course."""
         networks = dict(zip(self._regression.names, unflatten_parts(self._best, self._start), strict=True))
-        training = np.flatnonzero(~self._regression.validation)
-        rms, validation_rms = (self._rms_at(self._best, rows) for rows in (training, self._validation))
+        rms, validation_rms = (self._rms_at(self._best, rows) for rows in (self._training, self._validation))
         history = self.history.arrays()
         return PartsFit(history, self.stop_reason, rms, validation_rms, self.gflop, self._cpu_s, networks)
 

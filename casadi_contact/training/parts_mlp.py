@@ -25,7 +25,8 @@ from casadi_contact.training.weights import flatten, unflatten
 
 
 class BlockArrays(NumpyArrays):
-    """Arrays whose JᵀJ is a list of blocks along its diagonal."""
+    """Arrays whose JᵀJ is a list of blocks along its diagonal. Its factors precondition: they are found in double
+    precision and kept in single, which halves what a solve reads."""
 
     def diagonal(self, gram: Any) -> Any:
         """The diagonals of all blocks."""
@@ -33,18 +34,28 @@ class BlockArrays(NumpyArrays):
 
     def factor(self, gram: Any, shift: float) -> Any | None:
         """A Cholesky factor of each block; None where one has none."""
-        factors = [NumpyArrays.factor(self, block, shift) for block in gram]
-        return None if any(factor is None for factor in factors) else factors
+        factors = []
+        for block in gram:
+            factor = NumpyArrays.factor(self, block, shift)
+            if factor is None:
+                return None
+            factors.append(factor)
+        unit = float(np.mean([np.diagonal(block).mean() for block, _ in factors]))  # near 1 in single precision
+        return unit, [
+            (np.divide(block, unit, dtype=np.float32, casting="same_kind"), lower) for block, lower in factors
+        ]
 
     def solve(self, factor: Any, right: Any) -> Any:
         """Block by block."""
-        ends = np.cumsum([len(block) for block, _ in factor])[:-1]
-        parts = zip(factor, np.split(right, ends), strict=True)
-        return np.concatenate([NumpyArrays.solve(self, *part) for part in parts])
+        unit, blocks = factor
+        size = float(np.abs(right).max()) or 1.0
+        parts = np.split((right / size).astype(np.float32), np.cumsum([len(block) for block, _ in blocks])[:-1])
+        solved = [NumpyArrays.solve(self, *part) for part in zip(blocks, parts, strict=True)]
+        return (size / unit**2) * np.concatenate(solved).astype(np.float64)
 
 
 class PartsMlp:
-    """Residuals of all parts' networks on the rows of a regression, with the methods of an `Mlp` that
+    """Residuals of all parts' networks on the rows of a regression, all of them, with the methods of an `Mlp` that
     `LevenbergMarquardt` asks for. Parameters are those of one network after the other.
 
     compiled: False for NumPy in any case. ``flop`` counts as `Mlp` does, by the rows that have derivatives.
@@ -54,20 +65,18 @@ class PartsMlp:
         self,
         networks: Sequence[Network],
         regression: PartsRegression,
-        rows: np.ndarray,
         chunk_rows: int = 2000,
         *,
         compiled: bool = True,
     ) -> None:
         self.arrays, self.xp = BlockArrays(), np
-        self._regression, self._rows, self.rows = regression, rows, len(rows)
-        self._shares, self._weights = regression.shares[rows], regression.weights[rows]
+        self._regression, self.rows = regression, len(regression.weights)
         self._sizes = np.array([network.parameter_count for network in networks])
         self.parameter_count, self.block_parameters = int(self._sizes.sum()), int(self._sizes.max())
         self.flop = 0
-        inputs, weighted = [x[rows] for x in regression.inputs], self._weights != 0.0
-        parts = compiled_parts(networks, inputs, weighted, self._shares.shape[2]) if compiled else None
-        self._parts = parts or NumpyParts(networks, inputs, weighted, chunk_rows)
+        parts = compiled_parts(networks, regression) if compiled else None
+        self._parts = parts or NumpyParts(networks, regression, chunk_rows)
+        self._squares = np.einsum("nkj,nkj->nk", regression.shares, regression.shares)
 
     def split(self, parameters: Array) -> list[Array]:
         """Those of each part."""
@@ -80,20 +89,21 @@ class PartsMlp:
     def evaluate(self, parameters: Array, *, solve_output: bool = True) -> tuple[Array, float]:
         """The parameters as given and ½Σr² there: no output layer alone is a linear problem."""
         self._tried = self._parts.roots(self.split(parameters))
-        self._tried_residuals = self._regression.residuals(self._tried, self._rows)
+        self._tried_residuals = self._regression.residuals(self._tried)
         self.flop += 2 * self.rows * self.parameter_count
         return parameters, 0.5 * float(np.sum(self._tried_residuals**2))
 
     def accept(self, parameters: Array) -> Array:
         """Make the parameters that `evaluate` saw last current; returns the gradient Jᵀr."""
-        self._matters = (self._weights != 0.0) | (self._tried > 0.0)
+        of = self._regression
+        self._matters = (of.weights != 0.0) | (self._tried > 0.0)
         self._parameters_that_matter = int(self._matters.sum(axis=0) @ self._sizes)
-        slopes = 2.0 * np.maximum(self._tried, 0.0)[:, :, None] * self._shares
-        self._effects = np.sqrt((slopes**2).sum(axis=2) + self._weights**2)
-        of_patch, of_roots = np.split(self._tried_residuals, [slopes.shape[2]], axis=1)
-        changes = np.einsum("nj,nkj->nk", of_patch, slopes) + self._weights * of_roots
+        slopes = 2.0 * np.maximum(self._tried, 0.0)
+        self._effects = np.sqrt(slopes**2 * self._squares + of.weights**2)
+        of_patch, of_roots = np.split(self._tried_residuals, [of.wanted.shape[1]], axis=1)
+        changes = slopes * np.einsum("nj,nkj->nk", of_patch, of.shares) + of.weights * of_roots
         self._count(2)
-        return np.concatenate(self._parts.move(self.split(parameters), self._matters, slopes, self._weights, changes))
+        return np.concatenate(self._parts.move(self.split(parameters), self._matters, slopes, changes))
 
     def gram_product(self, direction: Array) -> Array:
         """JᵀJ·v (parameters,), of many rows in single precision."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.network import Network
+from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.mlp import Mlp
 
@@ -30,14 +30,14 @@ class _Piece:
 class NumpyParts:
     """The parts' networks on the rows of a patch, with the methods of `CompiledParts`."""
 
-    def __init__(
-        self, networks: Sequence[Network], inputs: Sequence[Array], weighted: np.ndarray, chunk_rows: int
-    ) -> None:
-        self._shape = weighted.shape
+    def __init__(self, networks: Sequence[Network], regression: PartsRegression, chunk_rows: int) -> None:
+        self._shares, self._weights = regression.shares, regression.weights
+        self._shape = self._weights.shape
         self._sizes = [network.parameter_count for network in networks]
         self._pieces: list[_Piece] = []
-        for k, (network, x) in enumerate(zip(networks, inputs, strict=True)):
-            own, others = np.flatnonzero(weighted[:, k]), np.flatnonzero(~weighted[:, k])
+        for k, (network, x) in enumerate(zip(networks, regression.inputs, strict=True)):
+            weighted = self._weights[:, k] != 0.0
+            own, others = np.flatnonzero(weighted), np.flatnonzero(~weighted)
             for rows in (own, *(others[i : i + chunk_rows] for i in range(0, len(others), chunk_rows))):
                 nothing, one = np.zeros(len(rows)), np.ones(len(rows))
                 mlp = Mlp(network, x[rows], nothing, one, 0.0, NumpyArrays(), chunk_rows)
@@ -51,11 +51,9 @@ class NumpyParts:
             found[piece.rows, piece.part] = piece.mlp.like.output_scale * piece.mlp.tried_outputs
         return found
 
-    def move(
-        self, parameters: Sequence[Array], matters: np.ndarray, slopes: Array, weights: Array, changes: Array
-    ) -> list[Array]:
+    def move(self, parameters: Sequence[Array], matters: np.ndarray, slopes: Array, changes: Array) -> list[Array]:
         """Make the parameters that `roots` saw last current; otherwise as of `CompiledParts`."""
-        self._slopes, self._weights = slopes, weights
+        self._slopes = slopes
         for piece in self._pieces:
             piece.matters = bool(matters[piece.rows, piece.part].any())
             if piece.matters:
@@ -78,8 +76,9 @@ class NumpyParts:
         roots = np.zeros(self._shape)
         for piece in self._mattering:
             roots[piece.rows, piece.part] = piece.mlp.jvp(directions[piece.part], rough=True)
-        of_patch = np.einsum("nk,nkj->nj", roots, self._slopes)
-        return self._by_parts(np.einsum("nj,nkj->nk", of_patch, self._slopes) + self._weights**2 * roots, rough=True)
+        of_patch = np.einsum("nk,nkj->nj", self._slopes * roots, self._shares)
+        back = self._slopes * np.einsum("nj,nkj->nk", of_patch, self._shares)
+        return self._by_parts(back + self._weights**2 * roots, rough=True)
 
     def gram(self, number: int, rows: np.ndarray, scales: Array) -> Array:
         """JᵀJ of a part's root load on these ascending rows, which matter, each times its scale."""

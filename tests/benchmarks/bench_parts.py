@@ -37,9 +37,7 @@ def test_steps_in_c_and_in_numpy(patch):
     networks = [initial_network(patch.inputs[0], s, HIDDEN, "algebraic", k) for k, s in enumerate(patch.targets.T)]
     seconds = {}
     for compiled in (True, False):
-        lm = LevenbergMarquardt(
-            PartsMlp(networks, patch, np.arange(ROWS), compiled=compiled), flatten_parts(networks), 0
-        )
+        lm = LevenbergMarquardt(PartsMlp(networks, patch, compiled=compiled), flatten_parts(networks), 0)
         taken = []
         for _ in range(STEPS):
             start = time.perf_counter()

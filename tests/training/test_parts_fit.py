@@ -64,7 +64,7 @@ def test_products_are_those_of_the_jacobian(given, compiled, networks, request):
     """Against central differences of the residuals."""
     patch = request.getfixturevalue(given)
     at, step = flatten_parts(networks), 1e-6
-    mlp = PartsMlp(networks, patch, np.arange(400), chunk_rows=128, compiled=compiled)
+    mlp = PartsMlp(networks, patch, chunk_rows=128, compiled=compiled)
     columns = [
         residuals(patch, networks, at + step * e) - residuals(patch, networks, at - step * e) for e in np.eye(len(at))
     ]
@@ -104,7 +104,7 @@ def test_parts_of_any_size_are_the_same_in_c_and_in_numpy(hidden, unit, activati
     at, direction = flatten_parts(networks), np.random.default_rng(1).normal(size=len(flatten_parts(networks)))
     seen = []
     for compiled in (True, False):
-        mlp = PartsMlp(networks, many, np.arange(1201), compiled=compiled)
+        mlp = PartsMlp(networks, many, compiled=compiled)
         _, loss = mlp.evaluate(at)
         gradient, product = mlp.accept(at), mlp.gram_product(direction)
         seen.append([loss, gradient, product, *map(np.triu, mlp.drawn_gram([3])), mlp.flop])
@@ -142,7 +142,7 @@ def test_a_part_that_no_row_presses_stays_as_it_is(compiled, patch, networks):
     """Out of contact everywhere, without weight."""
     far = replace(networks[1], biases=(*networks[1].biases[:-1], networks[1].biases[-1] - 100.0))
     weights = patch.weights * np.array([1.0, 0.0, 1.0])
-    mlp = PartsMlp([networks[0], far, networks[2]], replace(patch, weights=weights), np.arange(400), compiled=compiled)
+    mlp = PartsMlp([networks[0], far, networks[2]], replace(patch, weights=weights), compiled=compiled)
     at = flatten_parts([networks[0], far, networks[2]])
     lm = LevenbergMarquardt(mlp, at, 0)
     before = lm.loss
@@ -189,7 +189,7 @@ def test_drawn_blocks_stand_for_all_rows(thinned, networks):
         thinned, **{k: np.tile(getattr(thinned, k), (3, *[1] * (getattr(thinned, k).ndim - 1))) for k in ROWS},
         inputs=tuple(np.tile(x, (3, 1)) for x in thinned.inputs),
     )  # fmt: skip
-    mlp, at = PartsMlp(networks, many, np.arange(1200)), flatten_parts(networks)
+    mlp, at = PartsMlp(networks, many), flatten_parts(networks)
     mlp.evaluate(at)
     mlp.accept(at)
     drawn = [mlp.drawn_gram([seed]) for seed in range(300)]

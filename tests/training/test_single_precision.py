@@ -58,7 +58,7 @@ def parts(scale, compiled=False):
             1.0,
         )
     )
-    return PartsMlp(networks, both, np.arange(ROWS), compiled=compiled), flatten_parts(networks)
+    return PartsMlp(networks, both, compiled=compiled), flatten_parts(networks)
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])

@@ -5,26 +5,21 @@
 #define Rows OF(Rows)
 typedef NUMBER Rows __attribute__((vector_size(sizeof(NUMBER) * WORKED_ON), aligned(sizeof(NUMBER)), may_alias));
 
-/* z[i][b] = sum_j weights[i][j] inputs[b][j] of some neurons i and blocks b, each a constant where this is inlined */
-INLINE void OF(products)(const int neurons, const int blocks, int width, int vectors, const NUMBER *weights,
-                         const Rows *inputs, Rows z[TILE_NEURONS][TILE_BLOCKS]) {
+/* z[i][b] = sum_j weights[i across + j along] inputs[b][j] of some neurons i and blocks b, each a constant where this
+ * is inlined */
+INLINE void OF(products)(const int neurons, const int blocks, int width, int vectors, int across, int along,
+                         const NUMBER *weights, const Rows *inputs, Rows z[TILE_NEURONS][TILE_BLOCKS]) {
   for (int i = 0; i < neurons; i++)
     for (int b = 0; b < blocks; b++) z[i][b] = (Rows){0};
   for (int j = 0; j < width; j++)
     for (int i = 0; i < neurons; i++)
-      for (int b = 0; b < blocks; b++) z[i][b] += weights[i * width + j] * inputs[b * vectors + j];
-}
-
-INLINE void OF(layer)(const int neurons, int width, const NUMBER *weights, const Rows *inputs, Rows *z) {
-  Rows sums[TILE_NEURONS][TILE_BLOCKS];
-  OF(products)(neurons, 1, width, 0, weights, inputs, sums);
-  for (int i = 0; i < neurons; i++) z[i] = sums[i][0];
+      for (int b = 0; b < blocks; b++) z[i][b] += weights[i * across + j * along] * inputs[b * vectors + j];
 }
 
 INLINE void OF(add_tangents)(const int neurons, const int blocks, int width, int vectors, const NUMBER *weights,
                              const Rows *inputs, const Rows *derivatives, Rows *sums) {
   Rows z[TILE_NEURONS][TILE_BLOCKS];
-  OF(products)(neurons, blocks, width, vectors, weights, inputs, z);
+  OF(products)(neurons, blocks, width, vectors, width, 1, weights, inputs, z);
   for (int i = 0; i < neurons; i++)
     for (int b = 0; b < blocks; b++) sums[b] += z[i][b] * derivatives[b * vectors + i];
 }
@@ -48,7 +43,7 @@ INLINE void OF(tangents)(const Shape *of, const int blocks, const NUMBER *direct
 /* totals[i][j] += sum_b effects[b] derivatives[b][i] inputs[b][j] of some neurons i and inputs j */
 INLINE void OF(add_products)(const int neurons, const int inputs_at_once, int blocks, int width, int vectors,
                              const Rows *effects, const Rows *inputs, const Rows *derivatives, Rows *totals) {
-  Rows sums[TILE_NEURONS][TILE_INPUTS];
+  Rows sums[TILE_NEURONS][MOST_INPUTS];
   for (int i = 0; i < neurons; i++)
     for (int j = 0; j < inputs_at_once; j++) sums[i][j] = totals[i * width + j];
   for (int b = 0; b < blocks; b++)
@@ -60,12 +55,28 @@ INLINE void OF(add_products)(const int neurons, const int inputs_at_once, int bl
     for (int j = 0; j < inputs_at_once; j++) totals[i * width + j] = sums[i][j];
 }
 
+/* Inputs in as few shares of a constant size as there may be, none of them small */
 INLINE void OF(add_neurons)(const int neurons, int blocks, int width, int vectors, const Rows *effects,
                             const Rows *inputs, const Rows *derivatives, Rows *totals) {
-  int j = 0;
-  for (; j + TILE_INPUTS <= width; j += TILE_INPUTS)
-    OF(add_products)(neurons, TILE_INPUTS, blocks, width, vectors, effects, inputs + j, derivatives, totals + j);
-  for (; j < width; j++) OF(add_products)(neurons, 1, blocks, width, vectors, effects, inputs + j, derivatives, totals + j);
+  int shares = (width + MOST_INPUTS - 1) / MOST_INPUTS;
+  for (int j = 0, size; j < width; j += size, shares--) {
+    size = (width - j) / shares;
+#define ADD(n) \
+  case n: \
+    OF(add_products)(neurons, n, blocks, width, vectors, effects, inputs + j, derivatives, totals + j); \
+    break
+    switch (size) {
+      ADD(1);
+      ADD(2);
+#if MOST_INPUTS > 2
+      ADD(3);
+      ADD(4);
+      ADD(5);
+      ADD(6);
+#endif
+    }
+#undef ADD
+  }
 }
 
 /* J^T u: totals[parameter] += sum of the output's changes with it, times effects, of some blocks; lanes are kept apart */
@@ -84,5 +95,4 @@ INLINE void OF(add_reverse)(const Shape *of, int blocks, const Rows *effects, co
 }
 #undef Rows
 #undef NUMBER
-#undef TILE_INPUTS
 #undef WORKED_ON

@@ -8,14 +8,12 @@
 #define LANES 16 /* rows of a block in single precision: those of a register */
 #define TILE_NEURONS 4 /* and below: as many sums as stay in registers */
 #define TILE_BLOCKS 4
-#define TILE_FLOATS 5
-#define TILE_DOUBLES 5
+#define MOST_INPUTS 6
 #else
 #define LANES 8
 #define TILE_NEURONS 4
 #define TILE_BLOCKS 2
-#define TILE_FLOATS 2
-#define TILE_DOUBLES 2
+#define MOST_INPUTS 2
 #endif
 #define HALF (LANES / 2) /* the same in double precision */
 
