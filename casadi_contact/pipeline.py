@@ -27,9 +27,9 @@ from casadi_contact.project import (
     read_motion,
     surrogates_at_hand,
 )
-from casadi_contact.project.fitting import moved_samples, structures_for_scene, train
 from casadi_contact.project.presets import PRESETS
 from casadi_contact.project.samples import DrawnModel, check_table, draw, sample, take_table
+from casadi_contact.project.train import moved_samples, structures_for_scene, train
 from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import teacher_of
 from casadi_contact.show import contact_pose

@@ -21,9 +21,10 @@ from casadi_contact.dataset import VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
 from casadi_contact.files import replacing
 from casadi_contact.project import Project, alone
-from casadi_contact.project.fitting import build_command, fit_surrogate, moved_samples
+from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample
+from casadi_contact.project.train import build_command, moved_samples
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.draw import ModelPair, elastic_foundations
@@ -98,7 +99,7 @@ def train_to_tolerance(
     """Sample and train in rounds until the tolerances of the project's scene are met; samples and surrogate of the last
     round go into the project's folder.
 
-    device: as in `pipeline.sample` and `project.fitting.train`. Goes on where an earlier run stopped. Raises
+    device: as in `pipeline.sample` and `project.train.train`. Goes on where an earlier run stopped. Raises
     ValueError, naming the largest misses, where the last round does not meet them; its samples and surrogate are kept
     all the same.
     """
@@ -117,9 +118,8 @@ def train_to_tolerance(
             folder, title = this.folder / "training", f"round {k + 1}"
             cycles = [str(path) for path in cycle_files]
             command = build_command(project, samples, cycles, *_options(project.scene))
-            surrogate = fit_surrogate(
-                this, samples, STRUCTURE, efforts, folder, command, title, update, workers, device=device
-            )
+            fitting = Fitting(STRUCTURE, efforts, folder, command, title, device=device)
+            surrogate = fit_surrogate(this, samples, fitting, update, workers)
         missed = misses(surrogate, samples, MET if k + 1 < rounds else 1.0)
         if not missed:
             break

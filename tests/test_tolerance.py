@@ -12,9 +12,9 @@ import casadi_contact as cc
 from casadi_contact import tolerance
 from casadi_contact.dataset import TEST, VALIDATION, write_samples
 from casadi_contact.project import Project, project_surrogates
-from casadi_contact.project.fitting import train
 from casadi_contact.project.presets import Effort, Preset
 from casadi_contact.project.samples import sample
+from casadi_contact.project.train import train
 from casadi_contact.sampling.draw import elastic_foundations
 from casadi_contact.tolerance import misses, scene_to_tolerance
 from tests.support.smooth_samples import SPHERE, smooth_samples
@@ -114,7 +114,7 @@ def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
 
 def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):
     """What the command asks for is what the scene of the surrogate has."""
-    monkeypatch.setattr("casadi_contact.project.fitting.model_name_of", lambda samples: "foundation")
+    monkeypatch.setattr("casadi_contact.project.train.model_name_of", lambda samples: "foundation")
     words = shlex.split(trained(tmp_path / "out", 100.0, 3000.0).record["command"])
     assert words[:3] == ["casadi-contact", "build", SPHERE.name]
     options = dict(zip(words[3::2], words[4::2], strict=True))

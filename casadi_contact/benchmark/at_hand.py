@@ -22,7 +22,7 @@ from casadi_contact.benchmark.sizes import Sized, chart_surrogates, on_disk, siz
 from casadi_contact.benchmark.timing import compare, one_thread
 from casadi_contact.conventions import Update
 from casadi_contact.project import Project, motion_at_hand
-from casadi_contact.project.fitting import train
+from casadi_contact.project.train import train
 from casadi_contact.structures import STRUCTURES, load_surrogate, ready_surrogates
 
 TIMED_AGAIN = "timed again for these loads"

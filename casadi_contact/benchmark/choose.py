@@ -84,7 +84,7 @@ def choose(
     built, the front that comes with the library for this scene, of models that are at hand. loads: a name or names, all
     of the scene's if None. For some loads only, a surrogate's time is that of the networks they need, and times are of
     this machine: timed again, or the chart's scaled to it. A chosen size that is not on disk is trained, with these
-    networks only; update is called as in `project.fitting.train`.
+    networks only; update is called as in `project.train.train`.
 
     Raises FileNotFoundError where nothing has been measured; ValueError for a scene without elements, a tolerance that
     is missing or not above 0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming

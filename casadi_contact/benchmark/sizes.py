@@ -15,7 +15,7 @@ from casadi_contact.dataset import COLUMNS, TEST, Samples
 from casadi_contact.files import writable_folder
 from casadi_contact.network import size_text
 from casadi_contact.project import Project, alone
-from casadi_contact.project.fitting import fit_surrogate
+from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import ChartEffort, Effort
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
@@ -124,18 +124,10 @@ def train_sizes(
         command = project.command("chart")
         with worker_pool(executor) as workers:
             for sized in missing:
-                surrogate = fit_surrogate(
-                    project,
-                    subset_of(samples, sized.samples),
-                    sized.structure,
-                    sized.efforts,
-                    project.training_folder("sizes", sized.stem),
-                    command,
-                    sized.name,
-                    update,
-                    workers,
-                    loads,
-                    seed=sized.seed,
+                folder = project.training_folder("sizes", sized.stem)
+                fitting = Fitting(
+                    sized.structure, sized.efforts, folder, command, sized.name, loads=loads, seed=sized.seed
                 )
+                surrogate = fit_surrogate(project, subset_of(samples, sized.samples), fitting, update, workers)
                 surrogate.save(sized_path(project, sized, loads))
     return [sized_path(project, sized, loads) for sized in wanted]

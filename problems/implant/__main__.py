@@ -19,8 +19,8 @@ from casadi_contact.commands.propose import name_of_mesh
 from casadi_contact.contact import NotGoodEnoughError, foundation
 from casadi_contact.files import file_stem, writable_folder
 from casadi_contact.project import Project, reference_motion_cycles
-from casadi_contact.project.fitting import structures_for_scene
 from casadi_contact.project.presets import PRESETS
+from casadi_contact.project.train import structures_for_scene
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel import warn_once
 from casadi_contact.verification import own_model

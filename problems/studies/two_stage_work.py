@@ -32,7 +32,8 @@ from casadi_contact.conventions import Update
 from casadi_contact.network import size_text
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project, alone, read_motion, shipped_surrogates
-from casadi_contact.project.fitting import fit_surrogate, structures_for_scene
+from casadi_contact.project.fitting import Fitting, fit_surrogate
+from casadi_contact.project.train import structures_for_scene
 from casadi_contact.structures import Surrogate, TwoStageSurrogate
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.workers import worker_pool
@@ -73,7 +74,8 @@ def train_with_work(project: Project, gflop: Sequence[float], update: Update | N
                     _copy_checkpoints(before, folder)
                 chosen = {**efforts, "": replace(efforts[""], gflop=budget)}
                 made_by = _command(project, [budget])
-                surrogate = fit_surrogate(project, samples, STRUCTURE, chosen, folder, made_by, name, update, workers)
+                fitting = Fitting(STRUCTURE, chosen, folder, made_by, name)
+                surrogate = fit_surrogate(project, samples, fitting, update, workers)
                 surrogate.save(path)
             made[name], before = surrogate, folder
     return made

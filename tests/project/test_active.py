@@ -11,8 +11,8 @@ from casadi_contact import pipeline
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, write_samples
 from casadi_contact.project import Project
 from casadi_contact.project.active import candidates, worst_samples
-from casadi_contact.project.fitting import train
 from casadi_contact.project.presets import ActiveRound, Effort, Preset
+from casadi_contact.project.train import train
 from casadi_contact.sampling import foundations
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.structures import PatchSurrogate

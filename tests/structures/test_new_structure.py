@@ -8,7 +8,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact import pipeline
-from casadi_contact.project.fitting import fit_surrogate
+from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.structures import STRUCTURES, with_trust
 from tests.structures.direct.surrogate import DirectSurrogate
@@ -30,7 +30,7 @@ def project(tmp_path_factory):
         with ThreadPoolExecutor(1) as here:
             pipeline.sample(made, executor=here, models=two_spheres.models)
             samples, efforts = made.samples(), PRESET.efforts["direct"]
-            trained = fit_surrogate(made, samples, "direct", efforts, made.folder, "a test", "direct", executor=here)
+            trained = fit_surrogate(made, samples, Fitting("direct", efforts, made.folder, "a test"), executor=here)
             with_trust(trained, samples).save(made.surrogate_path("direct"))
         yield made
 

@@ -10,7 +10,7 @@ import casadi_contact as cc
 from casadi_contact import pipeline
 from casadi_contact.dataset import Samples, write_samples
 from casadi_contact.dataset.errors import domain_errors
-from casadi_contact.project.fitting import fit_surrogate
+from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import Effort
 from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate, with_trust
 from tests.support.agreement import close
@@ -51,7 +51,7 @@ def trained(project, samples, spots):
     samples = replace(samples, scene=of_spots(samples.scene, spots))
     with ThreadPoolExecutor(1) as here:
         folder = project.folder / str(spots)
-        return fit_surrogate(project, samples, "trunk", efforts, folder, "a test", "balls", executor=here)
+        return fit_surrogate(project, samples, Fitting("trunk", efforts, folder, "a test"), executor=here)
 
 
 @pytest.fixture(scope="module")
