@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ class TorchFoundation(ElasticFoundation):
         super().__init__(scene, grid, compiled=False)
         self._beds: dict[int, _Bed] = {}
         blocks = max(len(bed.elements[4]) for bed in self._patches)
-        if poses_at_once is not None and (not isinstance(poses_at_once, int) or poses_at_once < 1):
+        if poses_at_once is not None and (not isinstance(poses_at_once, Integral) or poses_at_once < 1):
             raise ValueError(f"poses_at_once is {poses_at_once!r}, expected a whole number of 1 or more")
         self._poses_at_once = _fitting(self._device, blocks) if poses_at_once is None else poses_at_once
 

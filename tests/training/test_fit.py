@@ -280,3 +280,9 @@ def test_wrong_false_loads_are_refused():
     for wrong in (-1.0, np.nan, np.ones(3)):
         with pytest.raises(ValueError, match="regression smooth: expected false_load of 0 or more, one number or"):
             fit(replace(smooth(), false_load=wrong), FIXED)
+
+
+def test_whole_numbers_of_numpy_are_whole_numbers():
+    settings = TrainingSettings(seed=np.int64(3), max_iterations=np.int32(7))
+    assert (settings.seed, settings.max_iterations) == (3, 7)
+    assert type(settings.seed) is int, "as files of plain values hold it"
