@@ -7,8 +7,8 @@
 #if defined(__AVX512F__)
 #define LANES 16 /* rows of a block in single precision: those of a register */
 #define TILE_NEURONS 4 /* and below: as many sums as stay in registers */
-#define TILE_BLOCKS 4
-#define MOST_INPUTS 6
+#define TILE_BLOCKS 4  /* 2 at least */
+#define MOST_INPUTS 6  /* of a layer, at once */
 #else
 #define LANES 8
 #define TILE_NEURONS 4
