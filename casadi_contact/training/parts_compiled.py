@@ -112,7 +112,7 @@ class CompiledParts:
         size = max(float(np.abs(direction).max()) for direction in directions) or 1.0
         given = [(direction / size).astype(np.float32) for direction in directions]
         totals = [np.zeros((part.parameters, self._lanes), np.float32) for part in self._parts]
-        room = np.empty((len(self._parts), GROUP_ROWS), np.float32)
+        room = np.empty((GROUP_ROWS, len(self._parts)), np.float32)
         count, numbers = len(self._current), [blocks.part.number for blocks in self._current]
         self._library.gram_product(
             count,

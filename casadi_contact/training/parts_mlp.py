@@ -55,7 +55,7 @@ class BlockArrays(NumpyArrays):
 
 
 class PartsMlp:
-    """Residuals of all parts' networks on the rows of a regression, all of them, with the methods of an `Mlp` that
+    """Residuals of all parts' networks on the rows of a regression, with the methods of an `Mlp` that
     `LevenbergMarquardt` asks for. Parameters are those of one network after the other.
 
     compiled: False for NumPy in any case. ``flop`` counts as `Mlp` does, by the rows that have derivatives.
