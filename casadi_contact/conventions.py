@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from numbers import Integral
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -93,6 +94,14 @@ def check_above_zero(**settings: Any) -> None:
         number = finite_numbers(value)
         if number is None or number.shape != () or number <= 0.0:
             raise ValueError(f"{name} is {value!r}, expected a finite number above 0")
+
+
+def whole_number(name: str, value: Any, least: int) -> int:
+    """A whole number, NumPy's too; raises ValueError, naming it, for anything else, True and False among them, and for
+    one below ``least``."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more")
+    return int(value)
 
 
 def evenly(count: int, most: int) -> np.ndarray:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.contact.elements.loops import NEAREST_SURFACE, RAY_ITERATIONS, RAY_TOLERANCE_MM, STEEPEST_RAY_SLOPE
 from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.contact.twist import by_pose
-from casadi_contact.conventions import Array, pose_or_poses, rotation
+from casadi_contact.conventions import Array, pose_or_poses, rotation, whole_number
 from casadi_contact.geometry import MovingSurface
 from casadi_contact.sampling import SamplingSettings, elastic_foundations
 from casadi_contact.scenes import Material, Scene
@@ -74,9 +73,8 @@ class TorchFoundation(ElasticFoundation):
         super().__init__(scene, grid, compiled=False)
         self._beds: dict[int, _Bed] = {}
         blocks = max(len(bed.elements[4]) for bed in self._patches)
-        if poses_at_once is not None and (not isinstance(poses_at_once, Integral) or poses_at_once < 1):
-            raise ValueError(f"poses_at_once is {poses_at_once!r}, expected a whole number of 1 or more")
-        self._poses_at_once = _fitting(self._device, blocks) if poses_at_once is None else poses_at_once
+        at_once = _fitting(self._device, blocks) if poses_at_once is None else poses_at_once
+        self._poses_at_once = whole_number("poses_at_once", at_once, 1)
 
     @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from numbers import Integral
 from typing import Any
 
 import casadi as ca
@@ -19,6 +18,7 @@ from casadi_contact.conventions import (
     finite_numbers,
     loads_of_total,
     pose_index,
+    whole_number,
 )
 from casadi_contact.files import short
 from casadi_contact.motion.checks import check_radians
@@ -240,8 +240,7 @@ def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: i
     Raises ValueError for others that contradict the scene, for numbers that are not one or one for each of a whole
     number of frames, and for angles that are too large for radians.
     """
-    if not isinstance(frames, Integral) or frames < 1:
-        raise ValueError(f"frames is {frames!r}, expected a whole number of 1 or more")
+    frames = whole_number("frames", frames, 1)
     locked = {} if locked is None else locked
     symbols = {name: value for name, value in locked.items() if isinstance(value, ca.MX)}
     space.check_free(symbols, "locked to an expression")

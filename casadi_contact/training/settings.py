@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Integral
 
+from casadi_contact.conventions import whole_number
 from casadi_contact.network.activations import activation_of
 from casadi_contact.training.growth import check_ladder
 
@@ -54,11 +54,8 @@ class TrainingSettings:
             ("chunk_rows", 1), ("threads", 1),
         ):  # fmt: skip
             value = getattr(self, name)
-            if value is None:
-                continue
-            if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-                raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more")
-            object.__setattr__(self, name, int(value))
+            if value is not None:
+                object.__setattr__(self, name, whole_number(name, value, least))
         for name in ("stall_improvement", "growth_share"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected a share from 0 to below 1")

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from numbers import Integral
 from typing import ClassVar
 
 import casadi as ca
 
+from casadi_contact.conventions import whole_number
+
 
 def checked_batch(batch: int | None) -> int | None:
     """The number of poses of a function; raises ValueError unless it is a whole number of 1 or more, or None."""
-    if batch is None:
-        return None
-    if not isinstance(batch, Integral) or batch < 1:
-        raise ValueError(f"batch is {batch!r}, expected a number of poses: a whole number of 1 or more")
-    return int(batch)
+    return None if batch is None else whole_number("batch", batch, 1)
 
 
 class ContactFunctions(ABC):
