@@ -34,9 +34,8 @@ def replacing(path: Path, *, durable: bool = True) -> Iterator[Path]:
     """A path beside `path` to write to; it takes the place of `path` when the block ends well, else it is removed.
 
     durable: wait until the disc has it. Who may read and write a file at `path` stays as it was; a link is replaced,
-    and what it points to is as it was. Raises
-    OSError in one line, naming `path`, where it cannot be written, and for a device, pipe or folder there; `path` is
-    then as it was.
+    and what it points to is as it was. Raises OSError in one line, naming `path`, where it cannot be written, and for a
+    device, pipe or folder there; `path` is then as it was.
     """
     if path.exists() and not path.is_file():
         kind = "folder" if path.is_dir() else "device or pipe"

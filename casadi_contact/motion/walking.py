@@ -4,7 +4,7 @@ Each curve of a cycle is c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over
 coefficients drawn about their mean with their deviation between measured cycles. Forces are described by the
 logarithm of their compression, so that none pulls; the medial-lateral centre of pressure by its distance from the
 point that the two condyles' forces at z = ±22 mm give, so that it stays reachable. The rotation ry is one curve for
-all cycles [EF15 §3.3]. The figures stand in ``walking.toml``, with their source; this command derives them:
+all cycles [EF15 §3.3]. The figures stand in ``walking.toml``, below their source; this command derives them:
 
     python -m casadi_contact.motion.walking CYCLE.csv [CYCLE.csv ...] > walking.toml
 """
@@ -25,10 +25,6 @@ from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
 
 CONDYLE_OFFSET_MM = 22.0
 ORDERS = {"rz": 6, "ry": 6, "log_fy_med": 10, "log_fy_lat": 10, "cop_ap_mm": 8, "cop_shift_mm": 4}
-SOURCE = (
-    "mean and standard deviation over four overground walking cycles of an instrumented knee (subject JW), "
-    "public data of Serrancoli, Kinney, Fregly, Med Eng Phys 85 (2020) 35-47"
-)
 
 
 def _basis(share: Array, order: int) -> Array:
@@ -70,7 +66,6 @@ def harmonic_description(cycles: Sequence[LoadCycle]) -> dict[str, Any]:
     durations = [cycle.time_s[-1] - cycle.time_s[0] for cycle in cycles]
     spread = 1 if len(cycles) > 1 else 0
     figures: dict[str, Any] = {
-        "source": SOURCE,
         "duration_s": [round(float(np.mean(durations)), 4), round(float(np.std(durations, ddof=spread)), 4)],
     }
     for name, order in ORDERS.items():

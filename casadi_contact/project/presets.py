@@ -153,7 +153,7 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "trunk": {
-                "root": Effort(((16, 16, 16),), 150.0, max_rows=30_000, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 150.0, max_rows=15_000, tolerance_share=0.2),
                 "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
                 TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
             }
@@ -166,7 +166,7 @@ PRESETS: dict[str, Preset] = {
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),  # fitted on together alone
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 10_000.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 7_000.0, tolerance_share=0.2),
                     }
                 },
             ),
