@@ -33,6 +33,7 @@ def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
             if piece.get("NumberOfPoints") == "0":
                 continue  # its arrays may be left out
             points = _array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
+            _check_count(piece, "Points", len(points))
             strips = piece.find("Strips/DataArray") is not None and piece.get("NumberOfStrips") != "0"
             if not strips or piece.find("Polys/DataArray") is not None:
                 faces.append(_fans(points, *_cells(root, piece, "Polys")) + offset)
@@ -55,7 +56,15 @@ def _cells(root: ElementTree.Element, piece: ElementTree.Element, kind: str) -> 
     missing = [name for name in ("connectivity", "offsets") if name not in arrays]
     if missing:
         raise ValueError(f"its {kind} lack {' and '.join(missing)}")
+    _check_count(piece, kind, len(arrays["offsets"]))
     return arrays["connectivity"], arrays["offsets"]
+
+
+def _check_count(piece: ElementTree.Element, kind: str, found: int) -> None:
+    """Raise ValueError for a piece that claims another number of points, polygons or strips than it has."""
+    claimed = piece.get(f"NumberOf{kind}")
+    if claimed is not None and int(claimed) != found:
+        raise ValueError(f"it claims {claimed} {kind.lower()} and has {found}")
 
 
 def _without_entities(content: bytes) -> bytes:

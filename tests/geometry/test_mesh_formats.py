@@ -159,6 +159,16 @@ def test_vtp_pieces_without_points_add_nothing(tmp_path, empty):
         load_mesh(written_vtp(tmp_path / "empty.vtp", empty), "mm")
 
 
+@pytest.mark.parametrize("kind, lost", [("Points", -1), ("Polys", 1), ("Strips", 1)])
+def test_a_vtp_file_with_other_counts_than_it_claims_is_refused(tmp_path, kind, lost):
+    found = {"Points": len(DRUM), "Polys": len(ENDS), "Strips": 1}[kind]
+    whole = vtp_piece(DRUM, Polys=ENDS, Strips=[WALL_STRIP])
+    damaged = whole.replace(f'NumberOf{kind}="{found}"', f'NumberOf{kind}="{found + lost}"')
+    path = written_vtp(tmp_path / "drum.vtp", damaged)
+    with pytest.raises(ValueError, match=f"it claims {found + lost} {kind.lower()} and has {found}"):
+        load_mesh(path, "mm")
+
+
 def stl_solid(name, corners):
     facets = ("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n".format("".join(map(vertex, c))) for c in corners)
     return f"solid {name}\n{''.join(facets)}endsolid {name}\n"
