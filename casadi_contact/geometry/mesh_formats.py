@@ -40,8 +40,9 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
             _check_facets(whole, len(content.faces))
         return np.asarray(content.vertices), np.asarray(content.faces)
     except Exception as error:  # trimesh's readers raise whatever the damage led to
+        equal = ", of faces with equally many corners if it is binary" if kind == "ply" else ""  # trimesh asks for it
         raise ValueError(
-            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file"
+            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file{equal}"
         ) from None
 
 

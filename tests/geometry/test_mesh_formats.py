@@ -159,6 +159,17 @@ def test_vtp_pieces_without_points_add_nothing(tmp_path, empty):
         load_mesh(written_vtp(tmp_path / "empty.vtp", empty), "mm")
 
 
+def test_binary_ply_of_triangles_and_quadrilaterals_is_refused_with_the_cure(tmp_path):
+    corners, faces = np.eye(4, 3, dtype="<f4"), [[0, 1, 2, 3], [2, 1, 0]]
+    head = f"format binary_little_endian 1.0\nelement vertex {len(corners)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    body = b"".join(bytes([len(face)]) + np.array(face, "<i4").tobytes() for face in faces)
+    (path := tmp_path / "mixed.ply").write_bytes(b"ply\n" + head.encode() + corners.tobytes() + body)
+    with pytest.raises(ValueError, match="expected a whole PLY file, of faces with equally many corners if it is"):
+        load_mesh(path, "mm")
+
+
 @pytest.mark.parametrize("kind, lost", [("Points", -1), ("Polys", 1), ("Strips", 1)])
 def test_a_vtp_file_with_other_counts_than_it_claims_is_refused(tmp_path, kind, lost):
     found = {"Points": len(DRUM), "Polys": len(ENDS), "Strips": 1}[kind]
