@@ -170,7 +170,7 @@ def test_binary_ply_of_triangles_and_quadrilaterals_is_refused_with_the_cure(tmp
         load_mesh(path, "mm")
 
 
-@pytest.mark.parametrize("kind, lost", [("Points", -1), ("Polys", 1), ("Strips", 1)])
+@pytest.mark.parametrize(("kind", "lost"), [("Points", -1), ("Polys", 1), ("Strips", 1)])
 def test_a_vtp_file_with_other_counts_than_it_claims_is_refused(tmp_path, kind, lost):
     found = {"Points": len(DRUM), "Polys": len(ENDS), "Strips": 1}[kind]
     whole = vtp_piece(DRUM, Polys=ENDS, Strips=[WALL_STRIP])
