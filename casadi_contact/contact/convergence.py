@@ -28,7 +28,7 @@ def forces_tried(scene: Scene) -> tuple[float, float]:
 @dataclass(frozen=True)
 class Errors:
     """Of a model in n poses: absolute errors of the scene's named loads (n, L) [N, N·mm], force on the pressed patch
-    (n,) [N], and whether the rim cuts contact (n,)."""
+    (n,) [N], and whether the rim cuts contact, or a sharp edge of the moving mesh bears (n,)."""
 
     scene: Scene
     loads: Array

@@ -1,8 +1,8 @@
 """Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""
 
+from casadi_contact.contact.elements.sharp_edges import share_at_sharp_edges
 from casadi_contact.verification.open_edges import share_beyond_open_edges
 from casadi_contact.verification.refine import Refinement, Solve, refine
-from casadi_contact.verification.sharp_edges import share_at_sharp_edges
 from casadi_contact.verification.uncertain_load import uncertain_load_shares, uncertain_load_words, uncounted_share
 from casadi_contact.verification.verdict import Verdict, judge, own_model
 from casadi_contact.verification.verify import Verification, verify

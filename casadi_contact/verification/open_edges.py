@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact.elements.pressed import pressed_elements
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.shapes.mesh_bodies import body_mesh, body_surface
 
@@ -36,10 +37,3 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
             np.bincount(at - first, force * beyond, len(chunk)), total, where=total > 0.0, out=total
         )
     return share
-
-
-def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
-    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
-    maps = model.pressure_maps(pose)
-    force = np.concatenate([each.forces_n for each in maps])
-    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact.elements.sharp_edges import TELLING_SHARE, share_at_sharp_edges
 from casadi_contact.conventions import Array
 from casadi_contact.verification.open_edges import share_beyond_open_edges
-from casadi_contact.verification.sharp_edges import share_at_sharp_edges
 from casadi_contact.verification.walls import share_on_walls, share_outside_patches
 
 
@@ -44,7 +44,7 @@ _PLACES = {
         share_at_sharp_edges,
         "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
         "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
-        least=0.1,  # of a wheel with bare edges, with less of its load there forces are off by 1 %
+        least=TELLING_SHARE,
     ),
 }
 

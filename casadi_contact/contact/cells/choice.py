@@ -16,6 +16,7 @@ from casadi_contact.contact.cells.pressed_poses import pressed_poses
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
 from casadi_contact.contact.elements import ElasticFoundation, grid_text
+from casadi_contact.contact.elements.sharp_edges import TELLING_SHARE, share_at_sharp_edges
 from casadi_contact.conventions import Array, load_selection, rotation
 from casadi_contact.scenes import Scene
 
@@ -34,9 +35,9 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
 
     Over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads,
     errors against an element grid of `CONVERGED` are 0.3 of what `convergence.Errors.misses` allows, or all of it where
-    that cannot be had; where the rim cuts contact their RMS is what it allows, or as it comes where that cannot
-    be had. Along each side cells are as large as one of `cell_sizes_mm`: first along v, then along u. Raises ValueError
-    where nothing is good enough, and where no pose presses the patches.
+    that cannot be had; where the rim cuts contact, and where sharp edges of the moving mesh bear, their RMS is what it
+    allows, or as it comes where that cannot be had. Along each side cells are as large as one of `cell_sizes_mm`: first
+    along v, then along u. Raises ValueError where nothing is good enough, and where no pose presses the patches.
     """
     truth, sizes_mm = _Truth(scene), cell_sizes_mm(scene)
     errors_of = lru_cache(maxsize=None)(truth.errors)
@@ -79,8 +80,9 @@ def cell_sizes_mm(scene: Scene) -> tuple[float, ...]:
 
 
 class _Truth:
-    """Poses that press each patch, the wrenches of a fine element grid there, and whether the rim cuts contact, of the
-    cells or of the grid, whose elements may reach around it.
+    """Poses that press each patch, the wrenches of a fine element grid there, and whether it is at a rim: whether the
+    fixed surface's rim cuts contact, of the cells or of the grid, whose elements may reach around it, or more than
+    `TELLING_SHARE` of the load lies at sharp edges of the moving mesh, which its field rounds off for both.
 
     Half of the poses within the rim are as drawn, half those of all drawn in which cells of middling size are most
     wrong: small fillets, which few poses touch, ask for the smallest cells. Poses in which the grid is off from one of
@@ -100,7 +102,7 @@ class _Truth:
             places = list(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True))
             wrenches = fine.wrenches(poses)[:, p]
             errors, cut_off = self._errors(p, patch, places, wrenches)
-            at_rim = cut_off | fine.at_edge(poses)[:, p]
+            at_rim = cut_off | fine.at_edge(poses)[:, p] | (share_at_sharp_edges(half, poses) > TELLING_SHARE)
             relative = (errors / tolerances).max(axis=1)
             between = np.abs((half.wrenches(poses)[:, p] - wrenches) @ self._selection[:, p].T)
             of_allowed = Errors(scene, between, np.linalg.norm(wrenches[:, :3], axis=1), at_rim).of_allowed
