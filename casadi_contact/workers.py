@@ -13,6 +13,8 @@ from typing import Any
 
 from loky import ProcessPoolExecutor, cpu_count
 
+from casadi_contact.machine import blas_environment
+
 
 class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
     """What `worker_pool` makes, and ends with all its work."""
@@ -33,7 +35,9 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
             return
         # loky replaces a worker whose memory has grown; nothing is lost, and a user can do nothing about it.
         warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
-        pool = _OwnPool(cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),))
+        pool = _OwnPool(
+            cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),), env=blas_environment() or None
+        )
         try:
             yield pool
         except BaseException:

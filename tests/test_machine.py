@@ -2,7 +2,7 @@
 
 import pytest
 
-from casadi_contact.machine import instruction_set, machine_record
+from casadi_contact.machine import blas_environment, instruction_set, machine_record
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,26 @@ def test_a_record_names_the_flags_that_kernels_are_compiled_with(monkeypatch):
     record = machine_record()
     assert record["kernel_flags"] == "-march=native"
     assert all(isinstance(value, str) and value for value in record.values())
+
+
+AVX512 = "fpu avx2 avx512f avx512bw avx512cd avx512dq avx512vl"
+
+
+@pytest.mark.parametrize(
+    ("vendor", "flags", "chosen"),
+    [
+        ("AuthenticAMD", AVX512, {"OPENBLAS_CORETYPE": "SkylakeX"}),
+        ("AuthenticAMD", "fpu avx2", {}),
+        ("AuthenticAMD", "fpu avx2 avx512f", {}),
+        ("GenuineIntel", AVX512, {}),
+        ("", "", {}),
+    ],
+)
+def test_blas_is_told_of_avx512_where_it_overlooks_it(vendor, flags, chosen, monkeypatch):
+    monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
+    assert blas_environment(vendor, flags) == chosen
+
+
+def test_blas_is_as_the_user_chose_it(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    assert blas_environment("AuthenticAMD", AVX512) == {}

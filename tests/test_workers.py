@@ -39,6 +39,13 @@ def test_a_script_without_a_main_guard_runs_once_and_simply_works(script):
     assert done.stdout.split() == ["ran", "30"]
 
 
+def test_workers_have_the_variables_that_their_matrix_products_ask_for(monkeypatch):
+    monkeypatch.setattr("casadi_contact.workers.blas_environment", lambda: {"OPENBLAS_CORETYPE": "Nehalem"})
+    with worker_pool() as workers:
+        assert workers.submit(os.getenv, "OPENBLAS_CORETYPE").result() == "Nehalem"
+    assert os.environ.get("OPENBLAS_CORETYPE") != "Nehalem"
+
+
 def test_a_killed_worker_is_one_line():
     with pytest.raises(ChildProcessError, match="a worker process was killed") as error, worker_pool() as workers:
         workers.submit(os._exit, 9).result()
