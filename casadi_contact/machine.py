@@ -1,4 +1,4 @@
-"""What a measurement was made on."""
+"""The machine: what a measurement was made on, and what matrix products are to know of its processor."""
 
 from __future__ import annotations
 

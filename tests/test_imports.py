@@ -15,8 +15,8 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 SUBPACKAGES = [
-    *("compilation", "files", "page", "workers", "cluster", "terminal", "interrupts", "command_line"),
-    *("machine", "quantities", "conventions", "pressure_laws"),
+    *("machine", "compilation", "files", "page", "workers", "cluster", "terminal", "interrupts", "command_line"),
+    *("quantities", "conventions", "pressure_laws"),
     *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures", "bridges"),
     *("project", "verification", "optimisation", "assembly"),

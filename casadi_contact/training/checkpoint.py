@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,50 +18,71 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.files import one_line, read_npz, write_npz
-from casadi_contact.network import Network, Regression
+from casadi_contact.network import Network
 from casadi_contact.training.settings import TrainingSettings
 
-FORMAT = 3  # 1 counted seconds, 2 kept preconditioners
+FORMAT = 4  # 1 counted seconds, 2 kept preconditioners, 3 told data apart by their last bit
 # More work or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
 _NOT_IN_DIGEST = ("max_gflop", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
+_ROUNDING = 1e-9  # of an array's sum of magnitudes: more than processors differ by, less than other data
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 Made = TypeVar("Made")
 _log = logging.getLogger(__name__)
 
 
-def digest(regression: Regression, settings: TrainingSettings, start: Network | None = None) -> str:
-    """Hex name of the data, the settings that shape the result (not limits and machine) and the start."""
+@dataclass(frozen=True)
+class Identity:
+    """What a fit is of. digest: hex name of its settings, and of all data that are the same on every machine; sums
+    (2·arrays,) of the others, which processors and numbers of threads round each in its own way: Σ|a| of each array,
+    and Σw·a with irregular weights |w| ≤ 1/2."""
+
+    digest: str
+    sums: Array
+
+    def is_of(self, digest: str, sums: Array) -> bool:
+        """Whether these are of the same fit, but for rounding."""
+        if digest != self.digest or (sums.shape, sums.dtype) != (self.sums.shape, self.sums.dtype):
+            return False
+        return bool(np.all(np.abs(sums - self.sums) <= _ROUNDING * np.repeat(self.sums[::2], 2)))
+
+
+def identity(
+    settings: TrainingSettings, names: Sequence[Any], arrays: Sequence[Any], start: Sequence[Network] = ()
+) -> Identity:
+    """That of a fit by its settings (but for limits and the machine), whatever else names it (as JSON), its data and
+    the networks that it starts from."""
     chosen = {key: value for key, value in asdict(settings).items() if key not in _NOT_IN_DIGEST}
-    head = json.dumps([FORMAT, regression.name, float(regression.tolerance), chosen], sort_keys=True)
-    name = hashlib.sha256(head.encode())
-    for array in _arrays(regression):
-        array = np.ascontiguousarray(array)
-        name.update(f"{array.dtype.str}{array.shape}".encode())
-        name.update(array.data)
-    if regression.spots > 1:
-        name.update(f"{regression.spots} spots".encode())
-    if start is not None:
-        for array in (start.input_shift, start.input_scale, *start.weights, *start.biases):
-            name.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-        name.update(repr(np.asarray(start.output_scale, dtype=float).tolist()).encode())
-    return name.hexdigest()
+    digest = hashlib.sha256(json.dumps([FORMAT, *names, chosen], sort_keys=True).encode())
+    sums: list[float] = []
+    for array in map(np.ascontiguousarray, arrays):
+        digest.update(f"{array.dtype.str}{array.shape}".encode())
+        if array.dtype.kind == "f":
+            sums += _sums(array.ravel())
+        else:
+            digest.update(array.data)
+    for network in start:
+        scales = (network.input_shift, network.input_scale, np.asarray(network.output_scale))
+        for array in (*scales, *network.weights, *network.biases):
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return Identity(digest.hexdigest(), np.array(sums))
 
 
-def _arrays(regression: Regression) -> tuple[Array, ...]:
-    r = regression
-    return r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, dtype=float)
+def _sums(numbers: Array) -> tuple[float, float]:
+    weights = np.arange(len(numbers)) * _GOLDEN % 1.0 - 0.5
+    return float(np.abs(numbers).sum()), float(numbers @ weights)
 
 
-def write(path: Path, identity: str, content: dict[str, Any]) -> None:
+def write(path: Path, of: Identity, content: dict[str, Any]) -> None:
     """Put the arrays and numbers in the place of ``path``."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_npz(path, format=FORMAT, digest=identity, **content)
+    write_npz(path, format=FORMAT, digest=of.digest, sums=of.sums, **content)
 
 
-def go_on(path: Path | None, identity: str, make: Callable[[dict[str, Any] | None], Made]) -> Made:
+def go_on(path: Path | None, of: Identity, make: Callable[[dict[str, Any] | None], Made]) -> Made:
     """What `make` makes of the checkpoint's content; of None where there is none to go on from (see `read`), or where
     it is not what a fit goes on from: a warning is logged. Raises what `read` and `make(None)` do."""
-    saved = read(path, identity) if path else None
+    saved = read(path, of) if path else None
     if saved is not None:
         try:
             return make(saved)
@@ -70,7 +91,7 @@ def go_on(path: Path | None, identity: str, make: Callable[[dict[str, Any] | Non
     return make(None)
 
 
-def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
+def read(path: Path, of: Identity) -> dict[str, np.ndarray] | None:
     """The content, or None where there is none to go on from (absent, or damaged: a warning is logged).
 
     Raises ValueError for a checkpoint of another format, or of other data or settings.
@@ -92,7 +113,7 @@ def read(path: Path, identity: str) -> dict[str, np.ndarray] | None:
             f"checkpoint {path} has format {version}, expected {FORMAT}, of a later version; delete it or "
             "choose another folder to train anew"
         )
-    if owner != identity:
+    if not of.is_of(owner, content.pop("sums", np.empty(0))):
         raise ValueError(
             f"checkpoint {path} belongs to other data or settings; delete it or choose another folder to train anew"
         )

@@ -116,6 +116,13 @@ def fit(
         return run.result()
 
 
+def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> checkpoint_file.Identity:
+    names = (r.name, float(r.tolerance), r.spots)
+    domain = () if r.domain is None else (r.domain,)
+    arrays = (r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, dtype=float), *domain)
+    return checkpoint_file.identity(settings, names, arrays, () if start is None else (start,))
+
+
 class Run:
     """A fit in progress: its search, its checkpoint and who is told. Leaving the block keeps the state of the last
     whole iteration, on Ctrl-C too."""
@@ -133,7 +140,7 @@ class Run:
         if start is not None:
             _check_start(regression, settings, start)
         self._checkpoint, self._progress = checkpoint, progress
-        self._identity = checkpoint_file.digest(regression, settings, start) if checkpoint else ""
+        self._identity = _identity(regression, settings, start)
         self.search, self._cpu_s = checkpoint_file.go_on(
             checkpoint,
             self._identity,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
@@ -52,7 +51,7 @@ def fit_parts(
     """Go on from the parts' own networks within ``settings.max_gflop``; the networks of the least validation error (of
     the least training error without validation rows) are returned. In it, and in the history, a validation row counts
     up to ten times the training RMS. Checkpoint and progress as for `fit`."""
-    identity = _digest(regression, settings, start)
+    identity = _identity(regression, settings, start)
     with threadpool_limits(settings.threads):
         course = checkpoint_file.go_on(checkpoint, identity, lambda saved: _Course(regression, settings, start, saved))
         written = time.monotonic()
@@ -173,11 +172,7 @@ def _plain(value: np.ndarray) -> Any:
     return value if value.ndim else value.item()
 
 
-def _digest(regression: PartsRegression, settings: TrainingSettings, start: Sequence[Network]) -> str:
-    """Hex name of the data, the seed and the start."""
-    name = hashlib.sha256(f"{checkpoint_file.FORMAT} {regression.name} {settings.seed}".encode())
-    data = (regression.shares, regression.wanted, regression.targets, regression.weights, regression.validation)
-    for array in (*regression.inputs, *data, flatten_parts(start)):
-        name.update(f"{array.dtype.str}{array.shape}".encode())
-        name.update(np.ascontiguousarray(array).data)
-    return name.hexdigest()
+def _identity(r: PartsRegression, settings: TrainingSettings, start: Sequence[Network]) -> checkpoint_file.Identity:
+    domain = () if r.domain is None else (r.domain,)
+    arrays = (*r.inputs, r.shares, r.wanted, r.targets, r.weights, r.validation, *domain)
+    return checkpoint_file.identity(settings, (r.name, float(r.tolerance)), arrays, start)

@@ -98,6 +98,33 @@ def test_a_checkpoint_of_other_settings_is_refused_and_kept(tmp_path, other):
     assert path.read_bytes() == content
 
 
+def rounded_otherwise(regression):
+    """As another processor may compute the same data."""
+    rng, ulp = np.random.default_rng(0), np.finfo(float).eps
+    moved = {
+        name: getattr(regression, name) * (1.0 + 2.0 * ulp * rng.integers(-1, 2, np.shape(getattr(regression, name))))
+        for name in ("inputs", "targets", "weights")
+    }
+    return replace(regression, **moved)
+
+
+def test_a_fit_goes_on_on_a_machine_that_rounds_its_data_otherwise(tmp_path):
+    path = tmp_path / "a.npz"
+    first = fit(smooth(), FIXED, path)
+    again = fit(rounded_otherwise(smooth()), FIXED, path)
+    np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
+
+
+@pytest.mark.parametrize("name", ["inputs", "targets", "weights"])
+@pytest.mark.parametrize("change", ["a row", "their order"])
+def test_a_checkpoint_of_hardly_other_data_is_refused(tmp_path, name, change):
+    path, values = tmp_path / "a.npz", getattr(smooth(), name).copy()
+    fit(smooth(), FIXED, path)
+    values[[7, 8]] = values[[8, 7]] if change == "their order" else 1.001 * values[[7, 8]]
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(replace(smooth(), **{name: values}), FIXED, path)
+
+
 def test_foreign_and_newer_files_are_refused(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, something=np.ones(3))
@@ -106,9 +133,13 @@ def test_foreign_and_newer_files_are_refused(tmp_path):
     np.savez(path, format=[3, 3], digest="x")
     with pytest.raises(ValueError, match="is not a checkpoint"):
         fit(smooth(), FIXED, path)
+    fit(smooth(), FIXED, own := tmp_path / "own.npz")
+    np.savez(path, **{**np.load(own), "sums": np.full(8, "x")})
+    with pytest.raises(ValueError, match="belongs to other data"):
+        fit(smooth(), FIXED, path)
     np.savez(path, format=99, digest="x")
     with pytest.raises(ValueError, match="format 99"):
         fit(smooth(), FIXED, path)
     np.savez(path, format=1, digest="x")
-    with pytest.raises(ValueError, match="format 1, expected 3, of a later version; delete it"):
+    with pytest.raises(ValueError, match="format 1, expected 4, of a later version; delete it"):
         fit(smooth(), FIXED, path)

@@ -181,6 +181,11 @@ def test_an_interrupted_fit_goes_on_to_the_same_weights(patch, networks, tmp_pat
     done = fit_parts(patch, settings, tmp_path / "parts.npz", stop, networks)
     assert len(seen) == 5, "a finished fit is returned at once"
     np.testing.assert_array_equal(done.history["gflop"], again.history["gflop"])
+    elsewhere = replace(patch, shares=patch.shares * (1.0 + np.finfo(float).eps))  # on a machine that rounds otherwise
+    done = fit_parts(elsewhere, settings, tmp_path / "parts.npz", stop, networks)
+    np.testing.assert_array_equal(done.history["gflop"], again.history["gflop"])
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit_parts(replace(patch, shares=1.001 * patch.shares), settings, tmp_path / "parts.npz", None, networks)
 
 
 def test_drawn_blocks_stand_for_all_rows(thinned, networks):
