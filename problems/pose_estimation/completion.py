@@ -4,8 +4,9 @@ infeasible                   the contact model settles from no start, or no cont
 outside the learned range    the contact model has a pose there: the frame goes on with it, "on the contact model"
 not found                    its pose lies inside the range: the surrogate is solved again from there
 
-Frames that are solved on a foundation, where the contact model differs from it by more than a verified frame may, go on
-with the contact model too. Those of a surrogate stay as they are: refining is their cure.
+Frames that are solved on a foundation, where the contact model differs from it by more than a verified frame may, are
+solved again from the contact model's pose, and go on with the contact model where it differs there too. Those of a
+surrogate stay as they are: refining is their cure.
 """
 
 from __future__ import annotations
@@ -110,8 +111,9 @@ def _without_impossible(
 
 
 def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
-    """The result with the frames in which the contact model differs solved on it, from where they stand; with
-    smoothness, and where it has no pose there, they stay."""
+    """The result with the frames in which the contact model differs solved on it, from where they stand, and then on
+    the foundation from there, which may have those loads in poses far apart. With smoothness, and where the contact
+    model has no pose, frames stay."""
     began = time.perf_counter()
     names = problem.wanted.load_names
     verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
@@ -119,25 +121,34 @@ def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel)
         return result
     found = search(model, problem, result.poses, verdict.verified, verdict.differs, None)
     moved = verdict.differs & found.found
+    on_it = result.loads.copy()
+    on_it[moved] = loads_on(model, found.poses[moved], names)
+    moved &= problem.wanted.carried(problem.wanted.errors(on_it))
+    poses = np.where(moved[:, None], found.poses, result.poses)
+    again, iterations = _again(problem, poses, moved)
+    again &= judge(problem.model, poses, again, model, names).verified
+    on_model = moved & ~again
+    poses[on_model] = found.poses[on_model]
     loads, reason, on_rim = result.loads.copy(), result.reason.copy(), result.on_rim.copy()
-    loads[moved] = loads_on(model, found.poses[moved], names)
-    errors = problem.wanted.errors(loads)
-    moved &= problem.wanted.carried(errors)
-    kept = ~moved
-    loads[kept], errors[kept] = result.loads[kept], result.errors[kept]
+    loads[again], loads[on_model] = problem.model(poses[again], names), on_it[on_model]
     if hasattr(model, "at_edge"):
-        on_rim[moved] = model.at_edge(found.poses[moved]).any(axis=1)
+        on_rim[on_model] = model.at_edge(poses[on_model]).any(axis=1)
     for k in np.flatnonzero(moved):
         off = verdict.words[k].removeprefix(f"{DIFFERS} by ")
-        reason[k] = f"on the contact model: in the pose of the foundation it differs by {off}"
+        reason[k] = (
+            f"found at first in another pose, where the contact model differs by {off}: solved from its pose"
+            if again[k]
+            else f"on the contact model: in the pose of the foundation it differs by {off}"
+        )
     return replace(
         result,
-        poses=np.where(moved[:, None], found.poses, result.poses),
+        poses=poses,
         loads=loads,
-        errors=errors,
-        on_model=result.on_model | moved,
+        errors=problem.wanted.errors(loads),
+        on_model=result.on_model | on_model,
         on_rim=on_rim,
         reason=reason,
+        iterations=result.iterations + iterations,
         seconds=result.seconds + time.perf_counter() - began,
     )
 

@@ -15,7 +15,7 @@ from casadi_contact.verification import judge, own_model
 from casadi_contact.verification.verify import loads_on
 from problems import pose_estimation, static_equilibrium
 from problems.common.contact import ContactSource
-from problems.pose_estimation import __main__
+from problems.pose_estimation import __main__, completion
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.starts import moved
 from tests.support.compiler import needs_compiler
@@ -105,6 +105,41 @@ def test_frames_in_which_a_coarse_foundation_is_off_go_on_with_the_contact_model
     np.testing.assert_allclose(loads_on(teacher, there, names), result.loads[result.on_model])
     assert problem.wanted.carried(problem.wanted.errors(result.loads)).all()
     assert all("in the pose of the foundation it differs by" in why for why in result.reason[result.on_model])
+
+
+class WithLoadsOutOfContact:
+    """A contact model that also carries the given loads (L,) in poses close to another one."""
+
+    def __init__(self, of, pose, loads):
+        self._of, self._pose, self._loads = of, pose, loads
+
+    def __getattr__(self, name):
+        return getattr(self._of, name)
+
+    def __call__(self, poses, loads=None):
+        values = self._of(poses, loads)
+        values[np.abs(poses - self._pose).max(axis=1) < 0.1] = self._loads
+        return values
+
+
+@needs_compiler
+def test_a_frame_that_the_foundation_carries_in_a_second_pose_is_solved_in_that_of_the_contact_model(
+    patellofemoral, monkeypatch
+):
+    problem = pose_estimation.build(patellofemoral, few_frames(scene_cycles(patellofemoral.scene)[0], every=20))
+    known = pose_estimation.solve(problem)
+    assert known.converged.all()
+    poses = known.poses.copy()
+    poses[2, 0] -= 15.0  # lifted off the groove
+    assert np.abs(patellofemoral(poses[[2]])).max() < 1.0, "out of contact"
+    false = WithLoadsOutOfContact(patellofemoral, poses[2], known.loads[2])
+    monkeypatch.setattr(completion, "solve", lambda *_, **__: replace(known, poses=poses))
+    result = solve_and_complete(replace(problem, model=false), None, own_model(patellofemoral.scene))
+    np.testing.assert_allclose(result.poses, known.poses, atol=1e-6)
+    np.testing.assert_allclose(result.loads, known.loads, atol=1e-3)
+    assert not result.on_model.any()
+    assert result.reason[2].startswith("found at first in another pose, where the contact model differs by")
+    assert not "".join(np.delete(result.reason, 2))
 
 
 @needs_compiler
