@@ -32,7 +32,7 @@ from casadi_contact.files import folder_lock
 from casadi_contact.pipeline import Project
 from casadi_contact.progress import progress_bars
 from casadi_contact.project import project_surrogates
-from casadi_contact.report import evaluation_tables, read_evaluation
+from casadi_contact.report import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.sampling import model_pair
 from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
@@ -206,8 +206,11 @@ def _train(project: Project, executor: Executor | None, device: str, structure: 
 
 def _evaluate(project: Project) -> None:
     path = pipeline.evaluate(project)
-    for table in evaluation_tables(read_evaluation(path)):
+    content = read_evaluation(path)
+    for table in evaluation_tables(content):
         console.print(table)
+    if remark := fine_grid_remark(content, project.scene):
+        console.print(remark, highlight=False, markup=False, soft_wrap=True)
     console.print(f"evaluation in {path}", highlight=False)
 
 

@@ -61,7 +61,7 @@ def open_hdf5(path: Path, *, trusted: bool = False) -> Iterator[h5py.File]:
     content = path.read_bytes()
     image, is_sealed = content[BLOCK:], content.startswith(_MAGIC)
     if is_sealed and content != sealed(image):
-        raise ValueError(f"{path} is damaged (its digest does not match): build or copy it again")
+        raise ValueError(f"{path} is damaged (its digest does not match): delete and build it, or copy it again")
     if not (is_sealed and (trusted or _digest(image) in _written)):
         image = _copied(path, COPY_CPU_S + len(content) // _COPY_BYTES)
     try:
@@ -73,7 +73,7 @@ def open_hdf5(path: Path, *, trusted: bool = False) -> Iterator[h5py.File]:
     except ValueError:
         raise
     except Exception as error:  # h5py, and readers that find another layout, raise many kinds
-        raise ValueError(f"{path} is damaged ({one_line(error)}): build or copy it again") from None
+        raise ValueError(f"{path} is damaged ({one_line(error)}): delete and build it, or copy it again") from None
 
 
 def sealed(image: bytes) -> bytes:

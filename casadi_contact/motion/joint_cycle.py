@@ -98,18 +98,21 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm (of a joint that is
     pressed along y also cop_ap_mm, cop_ml_mm).
 
-    Other columns are ignored, but for those named as a quantity in another unit (rz_deg) or without one (rz), or as a
-    knee's load cycle has them (flexion_rz_rad). Raises FileNotFoundError, and ValueError naming file, line and column.
+    Other columns are ignored, but for those named as a quantity in another unit (rz_deg), without one (rz) or by other
+    capital letters (fy_N), or as a knee's load cycle has them (flexion_rz_rad). Raises FileNotFoundError, and
+    ValueError naming file, line and column.
     """
     path = Path(path)
     known = driving_loads(scene)
     columns = {**column_names(known), **{name: quantity(name).column for name in _CENTRES}}
+    of_any_case = {column.lower(): column for column in columns.values()}
     table = TextColumns.read(path, "cycle file")
     table.require("time_s")
     for got in table.header:
-        wanted = columns.get(got) or columns.get(got.rpartition("_")[0])
+        wanted = columns.get(got) or columns.get(got.rpartition("_")[0]) or of_any_case.get(got.lower())
         if wanted is not None and got != wanted and wanted not in table.header:
-            cure = "name its unit" if got in columns else "convert its unit"
+            cure = "mind capital letters" if got.lower() == wanted.lower() else "convert its unit"
+            cure = "name its unit" if got in columns else cure
             raise ValueError(f"{path} has the column {got}, expected {wanted}: {cure}")
         for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
             if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
@@ -124,8 +127,9 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
             f"{', '.join(columns[name] for name in known)}; it has {short(', '.join(table.header))}"
         )
     named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
+    curves = {"time": table.numbers("time_s"), **named}
     try:
-        return joint_cycle_from_curves(path.stem, {"time": table.numbers("time_s"), **named}, scene)
+        return joint_cycle_from_curves(path.stem, curves, scene)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

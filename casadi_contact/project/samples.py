@@ -33,6 +33,7 @@ from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.sampling.folder import begun
 from casadi_contact.sampling.motion_file import kept_motion, motion_origin, write_motion
+from casadi_contact.sampling.reference import Cycle
 from casadi_contact.scenes import Scene
 from casadi_contact.training.arrays import arrays_for
 
@@ -113,6 +114,8 @@ def sample(
     for cycle in cycles:
         if warning := force_unit_warning(project.scene, cycle.wanted()):
             _log.warning("cycle %s: %s", cycle.name, warning)
+        if cycle_files and (warning := _undetermined(project.scene, cycle)):
+            _log.warning("cycle %s: %s", cycle.name, warning)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn, space = begun(project.samples_path), project.scene.pose_space
@@ -139,6 +142,19 @@ def sample(
     if model_name_of(samples) is None:
         refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
     return samples, report
+
+
+def _undetermined(scene: Scene, cycle: Cycle) -> str:
+    """In words, where a cycle measures too little to tell the pose; "" otherwise. A scene's own motion may: along a
+    groove a button is carried anywhere."""
+    free = [name for name in scene.pose_space.free_names if name not in cycle.measured_pose()]
+    loads = list(cycle.targets())
+    if len(loads) >= len(free):
+        return ""
+    return (
+        f"{len(loads)} loads ({', '.join(loads)}) cannot tell {len(free)} pose parameters ({', '.join(free)}): samples "
+        "are drawn around one of many motions that carry them; measure more of either"
+    )
 
 
 def _on_device(models: ModelPair, device: str) -> ModelPair:

@@ -171,11 +171,13 @@ def _offsets(sight: Sight, to_library: Array, told: list[str]) -> dict[str, tupl
         if far and body == "moving" and not meeting.together:
             origins[body] = centre - meeting.translation_mm
     if any(origin.any() for origin in origins.values()):
-        told.append(
-            "the files' origin lies far from the bodies: moved to what the moving body turns about, see placement"
-        )
         if meeting.together:
             origins = dict.fromkeys(origins, centre)
+        moved = " and ".join(body for body, origin in origins.items() if origin.any())
+        told.append(
+            f"the origin of the {moved} file lies far from the bodies: moved to what the moving body turns about, see "
+            "placement"
+        )
     lever_mm = float(np.linalg.norm(regions.anchors_mm[0]))
     if not joint.pressing and regions.centred and not origins["moving"].any() and lever_mm > pair.scale * _LEVER_MM:
         origins["moving"] = regions.anchors_mm[0]

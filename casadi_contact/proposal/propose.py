@@ -216,12 +216,14 @@ def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str
     one that is asked for. Centimetres and inches are never guessed, since they would do for most files in millimetres
     or metres: bodies of a few millimetres, if these they are, are asked about."""
     errors = []
-    for unit in ("mm", "m") if asked is None else (asked,):
+    for unit in dict.fromkeys((*(() if asked is None else (asked,)), "mm", "m")):
         try:
             meshes = {body: load_mesh(path, unit) for body, path in files.items()}
         except ValueError as error:
             errors.append(str(error))
             continue
+        if asked not in (None, unit):
+            break  # the files are in another unit than the one that is asked for
         across = max(map(across_mm, meshes.values()))
         if asked is None and across < _LEAST_GUESSED_MM:
             sizes = [f"{across * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]

@@ -7,13 +7,34 @@ from typing import Any
 
 from rich.table import Table
 
-from casadi_contact.quantities import quantity, three_digits
+from casadi_contact.contact import grid_text
+from casadi_contact.quantities import beside, quantity, three_digits
 from casadi_contact.report.result_file import read_result
+from casadi_contact.scenes import Scene
 
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:
     """The content of an ``evaluation.json``; ValueError if it is something else."""
     return read_result(path, "evaluation", "evaluate", evaluation_tables)
+
+
+def fine_grid_remark(content: dict[str, Any], scene: Scene) -> str:
+    """What to know of the scene's fine grid, where an ``evaluation.json`` has it off by more than a tolerance in D1
+    (RMS against what the samples were drawn from); "" otherwise. The grid was chosen for another motion, or by hand."""
+    grid = grid_text(scene.grids["fine"])
+    domains = content["domain_errors"].get(f"EF {grid}", {})
+    errors = {load: error["rms"] for load, error in domains.get("D1", {}).items()}
+    if not errors:
+        return ""
+    load = max(errors, key=lambda name: errors[name] / scene.tolerances[name])
+    tolerance = scene.tolerances[load]
+    if errors[load] <= tolerance:
+        return ""
+    off = f"{beside(errors[load], tolerance)} {quantity(load).unit}"
+    return (
+        f"the scene's fine grid, {grid}, is off by {off} in {load} in D1, "
+        f"tolerance {tolerance:g}: for checks of your own take a finer one (grids.fine), or cc.foundation"
+    )
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:

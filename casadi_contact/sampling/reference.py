@@ -120,7 +120,10 @@ def reference_motion(
     targets = [_on_frames(cycle, settings.frames) for cycle in cycles]
     if missing := [name for name in point.load_inputs if name not in targets[0]]:
         held = ", ".join(cycles[0].targets())
-        raise ValueError(f"the cycles hold no load {', '.join(missing)}, only {held}: change sampling.inputs")
+        raise ValueError(
+            f"the cycles hold no load {', '.join(missing)}, only {held}: give its column in the cycle files, or choose "
+            "other sampling.inputs in the scene"
+        )
     loads = Envelopes.over(point.load_inputs, [np.stack([t[n] for n in point.load_inputs], axis=1) for t in targets])
     if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
         raise ValueError(

@@ -126,9 +126,9 @@ def read_file(path: str | Path, *, trusted: bool = False) -> Content:
         try:
             content, digest = _read_content(file), file.attrs["digest"]
         except ValueError as error:
-            raise ValueError(f"{path} is damaged ({one_line(error)}), build or copy it again") from None
+            raise ValueError(f"{path} is damaged ({one_line(error)}): delete and build it, or copy it again") from None
     if _digest(*content) != digest:
-        raise ValueError(f"{path} is damaged (its check sum does not match), build or copy it again")
+        raise ValueError(f"{path} is damaged (its check sum does not match): delete and build it, or copy it again")
     structure, scene, record, networks, trust = content
     try:
         return Content(structure, Scene.from_toml(scene), networks, checked_record(json.loads(record)), trust)

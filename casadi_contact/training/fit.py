@@ -98,8 +98,9 @@ def fit(
     start: a network to go on from instead of random weights, of the settings' first size and activation. progress: is
     called after each iteration with the regression's name, Gflop used, Gflop allotted, and `course_text`.
 
-    With a ``checkpoint`` path the state is written there every ``checkpoint_every_s`` and on Ctrl-C; a later call
-    with the same regression and settings goes on from it (its budget too), or returns a finished fit at once.
+    With a ``checkpoint`` path the state is written there every ``checkpoint_every_s``, and on Ctrl-C in this process
+    (workers are ended at once); a later call with the same regression and settings goes on from it (its budget too),
+    or returns a finished fit at once.
     More ``max_gflop`` or ``max_iterations`` than before continues a fit that those had ended.
 
     Raises ValueError for a regression that cannot be fitted (NaN, shapes), for a start of another size, and for a

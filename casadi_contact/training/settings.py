@@ -39,7 +39,7 @@ class TrainingSettings:
     growth_share: float = 0.05
     device: str = "cpu"
     chunk_rows: int = 2000
-    checkpoint_every_s: float = 20.0
+    checkpoint_every_s: float = 5.0
     threads: int = 1
 
     def __post_init__(self) -> None:

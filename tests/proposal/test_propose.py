@@ -147,6 +147,9 @@ def test_names_and_units_that_cannot_be_are_refused_before_any_work(folder):
     write_obj(folder / "ball_m.obj", *cap_mesh(0.014, 5e-4, 1.3))
     said = refused(folder / "ball_m.obj", folder / "cup.obj", "--out", folder / "other.toml")
     assert said.endswith("No unit does for both files: scale one")
+    for asked in ("m", "mm"):
+        said = refused(folder / "ball_m.obj", folder / "cup.obj", "--out", folder / "other.toml", "--units", asked)
+        assert said.endswith("No unit does for both files: scale one")
 
 
 def test_files_of_a_hip_in_centimetres_are_asked_about_and_no_small_joint_is_made_of_them(folder):
