@@ -44,6 +44,7 @@ from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples
 
 POSES = random_poses(12)
+FIT = checkpoint.Identity("id", np.ones(2))
 FRONT = Path(cc.__file__).parent / "benchmark" / "ready" / "knee.csv"
 
 
@@ -106,7 +107,7 @@ def _kernel_speed(path: Path) -> None:
 
 
 def _checkpoint(path: Path) -> Any:
-    content = checkpoint.read(path, "id")
+    content = checkpoint.read(path, FIT)
     if content is None:
         raise ValueError("a fit starts again")
     return {name: array.tolist() for name, array in content.items()}
@@ -260,7 +261,7 @@ READERS = {
         exact=True,
     ),
     "checkpoint.npz": Reader(
-        lambda path: checkpoint.write(path, "id", {"weights": POSES, "seconds": 1.5}), _checkpoint, exact=True
+        lambda path: checkpoint.write(path, FIT, {"weights": POSES, "seconds": 1.5}), _checkpoint, exact=True
     ),
     "motion.npz": Reader(_motion, _read_motion, exact=True),
     "plan/samples.h5.partial/plan.json": Reader(_plan, _plan),

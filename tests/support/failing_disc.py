@@ -35,6 +35,7 @@ from tests.support.regressions import FIXED, smooth
 from tests.support.smooth_samples import smooth_samples
 
 POSES = random_poses(40)
+FIT = checkpoint.Identity("id", np.ones(2))
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full
 
 
@@ -57,7 +58,7 @@ def writers() -> dict[str, Callable[[Path], object]]:
         "samples.h5": lambda path: write_samples(path, samples),
         "drawn.h5": drawn,
         "surrogate.h5": surrogate.save,
-        "checkpoint.npz": lambda path: checkpoint.write(path, "id", {"weights": POSES}),
+        "checkpoint.npz": lambda path: checkpoint.write(path, FIT, {"weights": POSES}),
         "fit.npz": lambda path: fit(smooth(), FIXED, path),
         "motion.npz": lambda path: write_npz(path, poses=POSES),
         "evaluation.json": lambda path: write_text(path, json.dumps(POSES.tolist())),
