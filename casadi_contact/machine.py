@@ -36,8 +36,8 @@ def blas_environment(vendor: str | None = None, flags: str | None = None) -> dic
     """Environment variables with which a new process multiplies matrices by AVX-512 on an AMD processor that has it.
 
     The OpenBLAS in the wheels of NumPy and SciPy has kernels for a few processors and runs those of a Haswell, without
-    AVX-512, on an AMD EPYC (Zen 5), which takes twice as long. Empty on any other processor, this one by default, and
-    where the user has chosen (``OPENBLAS_CORETYPE``).
+    AVX-512, on an AMD EPYC (Zen 5), which takes twice as long. Empty on any other processor, and where the user
+    has chosen (``OPENBLAS_CORETYPE``). vendor, flags: of another processor than this one, as /proc/cpuinfo has them.
     """
     vendor = _cpuinfo("vendor_id") if vendor is None else vendor
     known = set((_cpuinfo("flags") if flags is None else flags).split())

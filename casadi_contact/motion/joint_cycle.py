@@ -99,8 +99,8 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     pressed along y also cop_ap_mm, cop_ml_mm).
 
     Other columns are ignored, but for those named as a quantity in another unit (rz_deg), without one (rz) or by other
-    capital letters (fy_N), or as a knee's load cycle has them (flexion_rz_rad). Raises FileNotFoundError, and
-    ValueError naming file, line and column.
+    capital letters with its unit (fy_N), or as a knee's load cycle has them (flexion_rz_rad).
+    Raises FileNotFoundError, and ValueError naming file, line and column.
     """
     path = Path(path)
     known = driving_loads(scene)
@@ -109,7 +109,7 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     table = TextColumns.read(path, "cycle file")
     table.require("time_s")
     for got in table.header:
-        wanted = columns.get(got) or columns.get(got.rpartition("_")[0]) or of_any_case.get(got.lower())
+        wanted = of_any_case.get(got.lower()) or columns.get(got) or columns.get(got.rpartition("_")[0])
         if wanted is not None and got != wanted and wanted not in table.header:
             cure = "mind capital letters" if got.lower() == wanted.lower() else "convert its unit"
             cure = "name its unit" if got in columns else cure

@@ -21,16 +21,16 @@ def read_evaluation(path: str | Path) -> dict[str, Any]:
 def fine_grid_remark(content: dict[str, Any], scene: Scene) -> str:
     """What to know of the scene's fine grid, where an ``evaluation.json`` has it off by more than a tolerance in D1
     (RMS against what the samples were drawn from); "" otherwise. The grid was chosen for another motion, or by hand."""
+    if "fine" not in scene.grids:  # a scene with a contact model of the user's own needs none
+        return ""
     grid = grid_text(scene.grids["fine"])
-    domains = content["domain_errors"].get(f"EF {grid}", {})
-    errors = {load: error["rms"] for load, error in domains.get("D1", {}).items()}
-    if not errors:
+    errors = content["domain_errors"].get(f"EF {grid}", {}).get("D1", {})
+    above = {name: error["rms"] for name, error in errors.items() if error["rms"] > scene.tolerances[name]}
+    if not above:
         return ""
-    load = max(errors, key=lambda name: errors[name] / scene.tolerances[name])
+    load = max(above, key=lambda name: above[name] / scene.tolerances[name])
     tolerance = scene.tolerances[load]
-    if errors[load] <= tolerance:
-        return ""
-    off = f"{beside(errors[load], tolerance)} {quantity(load).unit}"
+    off = f"{beside(above[load], tolerance)} {quantity(load).unit}"
     return (
         f"the scene's fine grid, {grid}, is off by {off} in {load} in D1, "
         f"tolerance {tolerance:g}: for checks of your own take a finer one (grids.fine), or cc.foundation"

@@ -51,20 +51,21 @@ def identity(
     settings: TrainingSettings, names: Sequence[Any], arrays: Sequence[Any], start: Sequence[Network] = ()
 ) -> Identity:
     """That of a fit by its settings (but for limits and the machine), whatever else names it (as JSON), its data and
-    the networks that it starts from."""
+    the networks that it starts from, whose scales come of data too."""
     chosen = {key: value for key, value in asdict(settings).items() if key not in _NOT_IN_DIGEST}
     digest = hashlib.sha256(json.dumps([FORMAT, *names, chosen], sort_keys=True).encode())
     sums: list[float] = []
-    for array in map(np.ascontiguousarray, arrays):
+    of_start = (
+        array
+        for one in start
+        for array in (one.input_shift, one.input_scale, np.asarray(one.output_scale), *one.weights, *one.biases)
+    )
+    for array in map(np.ascontiguousarray, (*arrays, *of_start)):
         digest.update(f"{array.dtype.str}{array.shape}".encode())
         if array.dtype.kind == "f":
             sums += _sums(array.ravel())
         else:
             digest.update(array.data)
-    for network in start:
-        scales = (network.input_shift, network.input_scale, np.asarray(network.output_scale))
-        for array in (*scales, *network.weights, *network.biases):
-            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return Identity(digest.hexdigest(), np.array(sums))
 
 

@@ -118,10 +118,10 @@ def fit(
 
 
 def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> checkpoint_file.Identity:
-    names = (r.name, float(r.tolerance), r.spots)
     domain = () if r.domain is None else (r.domain,)
-    arrays = (r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, dtype=float), *domain)
-    return checkpoint_file.identity(settings, names, arrays, () if start is None else (start,))
+    numbers = (np.asarray(number, dtype=float) for number in (r.false_load, r.tolerance))
+    arrays = (r.inputs, r.targets, r.weights, r.validation, *numbers, *domain)
+    return checkpoint_file.identity(settings, (r.name, r.spots), arrays, () if start is None else (start,))
 
 
 class Run:

@@ -174,5 +174,5 @@ def _plain(value: np.ndarray) -> Any:
 
 def _identity(r: PartsRegression, settings: TrainingSettings, start: Sequence[Network]) -> checkpoint_file.Identity:
     domain = () if r.domain is None else (r.domain,)
-    arrays = (*r.inputs, r.shares, r.wanted, r.targets, r.weights, r.validation, *domain)
-    return checkpoint_file.identity(settings, (r.name, float(r.tolerance)), arrays, start)
+    arrays = (*r.inputs, r.shares, r.wanted, r.targets, r.weights, r.validation, np.asarray(r.tolerance), *domain)
+    return checkpoint_file.identity(settings, (r.name,), arrays, start)

@@ -126,7 +126,8 @@ def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel)
     moved &= problem.wanted.carried(problem.wanted.errors(on_it))
     poses = np.where(moved[:, None], found.poses, result.poses)
     again, iterations = _again(problem, poses, moved)
-    again &= judge(problem.model, poses, again, model, names).verified
+    if again.any():
+        again[again] = judge(problem.model, poses[again], again[again], model, names).verified
     on_model = moved & ~again
     poses[on_model] = found.poses[on_model]
     loads, reason, on_rim = result.loads.copy(), result.reason.copy(), result.on_rim.copy()

@@ -73,7 +73,7 @@ def bench_two_workers_against_one(plan, tmp_path):
     task = 500 / CHUNK * min(of_workers[1]) / chunks
     print(f"\n{chunks} chunks of {CHUNK} samples of {SCENE}, {os.cpu_count()} cores, load {load:.1f}")
     for workers in wall:
-        print(f"{workers} workers: {min(wall[workers]):.1f} s, {min(of_workers[workers]):.1f} CPU s in the workers")
+        print(f"{workers} workers: {min(wall[workers]):.2f} s, {min(of_workers[workers]):.2f} CPU s in the workers")
     print(f"two workers are {gain:.2f} times as fast as one and need {cost:.2f} times its CPU seconds")
     print(
         f"a preset's chunk of 500 samples takes {task:.2f} CPU s in a worker; scheduler and client {min(beside):.3f} s"

@@ -114,6 +114,8 @@ def test_a_cycle_file_names_its_units(tmp_path):
         ("time_s,rz_deg,Fy_N", "0.5,900", "has the column rz_deg, expected rz_rad: convert its unit"),
         ("time_s,flexion_rz_rad,Fy_N", "0.5,900", "has the column flexion_rz_rad, expected rz_rad: rename it"),
         ("time_s,rz_rad,fy_N", "0.5,900", "has the column fy_N, expected Fy_N: mind capital letters"),
+        ("time_s,Tx_mm,Fy_N", "0.5,900", "has the column Tx_mm, expected tx_mm: mind capital letters"),
+        ("time_s,tx_Nmm,Fy_N", "0.5,900", "has the column tx_Nmm, expected Tx_Nmm: mind capital letters"),
         ("time_s,rz,Fy_N", "0.5,900", "has the column rz, expected rz_rad: name its unit"),
         ("time_s,rz_rad,Fy_N,cop_x", "0.5,900,2", "has the column cop_x, expected cop_x_mm: name its unit"),
         ("time_s,rz_rad,Fy_BW", "0.5,2.1", "has the column Fy_BW, expected Fy_N: convert its unit"),

@@ -8,6 +8,7 @@ import pytest
 from casadi_contact.benchmark.evaluate import evaluate
 from casadi_contact.report import evaluation_tables, fine_grid_remark
 from casadi_contact.sampling import SamplingSettings, model_pair, models_identity
+from tests.support import own_contact
 from tests.support.random_surrogates import random_surrogate
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
@@ -30,10 +31,15 @@ def test_errors_of_a_table_of_samples_are_against_these():
 
 @pytest.mark.parametrize(("off", "said"), [(0.9, ""), (1.1, "Fy in D1"), (np.nan, "")])
 def test_a_fine_grid_that_is_off_by_more_than_a_tolerance_is_told(off, said):
-    """Of a load that carries the most beyond its own tolerance; NaN where D1 holds no samples."""
+    """Of the load that is the most beyond its own tolerance."""
     grid = "×".join(map(str, SPHERE.grids["fine"]))
     errors = {load: {"rms": 0.5 * tolerance} for load, tolerance in SPHERE.tolerances.items()}
     errors["Fy"] = {"rms": off * SPHERE.tolerances["Fy"]}
     remark = fine_grid_remark({"domain_errors": {f"EF {grid}": {"D1": errors}, "patch": {}}}, SPHERE)
     assert said in remark
     assert bool(remark) == bool(said)
+
+
+def test_a_scene_without_grids_has_no_fine_one_to_tell_of():
+    assert own_contact.SCENE.grids == {}
+    assert fine_grid_remark({"domain_errors": {"patch": {}}}, own_contact.SCENE) == ""

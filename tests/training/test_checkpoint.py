@@ -115,6 +115,17 @@ def test_a_fit_goes_on_on_a_machine_that_rounds_its_data_otherwise(tmp_path):
     np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
 
 
+def test_so_does_one_that_goes_on_from_another(tmp_path):
+    """The scales of the first one's network, found again, come of data that are rounded otherwise."""
+    ended = []
+    for regression, tolerance in ((smooth(), 1e-9), (rounded_otherwise(smooth()), np.nextafter(1e-9, 1.0))):
+        first = fit(regression, FIXED, tmp_path / "a.npz")
+        onward = replace(regression, tolerance=float(tolerance))
+        ended.append(fit(onward, FIXED, tmp_path / "b.npz", start=first.network))
+    one, other = (flatten(each.network) for each in ended)
+    np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("name", ["inputs", "targets", "weights"])
 @pytest.mark.parametrize("change", ["a row", "their order"])
 def test_a_checkpoint_of_hardly_other_data_is_refused(tmp_path, name, change):
