@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import typer
 
 from casadi_contact.files import finite_number, short
-from casadi_contact.interrupts import INTERRUPTED, is_interrupt
+from casadi_contact.interrupts import INTERRUPTED, is_interrupt, raise_interrupts
 from casadi_contact.terminal import printable
 
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
@@ -36,6 +36,7 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
 
     prog_name: how help names the program; as it was called if left out.
     """
+    raise_interrupts()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that knows no ² or · is no reason to end
     try:

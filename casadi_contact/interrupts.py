@@ -6,6 +6,7 @@ This file imports nothing that takes time.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -28,8 +29,20 @@ def is_interrupt(error: BaseException) -> bool:
 
 
 def end_on_interrupt() -> None:
-    """From here on an interrupt that nobody catches ends Python with `INTERRUPTED`; all else is told as ever."""
+    """From here on an interrupt that nobody catches ends Python with `INTERRUPTED`; all else is told as ever.
+
+    Until `raise_interrupts` Ctrl-C ends Python at once. Raised while modules are imported it would be lost now and
+    then: libraries try imports under a bare ``except``, and Python drops what a callback raises.
+    """
     sys.excepthook = _end
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end_at_once)
+
+
+def raise_interrupts() -> None:
+    """From here on Ctrl-C raises KeyboardInterrupt again, for work that keeps what is done."""
+    if signal.getsignal(signal.SIGINT) is _end_at_once:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextmanager
@@ -41,6 +54,10 @@ def terminated_as_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _end_at_once(*_: object) -> None:
+    os._exit(INTERRUPTED)
 
 
 def _end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

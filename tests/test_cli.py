@@ -176,6 +176,27 @@ def test_ctrl_c_while_a_command_still_imports_ends_without_a_traceback(module, t
     assert (ended.returncode, ended.stderr) == (130, "")
 
 
+SWALLOWING = """
+import os, signal, time
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(5.0)
+except BaseException:
+    pass
+raise ArithmeticError("went on")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="interrupts itself as POSIX does")
+@pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
+def test_ctrl_c_is_not_lost_in_an_import_that_catches_everything(module, tmp_path):
+    (tmp_path / "typer.py").write_text(SWALLOWING, "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", module, "--help"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
 def test_an_error_while_a_command_still_imports_is_told_as_ever(tmp_path):
     (tmp_path / "typer.py").write_text("raise ArithmeticError('no typer')", "utf-8")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
