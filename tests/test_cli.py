@@ -2,7 +2,6 @@
 
 import io
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -188,21 +187,20 @@ raise ArithmeticError("went on")
 """
 
 
+INTERRUPTIBLE = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests that run in the background ignore it
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
 @pytest.mark.skipif(os.name != "posix", reason="interrupts itself as POSIX does")
 @pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
 def test_ctrl_c_is_not_lost_in_an_import_that_catches_everything(module, tmp_path):
     (tmp_path / "typer.py").write_text(SWALLOWING, "utf-8")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-m", module, "--help"]
-    ended = subprocess.run(
-        command,
-        env=environment,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background ignore it
-    )
+    command = [sys.executable, "-c", INTERRUPTIBLE, "-m", module, "--help"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (130, "")
 
 
