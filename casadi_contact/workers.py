@@ -19,6 +19,15 @@ from casadi_contact.machine import blas_environment
 class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
     """What `worker_pool` makes, and ends with all its work."""
 
+    def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
+        """As loky's, which does not wait for the thread that feeds the workers: where Python ends while that thread
+        gives its semaphore back, a warning of a leak is printed."""
+        queue = self._call_queue
+        super().shutdown(wait, kill_workers)
+        feeder = None if queue is None else queue._thread
+        if wait and feeder is not None:
+            feeder.join(1.0)  # one that writes to workers that were killed ends with this process
+
 
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
