@@ -19,7 +19,10 @@ from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import ChartEffort, Effort
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate, load_surrogate
+from casadi_contact.structures.info import samples_record
 from casadi_contact.workers import worker_pool
+
+_OF_SAMPLES = ("samples", "pose_range", "load_range")  # what a record tells of those that were learned
 
 
 @dataclass(frozen=True)
@@ -77,18 +80,21 @@ def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = Non
     return project.folder / "sizes" / f"{sized.stem}{only}.h5"
 
 
-def on_disk(project: Project, path: Path | str) -> Surrogate | None:
-    """The surrogate at a path or of a shipped name, or None where there is none of this scene that can be read."""
+def on_disk(project: Project, path: Path | str, learned: Samples | None = None) -> Surrogate | None:
+    """The surrogate at a path or of a shipped name, or None where there is none of this scene that can be read, or, of
+    samples that it is to have learned, one whose record tells of others."""
     try:
         surrogate = load_surrogate(path)
     except (FileNotFoundError, ValueError):  # damaged or of an older format: made again, from its checkpoints
         return None
-    return surrogate if surrogate.scene.digest == project.scene.digest else None
+    known = {} if learned is None else samples_record(learned)
+    same = all(surrogate.record.get(key) == known[key] for key in _OF_SAMPLES if key in known)
+    return surrogate if same and surrogate.scene.digest == project.scene.digest else None
 
 
-def _made(project: Project, path: Path) -> bool:
-    """Whether a surrogate lies there that was trained for the tolerances of now."""
-    surrogate = on_disk(project, path)
+def _made(project: Project, path: Path, learned: Samples) -> bool:
+    """Whether a surrogate lies there that was trained on these samples for the tolerances of now."""
+    surrogate = on_disk(project, path, learned)
     return surrogate is not None and surrogate.scene.tolerances == project.scene.tolerances
 
 
@@ -117,9 +123,13 @@ def train_sizes(
     FileNotFoundError without samples, ValueError for samples of another scene.
     """
     wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
-    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized, loads))]
+    samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
+    missing = [
+        sized
+        for sized in wanted
+        if not _made(project, sized_path(project, sized, loads), subset_of(samples, sized.samples))
+    ]
     if missing:
-        samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
         writable_folder(project.folder / "sizes")
         command = project.command("chart")
         with worker_pool(executor) as workers:

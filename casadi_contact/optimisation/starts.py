@@ -77,10 +77,12 @@ def _begins(
 
 def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:
     """Poses (n, 6) moved to the first touch (`first_touch`); as they are where the model knows no gaps, what moves is
-    not free, or a scene is pressed in no direction and the wanted force (n,) is not given by its names."""
+    not free, or a scene is pressed in no direction and the wanted force (n,) is not given by its names. Along a part of
+    the force that is zero throughout nothing moves."""
     normal = model.scene.normal_loads[0]
     directed = normal.component is not None
-    moved = (f"t{normal.component[1]}",) if normal.component is not None else POSE_NAMES[:3]
+    parts = normal.loads if normal.component is None else (normal.component,)
+    moved = [f"t{name[1]}" for name in parts if directed or np.any(pressing.get(name, 1.0))]
     known = hasattr(model, "gaps") and set(moved) <= set(free) and (directed or set(normal.loads) <= set(pressing))
     return first_touch(model, poses, pressing) if known else poses
 

@@ -17,7 +17,12 @@ from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
 from casadi_contact.transcription.c_names import comment_text, identifier
 from casadi_contact.transcription.functions import check_name, check_unused
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_parts, name_of_wrenches
+from casadi_contact.transcription.kernel.casadi_interface import (
+    UNNAMED,
+    casadi_interface,
+    name_of_parts,
+    name_of_wrenches,
+)
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
 
@@ -52,7 +57,9 @@ class ExportedModel:
     def c_source(self, name: str) -> str:
         """One C file: the model, its functions by name, and the interface of casadi.external."""
         words, functions = self.words(name), c_text("export_api.c")
-        check_unused(name, self.source, suffixes=("", *re.findall(r"\$\{name\}(\w+)", functions)))
+        shared = casadi_interface(self._casadi_functions(UNNAMED))
+        suffixes = ("", *re.findall(r"\$\{name\}(\w+)", functions))
+        check_unused(name, f"{self.source}\n{shared}", suffixes=suffixes)
         parts = [
             _written(words),
             self.source,

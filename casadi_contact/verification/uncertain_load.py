@@ -48,6 +48,8 @@ _PLACES = {
     ),
 }
 
+_UNCOUNTED = share_on_walls, share_outside_patches  # of triangles that are not the same
+
 
 def uncertain_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, Array]:
     """Shares (n,) of the load in poses (n, 6): beyond_open_edges and at_sharp_edges of the moving mesh, on_walls and
@@ -56,9 +58,11 @@ def uncertain_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, A
 
 
 def uncounted_share(model: ElasticFoundation, poses: Array) -> Array:
-    """Share of the load (n,) in poses (n, 6) that lies where no model of the scene counts any, on walls or outside of
-    all patches. Raises ValueError for bad poses."""
-    return np.maximum(share_on_walls(model, poses), share_outside_patches(model, poses))
+    """Share of the load (n,) in poses (n, 6) that lies where no model of the scene counts any, on walls and outside of
+    all patches together: each of the two is a share of itself and what is counted. Raises ValueError for bad poses."""
+    with np.errstate(divide="ignore"):  # where none is counted a share is 1
+        to_counted = sum(share / (1.0 - share) for share in (of(model, poses) for of in _UNCOUNTED))
+    return np.asarray(1.0 - 1.0 / (1.0 + to_counted))
 
 
 def uncertain_load_words(shares: Mapping[str, Array]) -> dict[str, str]:

@@ -12,8 +12,8 @@ from casadi_contact.optimisation import total_selection
 from problems.knee_simulator.problem import POWERS, KneeSimulator
 from problems.knee_simulator.solve import Simulation
 
-_REACH_MM = 1.0  # lifts any pose that a joint load reaches out of contact
-_PANELS = 40
+_PANELS_PER_MM = 40
+_MOST_MM = 32.0  # to lift by: no layer is pressed as deep
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,20 @@ class EnergyBalance:
 
 def lifting_energy(model: ContactModel, poses: Array) -> Array:
     """Energy (n,) [N·mm] that contact gives back when the body is lifted straight off: U = ∫ N(ty + h) dh, h >= 0."""
+    total = total_selection(model.load_names, model.patch_names)[1]
+
+    def downward(heights: Array) -> Array:
+        lifted = np.repeat(poses, len(heights), axis=0)
+        lifted[:, 1] += np.tile(heights, len(poses))
+        return np.asarray(-(model(lifted) @ total)).reshape(len(poses), -1)
+
+    reach_mm = 1.0
+    while reach_mm < _MOST_MM and downward(np.array([reach_mm])).any():
+        reach_mm *= 2.0
     nodes, weights = np.polynomial.legendre.leggauss(3)
-    width = _REACH_MM / _PANELS
-    heights = (width * (np.arange(_PANELS)[:, None] + 0.5 * (nodes + 1.0))).ravel()
-    lifted = np.repeat(poses, len(heights), axis=0)
-    lifted[:, 1] += np.tile(heights, len(poses))
-    downward = -(model(lifted) @ total_selection(model.load_names, model.patch_names)[1])
-    return downward.reshape(len(poses), -1) @ np.tile(0.5 * width * weights, _PANELS)
+    panels, width = round(_PANELS_PER_MM * reach_mm), 1.0 / _PANELS_PER_MM
+    heights = (width * (np.arange(panels)[:, None] + 0.5 * (nodes + 1.0))).ravel()
+    return downward(heights) @ np.tile(0.5 * width * weights, panels)
 
 
 def unbalanced(simulation: Simulation, other: ContactModel) -> Array:

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.assembly import Assembly, Contact, load_assembly
+from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.optimisation import pose_steps
@@ -161,8 +162,8 @@ def load_extensor(name_or_path: str, contact_model: SymbolicContact) -> Extensor
     assembly that is built otherwise, and for a model of no knee with two sides.
     """
     check_knee("a patella's muscle problem", contact_model.scene, contact_model.load_names)
-    scene = contact_model.scene.name
-    assembly = load_assembly(name_or_path, lambda given: contact_model if given.name == scene else foundation(given))
+    scene, whole = contact_model.scene.name, whole_wrench(contact_model.scene).digest
+    assembly = load_assembly(name_or_path, lambda given: contact_model if given.digest == whole else foundation(given))
     if assembly.bodies != (FEMUR, PATELLA) or len(assembly.pulls) != 1:
         raise ValueError(
             f"assembly {assembly.name} has the bodies {', '.join(assembly.bodies)} and {len(assembly.pulls)} pulls, "
@@ -173,7 +174,7 @@ def load_extensor(name_or_path: str, contact_model: SymbolicContact) -> Extensor
     if knee is None or groove is None or len(parts) != 2 or knee.model is not contact_model:
         raise ValueError(
             f"assembly {assembly.name} has the contacts {', '.join(c.name for c in assembly.contacts)}, expected scene "
-            f"{scene} with femur on {assembly.ground}, and patella on femur"
+            f"{scene} of the same bodies, material and loads, with femur on {assembly.ground}, and patella on femur"
         )
     if np.any(knee.fixed_frame) or np.any(knee.moving_frame):
         raise ValueError(f"assembly {assembly.name}: {knee.name} has frames of its own, expected those of its scene")

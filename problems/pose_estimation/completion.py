@@ -39,6 +39,9 @@ def solve_and_complete(problem: PoseEstimation, start: Array | None, model: Cont
         result = complete(problem, result, problem.model)
     if isinstance(model, str):
         return result
+    if not problem.learned:  # on it: on the foundation, which the elements have not seen yet
+        none = np.zeros(problem.frames, dtype=bool)
+        result = replace(result, on_model=none, on_rim=none)
     result = complete(problem, result, model)
     return result if problem.learned else _corrected(problem, result, model)
 

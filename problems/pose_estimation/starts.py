@@ -83,8 +83,8 @@ def start_from_file(path: Path, count: int) -> Array:
 
 def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Array:
     """Poses (n, 6) moved at random, each frame alone: each patch lifted by `LIFTS_MM` along what presses it (along the
-    wanted force, where it has no direction), as nearly as the sensitive pose parameters can; all other free ones by up
-    to `ASIDE_MM` and `ASIDE_RAD`."""
+    wanted parts of its force, where it has no direction), as nearly as the sensitive pose parameters can; all other
+    free ones by up to `ASIDE_MM` and `ASIDE_RAD`."""
     scene, count = problem.model.scene, len(poses)
     start = poses.copy()
     sensitive = [name for name in scene.sensitive_pose if name in problem.free]
@@ -96,7 +96,7 @@ def moved(problem: PoseEstimation, poses: Array, rng: np.random.Generator) -> Ar
     rows = np.empty((count, len(scene.normal_loads), len(sensitive)))
     for p, (normal, anchor) in enumerate(zip(scene.normal_loads, scene.anchors_mm, strict=True)):
         if normal.direction is None:
-            force = np.column_stack([problem.wanted.values[name] for name in normal.loads])
+            force = np.column_stack([problem.wanted.values.get(name, np.zeros(count)) for name in normal.loads])
             along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
         else:
             along = np.tile(normal.direction, (count, 1))

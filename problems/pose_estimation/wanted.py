@@ -67,14 +67,16 @@ class WantedLoads:
     def loaded(self) -> np.ndarray:
         """True (n,) where something presses: without load there is neither a centre of pressure nor a pose to find.
 
-        A force below a millionth of the scene's boundary load is none. A centre of pressure may belong to a force that
-        is not wanted: then that may press in any frame.
+        A force below a millionth of the scene's boundary load is none. Where a normal load is not wanted it may press
+        in any frame: then a torque tells too, and a centre of pressure may belong to it.
         """
-        forces = [curve for name, curve in self.values.items() if quantity(name).kind == FORCE]
         all_known = all(set(normal.loads) <= set(self.values) for normal in self.scene.normal_loads)
-        if not forces or (self.centres and not all_known):
+        lever = {FORCE: 1.0} if all_known else {FORCE: 1.0, TORQUE: LEVER_MM}
+        kinds = {name: quantity(name).kind for name in self.values}
+        sizes = [np.abs(self.values[name]) / lever[kind] for name, kind in kinds.items() if kind in lever]
+        if not sizes or (self.centres and not all_known):
             return np.ones(len(next(iter(self.values.values()))), dtype=bool)
-        return np.any(np.abs(forces) > _ROUNDED_ZERO * self.scene.boundary_load, axis=0)
+        return np.any(np.array(sizes) > _ROUNDED_ZERO * self.scene.boundary_load, axis=0)
 
     @property
     def pressing(self) -> dict[str, Array]:
@@ -82,6 +84,13 @@ class WantedLoads:
         wanted with all their parts."""
         normals = [n for n in self.scene.pressed if set(n.loads) <= set(self.values)]
         return {name: self.values[name] for normal in normals for name in normal.loads}
+
+    def partly_pressing(self, rows: np.ndarray) -> dict[str, Array]:
+        """The loads of the first patch's normal load in these rows, 0 for those that are not wanted."""
+        zero = np.zeros(len(rows))
+        return {
+            name: self.values[name][rows] if name in self.values else zero for name in self.scene.normal_loads[0].loads
+        }
 
     def got(self, loads: Array) -> Array:
         """The same quantities (n, wanted) of loads (n, L) as in load_names; NaN for a centre without load."""

@@ -45,8 +45,9 @@ def seeded_sizes(project: Project, seeds: int, widest: int) -> list[Sized]:
 
 
 def spread_of(errors: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, dict[str, list[float]]]:
-    """By domain and kind (`KINDS`): the errors of all seeds, in their order."""
-    return {domain: {kind: [of[domain][kind] for of in errors] for kind in KINDS} for domain in errors[0]}
+    """By domain and kind, those of `KINDS` that the scene's loads are of: the errors of all seeds, in their order."""
+    kinds = {domain: tuple(of_kinds) for domain, of_kinds in errors[0].items()}
+    return {domain: {kind: [of[domain][kind] for of in errors] for kind in kinds[domain]} for domain in kinds}
 
 
 @app.command()
@@ -77,7 +78,10 @@ def _table(record: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]]) ->
     table = Table("networks", "domain", *(f"{kind} [{unit}]" for kind, unit in KINDS.items()))
     for name, domains in record.items():
         for domain, of in domains.items():
-            cells = (f"{np.median(of[kind]):.3g} ({min(of[kind]):.3g} to {max(of[kind]):.3g})" for kind in KINDS)
+            cells = (
+                f"{np.median(of[kind]):.3g} ({min(of[kind]):.3g} to {max(of[kind]):.3g})" if kind in of else ""
+                for kind in KINDS
+            )
             table.add_row(name, domain, *cells)
     table.caption = "RMS on unseen samples: median of the seeds (lowest to highest)"
     return table

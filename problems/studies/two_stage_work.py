@@ -68,7 +68,7 @@ def train_with_work(project: Project, gflop: Sequence[float], update: Update | N
             name = model if budget == max(gflop) else f"{model} ({budget:g} Gflop)"
             folder = project.folder / NAME / f"{budget:g}_gflop"
             path = folder / _SURROGATE
-            surrogate = on_disk(project, path)
+            surrogate = on_disk(project, path, samples)
             if surrogate is None:
                 if before is not None and not folder.exists():
                     _copy_checkpoints(before, folder)

@@ -18,7 +18,7 @@ from casadi_contact.benchmark.choose import SAME_TIME
 from casadi_contact.benchmark.front_file import SECONDS, read_front
 from casadi_contact.benchmark.sizes import chart_surrogates, sized_path, subset_of, train_sizes
 from casadi_contact.contact import ElasticFoundation, Rays
-from casadi_contact.dataset import TEST
+from casadi_contact.dataset import TEST, write_samples
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
 from casadi_contact.files import read_npz
 from casadi_contact.project.presets import PRESETS, ChartEffort, Effort, Preset
@@ -139,6 +139,19 @@ def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
     np.testing.assert_array_equal(again(poses), good(poses))  # from its checkpoints: nothing was trained again
 
 
+def test_sizes_that_learned_other_samples_are_trained_anew(project, tmp_path):
+    sized = chart_surrogates(TINY.chart, cc.load_scene("knee"))[0]
+    later = replace(project, folder=tmp_path / "later")
+    shutil.copytree(project.folder, later.folder)
+    path, samples = sized_path(later, sized), later.samples()
+    write_samples(later.samples_path, samples.rows(np.arange(len(samples)) % 7 > 0))
+    shutil.rmtree(later.training_folder("sizes", sized.stem), ignore_errors=True)
+    with ThreadPoolExecutor(1) as here:
+        benchmark.train_sizes(later, [sized], executor=here)
+    trained = sum(cc.load_surrogate(path).record["samples"].values())
+    assert trained == (later.samples().role != TEST).sum() < (samples.role != TEST).sum()
+
+
 def test_a_sweep_over_samples_learns_from_fewer_but_is_tested_on_the_same(project):
     samples = project.samples()
     few = subset_of(samples, 100)
@@ -231,6 +244,11 @@ def test_seeds_scatter_the_errors_of_a_size(project):
     own = cc.load_surrogate(sized_path(project, chart_surrogates(TINY.chart, project.scene)[0]))
     assert first == rms_by_kind(domain_errors(own, project.samples())["D1"])["force"]
     assert 0.0 < other != first
+
+
+def test_of_a_scene_without_torques_only_forces_scatter():
+    errors = [{"D1": rms_by_kind({"Fy": {"rms": rms, "max": 2.0}})} for rms in (1.0, 1.5)]
+    assert seeds.spread_of(errors) == {"D1": {"force": [1.0, 1.5]}}
 
 
 def test_a_preset_without_so_small_a_size_is_refused(project):

@@ -92,6 +92,39 @@ def test_a_side_whose_load_was_not_measured_may_press_while_the_other_is_free(pa
 
 
 @needs_compiler
+def test_where_normal_loads_are_not_wanted_a_torque_tells_that_something_presses():
+    """Fx = 0 and 6.6 N·m about x: no pose out of contact carries that."""
+    model, known = cc.foundation("knee"), reference_cycle(frames=5)
+    held = pose_estimation.solve(pose_estimation.build(model, known)).poses[2:4]
+    measured = {name: held[:, k] for k, name in enumerate(("tz", "rx", "ry", "rz"), start=2)}
+    torque = model(held, ("Tx",))[:, 0]
+    cycle = JointCycle("torque", np.arange(2.0), measured, {"Fx": np.zeros(2), "Tx": torque})
+    problem = pose_estimation.build(model, cycle)
+    assert problem.wanted.loaded.all()
+    result = solve_and_complete(problem, None, own_model(model.scene))
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(model(result.poses, ("Fx", "Tx")), np.column_stack([0.0 * torque, torque]), atol=1.0)
+    free = replace(cycle, loads={"Fx": np.zeros(2), "Tx": 0.0 * torque})
+    assert not pose_estimation.build(model, free).wanted.loaded.any()
+
+
+@needs_compiler
+def test_a_part_of_the_force_in_a_cup_is_enough_where_the_rest_of_the_pose_is_measured():
+    scene = cc.load_scene("hip")
+    cycle = few_frames(scene_cycles(scene)[0])
+    foundation = CupFoundation(scene)
+    known = pose_estimation.solve(pose_estimation.build(foundation, cycle)).poses
+    measured = {**cycle.measured_pose(), "tx": known[:, 0]}
+    part = replace(cycle, pose=measured, loads={name: cycle.loads[name] for name in ("Fy", "Fz")})
+    problem = pose_estimation.build(foundation, part)
+    result = pose_estimation.solve(problem)
+    assert result.converged.all(), result.reason
+    np.testing.assert_allclose(result.poses, known, atol=1e-3)
+    again = pose_estimation.solve(problem, moved(problem, result.poses, np.random.default_rng(0)))
+    assert again.converged.all(), again.reason
+
+
+@needs_compiler
 def test_frames_in_which_a_coarse_foundation_is_off_go_on_with_the_contact_model(patellofemoral):
     coarse, teacher = PolarFoundation(patellofemoral.scene, Rays(4, 1)), own_model(patellofemoral.scene)
     problem = pose_estimation.build(coarse, few_frames(scene_cycles(coarse.scene)[0], every=50))

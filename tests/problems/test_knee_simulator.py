@@ -8,6 +8,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.optimisation import pose_bounds
+from casadi_contact.statics import first_touch, settle
 from problems import knee_simulator, static_equilibrium
 from problems.knee_simulator import __main__
 from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
@@ -79,6 +80,20 @@ def test_the_stored_energy_is_the_elastic_foundations(knee, motion):
     poses = motion.poses[::20]
     foundation = cc.ElasticFoundation(knee.scene, (80, 40))
     np.testing.assert_allclose(lifting_energy(knee, poses), lifting_energy(foundation, poses), rtol=0.02, atol=0.05)
+
+
+@pytest.mark.parametrize("modulus", [5.0, 500.0])
+def test_what_contact_stores_grows_by_its_force_in_soft_layers_too(modulus):
+    """dU/dty = -N, 1.5 mm deep in a layer like cartilage."""
+    scene = cc.load_scene("knee", youngs_modulus=modulus)
+    model, names = cc.foundation(scene), ("Fy_med", "Fy_lat")
+    targets = dict.fromkeys(names, np.array([-900.0]))
+    begin = first_touch(model, np.array(scene.start_pose)[None], targets)
+    poses, report = settle(model, begin, ("ty", "rx"), targets)
+    assert report.converged.all()
+    step = np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0])
+    slope = (lifting_energy(model, poses + step) - lifting_energy(model, poses - step)) / 2e-3
+    assert slope == pytest.approx(model(poses, names).sum(axis=1), rel=1e-3)
 
 
 def test_at_rest_it_stays_at_rest(knee):

@@ -169,6 +169,13 @@ def test_a_walk_or_assembly_without_its_parts_is_refused(knee, extensor):
         muscle_contact.Extensor(replace(extensor.assembly, ligaments=[])).settled(np.zeros((1, 6)), np.ones(1))
 
 
+def test_a_contact_model_of_another_material_does_not_stand_for_a_scene_of_its_name(knee):
+    thin = cc.foundation(cc.load_scene("knee", thickness=4.0))
+    assert thin.scene.name == knee.scene.name
+    with pytest.raises(ValueError, match="expected scene knee of the same bodies, material and loads"):
+        muscle_contact.load_extensor("knee_with_patella", thin)
+
+
 def test_an_unknown_assembly_is_one_line(tmp_path, monkeypatch):
     said = ended(monkeypatch, __main__.main, "--patella", "elbow", "--out", tmp_path)
     assert "unknown assembly 'elbow', expected one of knee_with_patella" in said

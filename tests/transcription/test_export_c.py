@@ -126,7 +126,10 @@ def test_makefile_builds_the_example(loads, tmp_path):
     assert [line.split()[0] for line in demo.splitlines()] == loads
 
 
-@pytest.mark.parametrize("name", ["not-a-c-name", "int", "main", "class", "example", "linear"])
+@pytest.mark.parametrize(
+    "name",
+    ["not-a-c-name", "int", "main", "class", "example", "linear", "dense", "work_of", "dense_pose", "BATCH", "sinf"],
+)
 def test_bad_name_is_refused(name, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     with pytest.raises(ValueError, match="not usable"):
@@ -138,8 +141,9 @@ def test_bad_name_is_refused(name, tmp_path):
 def test_a_compiled_function_is_not_named_as_what_its_c_is_made_of():
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     for model in (surrogate, cc.foundation("sphere_on_plane")):
-        with pytest.raises(ValueError, match="'linear' is not usable, the C of contact models has it itself"):
-            model.function(name="linear", compiled=True)
+        for name in ("linear", "block_diagonal", "memset", "NAN"):
+            with pytest.raises(ValueError, match=f"'{name}' is not usable, C or the C of contact models has it"):
+                model.function(name=name, compiled=True)
     assert surrogate.function(name="example", compiled=True).name() == "example"
 
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import judge, share_on_walls, share_outside_patches, uncertain_load_words
+from casadi_contact.verification import (
+    judge,
+    share_on_walls,
+    share_outside_patches,
+    uncertain_load_words,
+    uncounted_share,
+)
+from casadi_contact.verification.verdict import UNCOUNTED
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
@@ -80,6 +87,19 @@ def test_a_ball_beside_the_patch_bears_on_the_rest_of_the_mesh_all_of_its_load(f
         assert share[1] == pytest.approx(0.5, abs=0.03)
     np.testing.assert_allclose(model.wrenches([beside, wall]), 0.0, atol=1e-9)  # and so nothing else tells it
     assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_of("outside_patches", share)
+
+
+def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
+    """4 % of the load on the wall and 3 % beside the patch are 7 % that no model counts: too much to be verified."""
+    model = model_of(folder, extra="[geometry.patches.contact]\nz = [-1.5, 30.0]\n")
+    pose = np.array([[RADIUS_MM - 0.06, RADIUS_MM - 0.3, 0.0, 0.0, 0.0, 0.0]])
+    counted = float(model.pressure_maps(pose[0])[0].forces_n.sum())
+    walls, outside = (share(model, pose)[0] for share in (share_on_walls, share_outside_patches))
+    assert max(walls, outside) < UNCOUNTED
+    lost = counted * (walls / (1.0 - walls) + outside / (1.0 - outside))
+    assert lost / (lost + counted) > UNCOUNTED
+    assert uncounted_share(model, pose) == pytest.approx(lost / (lost + counted))
+    assert not judge(model, pose, np.array([True]), model).verified.any()
 
 
 def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):

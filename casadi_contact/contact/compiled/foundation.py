@@ -29,7 +29,12 @@ from casadi_contact.transcription.exportable import Exportable
 from casadi_contact.transcription.functions import check_name, check_unused
 from casadi_contact.transcription.kernel import CompilerError, warn_once
 from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch, name_of_wrenches
+from casadi_contact.transcription.kernel.casadi_interface import (
+    UNNAMED,
+    casadi_interface,
+    name_of_batch,
+    name_of_wrenches,
+)
 from casadi_contact.transcription.kernel.compiler import shared_library
 from casadi_contact.transcription.kernel.source import c_text
 from casadi_contact.transcription.kernel.tables import roots_source
@@ -229,7 +234,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         outputs = {key: sizes[key] for key in wanted}
         kernel = FoundationKernel(self.scene, loads, self._patch_source(), self.lanes)
         source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-        check_unused(name, source)
+        check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
         texts = [
             source,
             casadi_interface({check_name(name): outputs}, batch),

@@ -9,7 +9,7 @@ from functools import cache
 import casadi as ca
 
 from casadi_contact.transcription.functions import check_name, check_unused
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface, name_of_batch
+from casadi_contact.transcription.kernel.casadi_interface import UNNAMED, casadi_interface, name_of_batch
 from casadi_contact.transcription.kernel.compiler import CompilerError, shared_library
 from casadi_contact.transcription.kernel.network_functions import activation_loops
 from casadi_contact.transcription.kernel.source import Kernel, c_text
@@ -44,6 +44,6 @@ def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], bat
     """
     name = name_of_batch(check_name(name), batch)
     source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-    check_unused(name, source)
+    check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
     library = shared_library(f"{source}\n{casadi_interface({name: outputs}, batch)}")
     return ca.external(name, str(library))

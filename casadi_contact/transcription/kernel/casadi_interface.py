@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from casadi_contact.transcription.kernel.source import c_text
 
+UNNAMED = "0"
+"""No name that a function can have: the interface of one by this name declares what all of them share."""
+
 
 class _Patterns:
     """Sparsity patterns in C, each declared once."""

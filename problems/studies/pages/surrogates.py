@@ -133,7 +133,7 @@ def seeds_page(path: Path) -> str:
     content = json.loads(path.read_text("utf-8"))
     sizes = content["sizes"]
     rows = [
-        [name, domain, *(_spread(of[kind]) for kind in KINDS)]
+        [name, domain, *(_spread(of[kind]) if kind in of else "" for kind in KINDS)]
         for name, domains in sizes.items()
         for domain, of in domains.items()
     ]
@@ -180,14 +180,11 @@ def _rms_and_largest(error: Mapping[str, float]) -> str:
 
 def _walking(walking: Mapping[str, Any]) -> list[str]:
     rows = []
+    grids = ("converged", "fine")
     for model, row in walking["models"].items():
-        cells = [number(row[against][kind]) for against in ("converged", "fine") for kind in ("force", "torque")]
+        cells = [number(row[grid][kind]) if kind in row[grid] else "" for grid in grids for kind in KINDS]
         rows.append([model, *cells])
-    columns = [
-        f"{kind} against EF {walking[grid]} [{unit}]"
-        for grid in ("converged", "fine")
-        for kind, unit in (("force", "N"), ("torque", "N·mm"))
-    ]
+    columns = [f"{kind} against EF {walking[grid]} [{unit}]" for grid in grids for kind, unit in KINDS.items()]
     return [
         f"## Unseen walking\n\nRMS errors over all forces and over all torques on {walking['poses']} poses; times are "
         "on the page of [kernel speed](kernel-speed.md).",
