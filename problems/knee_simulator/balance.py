@@ -13,7 +13,7 @@ from problems.knee_simulator.problem import POWERS, KneeSimulator
 from problems.knee_simulator.solve import Simulation
 
 _PANELS_PER_MM = 40
-_MOST_MM = 32.0  # to lift by: no layer is pressed as deep
+_MOST_MM = 32  # to lift by: no layer is pressed as deep
 
 
 @dataclass(frozen=True)
@@ -57,21 +57,21 @@ class EnergyBalance:
 
 
 def lifting_energy(model: ContactModel, poses: Array) -> Array:
-    """Energy (n,) [N·mm] that contact gives back when the body is lifted straight off: U = ∫ N(ty + h) dh, h >= 0."""
+    """Energy (n,) [N·mm] that contact gives back when the body is lifted straight off: U = ∫ N(ty + h) dh from h = 0 to
+    the first gap."""
     total = total_selection(model.load_names, model.patch_names)[1]
-
-    def downward(heights: Array) -> Array:
-        lifted = np.repeat(poses, len(heights), axis=0)
-        lifted[:, 1] += np.tile(heights, len(poses))
-        return np.asarray(-(model(lifted) @ total)).reshape(len(poses), -1)
-
-    reach_mm = 1.0
-    while reach_mm < _MOST_MM and downward(np.array([reach_mm])).any():
-        reach_mm *= 2.0
     nodes, weights = np.polynomial.legendre.leggauss(3)
-    panels, width = round(_PANELS_PER_MM * reach_mm), 1.0 / _PANELS_PER_MM
-    heights = (width * (np.arange(panels)[:, None] + 0.5 * (nodes + 1.0))).ravel()
-    return downward(heights) @ np.tile(0.5 * width * weights, panels)
+    width = 1.0 / _PANELS_PER_MM
+    heights = (width * (np.arange(_PANELS_PER_MM)[:, None] + 0.5 * (nodes + 1.0))).ravel()
+    energy, touching, begun_mm = np.zeros(len(poses)), np.arange(len(poses)), 0
+    while len(touching) and begun_mm < _MOST_MM:
+        lifted = np.repeat(poses[touching], len(heights), axis=0)
+        lifted[:, 1] += begun_mm + np.tile(heights, len(touching))
+        downward = -(model(lifted) @ total).reshape(len(touching), -1)
+        still = np.cumprod(downward > 0.0, axis=1)  # what a surrogate bears beyond the first gap is false
+        energy[touching] += (downward * still) @ np.tile(0.5 * width * weights, _PANELS_PER_MM)
+        touching, begun_mm = touching[still[:, -1] > 0], begun_mm + 1
+    return energy
 
 
 def unbalanced(simulation: Simulation, other: ContactModel) -> Array:
