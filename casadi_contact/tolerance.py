@@ -27,7 +27,8 @@ from casadi_contact.project.samples import sample
 from casadi_contact.project.train import build_command, moved_samples
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.sampling import teacher_of
-from casadi_contact.sampling.draw import ModelPair, elastic_foundations
+from casadi_contact.sampling.draw import elastic_foundations
+from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import PatchSurrogate, Surrogate, with_trust
 from casadi_contact.workers import worker_pool

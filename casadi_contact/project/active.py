@@ -18,7 +18,7 @@ from casadi_contact.dataset import TRAIN, Samples
 from casadi_contact.dataset.errors import LoadModel
 from casadi_contact.project.project import Project, read_motion
 from casadi_contact.sampling import draw_samples, models_of, settings_of
-from casadi_contact.sampling.draw import ModelPair
+from casadi_contact.sampling.worker_models import ModelPair
 
 
 def models_to_ask(project: Project, samples: Samples) -> ModelPair:

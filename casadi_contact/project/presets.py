@@ -50,11 +50,13 @@ class ActiveRound:
 
     times: candidates to choose from, as a multiple of the preset's samples; worst_share: the share of them that is
     learned; efforts: as a preset's, of this round alone. Sizes are those of before or wider: weights are kept.
+    between: candidates lie between the samples learned so far (`sampling.between`) instead of drawing the plan again.
     """
 
     times: float
     worst_share: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
+    between: bool = False
 
 
 @dataclass(frozen=True)

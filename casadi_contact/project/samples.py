@@ -29,11 +29,11 @@ from casadi_contact.sampling import (
     reference_motion,
 )
 from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.draw import ModelPair
 from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.sampling.folder import begun
 from casadi_contact.sampling.motion_file import kept_motion, motion_origin, write_motion
 from casadi_contact.sampling.reference import Cycle
+from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
 from casadi_contact.training.arrays import arrays_for
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.dataset import DOMAINS
+from casadi_contact.dataset import COLUMNS, DOMAINS, TRAIN, Samples
 from casadi_contact.sampling.domains import plan_domains
 from casadi_contact.sampling.liftoff import check_liftable, lift_all, lift_each, lift_one
 from casadi_contact.sampling.reference import ReferenceMotion
@@ -61,6 +61,12 @@ class DrawnChunk:
     dropped: Mapping[str, int]
 
 
+def joined(scene: Scene, drawn: Sequence[DrawnChunk]) -> Samples:
+    """The samples of these chunks, without provenance."""
+    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
+    return Samples(scene, **columns)
+
+
 def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
     """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses.
 
@@ -91,17 +97,18 @@ def plan_digest(chunks: list[Chunk]) -> str:
 
 @dataclass
 class _Poses:
-    """Poses (n, 6) of a chunk on their way to samples, their role (n,), and those that were lost, counted by reason."""
+    """Poses (n, 6) on their way to samples, their domain and role (n,), and those that were lost, counted by reason."""
 
     poses: Array
+    domain: np.ndarray
     role: np.ndarray
     lost: list[Array] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
 
     def become(self, poses: Array) -> None:
         """Take the poses (n·k, 6) that were made of these, k of each."""
-        self.role = np.repeat(self.role, len(poses) // max(len(self.role), 1))
-        self.poses = poses
+        each = len(poses) // max(len(self.role), 1)
+        self.poses, self.domain, self.role = poses, np.repeat(self.domain, each), np.repeat(self.role, each)
 
     def drop(self, stage: str, reasons: np.ndarray) -> None:
         """Lose the poses whose static analysis failed, counted by the kind of its reason (n,): what precedes its
@@ -112,7 +119,7 @@ class _Poses:
     def keep(self, good: np.ndarray) -> None:
         """Lose the poses that are not good (n,)."""
         self.lost.append(self.poses[~good])
-        self.poses, self.role = self.poses[good], self.role[good]
+        self.poses, self.domain, self.role = self.poses[good], self.domain[good], self.role[good]
 
 
 def draw_chunk(
@@ -120,13 +127,24 @@ def draw_chunk(
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
     drawn = _settled(settle_model, chunk, settings)
+    lifted = {"D4": [chunk.lifted], "D5": range(len(settle_model.scene.first_parts))}
+    return _evaluated(teacher, settle_model.scene, drawn, lifted.get(DOMAINS[chunk.domain - 1], []))
+
+
+def evaluate_poses(teacher: WrenchModel, scene: Scene, poses: Array, domain: np.ndarray) -> DrawnChunk:
+    """Poses (n, 6) of domains (n,) as training rows: those that pull, and those whose contact runs off, are dropped."""
+    return _evaluated(teacher, scene, _Poses(poses, domain, np.full(len(poses), TRAIN, dtype=np.uint8)), [])
+
+
+def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequence[int]) -> DrawnChunk:
+    """The poses as samples; lifted: numbers of the patches that were lifted off."""
     edge = reaches_edge(teacher, drawn.poses)  # first: it takes a tenth of the time of loads and gaps
     drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
     drawn.keep(~edge)
-    parts = len(settle_model.scene.parts)
+    parts = len(scene.parts)
     wrenches, gaps = part_wrenches(teacher, drawn.poses, parts), part_gaps(teacher, drawn.poses, parts)
     finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
-    pulls, touches = _false_contact(settle_model.scene, chunk, wrenches)
+    pulls, touches = _false_contact(scene, wrenches, lifted)
     drawn.dropped[NOT_FINITE] += int((~finite).sum())
     drawn.dropped["pulls"] += int((pulls & finite).sum())
     drawn.dropped["touches though lifted off"] += int((touches & finite).sum())
@@ -136,7 +154,7 @@ def draw_chunk(
         drawn.poses,
         wrenches[good],
         gaps[good],
-        np.full(len(drawn.poses), chunk.domain, dtype=np.uint8),
+        drawn.domain,
         drawn.role,
         np.concatenate(drawn.lost),
         {reason: count for reason, count in drawn.dropped.items() if count},
@@ -148,7 +166,7 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
     # Of the whole reach no pose of the reference motion is near.
     starts = first_touch(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
-    drawn = _Poses(poses, chunk.role)
+    drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
     drawn.drop("not settled", report.reason)
     domain = DOMAINS[chunk.domain - 1]
     if domain == "D4":
@@ -174,12 +192,11 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
     return drawn
 
 
-def _false_contact(scene: Scene, chunk: Chunk, wrenches: Array) -> tuple[np.ndarray, np.ndarray]:
-    """True (n,) where the fixed body pulls, and where a patch touches though it was lifted off."""
+def _false_contact(scene: Scene, wrenches: Array, lifted: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """True (n,) where the fixed body pulls, and where a patch touches though it was lifted off (by its number)."""
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
-    lifted = {"D4": [chunk.lifted], "D5": list(range(touching.shape[1]))}.get(DOMAINS[chunk.domain - 1], [])
-    return np.asarray(pulls), np.asarray(touching[:, lifted].any(axis=1) & ~pulls)
+    return np.asarray(pulls), np.asarray(touching[:, list(lifted)].any(axis=1) & ~pulls)
 
 
 def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:

@@ -6,34 +6,29 @@ samples are the same for every executor and number of workers, and after a kill 
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 from casadi_contact.contact import CallableModel, CellFoundation, ContactModel, ElasticFoundation, foundation
 from casadi_contact.conventions import Array, Progress
-from casadi_contact.dataset import COLUMNS, DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.dataset import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.sampling.agreement import refuse_other_loads
-from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, plan_chunks, plan_digest
+from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, joined, plan_chunks, plan_digest
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
+from casadi_contact.sampling.worker_models import ModelPair, WorkerModels, one_thread
 from casadi_contact.scenes import Scene
 from casadi_contact.workers import cancelled_if_left, worker_pool
-
-# Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
-ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
 
 
 @dataclass(frozen=True)
@@ -165,7 +160,7 @@ def draw_samples(
         **models_identity(models),
         "plan_digest": plan_digest(chunks),
     }
-    job = _Job(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+    job = WorkerModels.of(scene, settings, models)
     tolerance_n = settings.settle_tolerance_n
     own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
     if path.exists():
@@ -175,14 +170,14 @@ def draw_samples(
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
         if own:
-            refuse_other_loads(_models(job)[1], replace(samples, scene=scene), path, tolerance_n)
+            refuse_other_loads(job.pair()[1], replace(samples, scene=scene), path, tolerance_n)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     # One foundation draws all chunks: it is chosen for the tolerances.
     folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
-        refuse_other_loads(_models(job)[1], _joined(scene, list(drawn.values())), folder.folder, tolerance_n)
+        refuse_other_loads(job.pair()[1], joined(scene, list(drawn.values())), folder.folder, tolerance_n)
     _draw_missing(job, chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
@@ -191,7 +186,7 @@ def draw_samples(
 
 
 def _draw_missing(
-    job: _Job,
+    job: WorkerModels,
     chunks: Sequence[Chunk],
     drawn: dict[int, DrawnChunk],
     folder: ChunkFolder,
@@ -230,31 +225,10 @@ def _refuse_coarser(before: Scene, now: Scene, path: Path) -> None:
             )
 
 
-@dataclass(frozen=True)
-class _Job:
-    """What a worker needs to make its models, in hashable form."""
-
-    scene_toml: str
-    settings_json: str
-    models: ModelPair
-
-    def settings(self) -> SamplingSettings:
-        return SamplingSettings.from_table(json.loads(self.settings_json))
-
-
-@lru_cache(maxsize=2)
-def _models(job: _Job) -> tuple[ContactModel, WrenchModel]:
-    return job.models(Scene.from_toml(job.scene_toml), job.settings())
-
-
-def _draw(job: _Job, chunk: Chunk) -> DrawnChunk:
-    """Draw one chunk; runs in a worker, on one numba thread (the executor already uses all cores)."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        return draw_chunk(*_models(job), chunk, job.settings())
-    finally:
-        numba.set_num_threads(threads)
+def _draw(models: WorkerModels, chunk: Chunk) -> DrawnChunk:
+    """Draw one chunk; runs in a worker."""
+    with one_thread():
+        return draw_chunk(*models.pair(), chunk, models.settings())
 
 
 def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
@@ -269,13 +243,7 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
-    return replace(_joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
-
-
-def _joined(scene: Scene, drawn: list[DrawnChunk]) -> Samples:
-    """The samples of these chunks, without provenance."""
-    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
-    return Samples(scene, **columns)
+    return replace(joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
 
 
 def _version(name: str) -> str:
