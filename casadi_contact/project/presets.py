@@ -168,16 +168,28 @@ PRESETS: dict[str, Preset] = {
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),  # fitted on together alone
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 8_500.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
                     }
                 },
+            ),
+            ActiveRound(  # where parts bear falsely
+                times=20.0,
+                worst_share=0.0016,
+                efforts={
+                    "trunk": {
+                        "root": Effort(((16, 16, 16),), 0.0),
+                        "ratios": Effort(((16, 16),), 0.0),
+                        TOGETHER: Effort((), 4_500.0, tolerance_share=0.2),
+                    }
+                },
+                between=True,
             ),
         ),
         chart=ChartEffort(
             sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
             peer_gflop=900.0,
         ),
-        domain_weights={"D1": 6.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
+        domain_weights={"D1": 6.5, "D3": 2.1, "D4": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
