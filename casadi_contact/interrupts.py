@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from types import TracebackType
 
 INTERRUPTED = 130  # exit status of what Ctrl-C ended
+_interrupted = False
 
 
 def is_interrupt(error: BaseException) -> bool:
@@ -40,20 +41,32 @@ def end_on_interrupt() -> None:
 
 
 def raise_interrupts() -> None:
-    """From here on Ctrl-C raises KeyboardInterrupt again, for work that keeps what is done."""
+    """From here on Ctrl-C raises KeyboardInterrupt again, for work that keeps what is done, and is remembered: C++ that
+    calls Python back may swallow it (`was_interrupted`)."""
     if signal.getsignal(signal.SIGINT) is _end_at_once:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, _raise)
+
+
+def was_interrupted() -> bool:
+    """Whether Ctrl-C was pressed since `raise_interrupts`, and in work that `terminated_as_interrupted`."""
+    return _interrupted
 
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
     """Within, in the main thread, SIGTERM (`kill`, a batch system's end of time) is as Ctrl-C, so that workers end
     before their parent; killed under them it would leave their library's warnings on the terminal."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, _raise)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _raise(*_: object) -> None:
+    global _interrupted
+    _interrupted = True
+    raise KeyboardInterrupt
 
 
 def _end_at_once(*_: object) -> None:

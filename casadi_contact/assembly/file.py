@@ -30,7 +30,7 @@ import numpy as np
 
 from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
-from casadi_contact.contact import PolarFoundation, SymbolicContact, foundation
+from casadi_contact.contact import ContactModel, PolarFoundation, SymbolicContact, foundation, symbolic
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
 from casadi_contact.files.toml import toml_tables, toml_text
@@ -50,10 +50,11 @@ def ready_assemblies() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], SymbolicContact] | None = None) -> Assembly:
+def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactModel] | None = None) -> Assembly:
     """Load a ready assembly by name, or an assembly file by its path.
 
-    contact: makes the contact model of a scene, whose loads hold the whole wrench; `joint_foundation` if left out.
+    contact: makes the contact model of a scene, whose loads hold the whole wrench, `symbolic` where it has no CasADi
+    functions of its own; `joint_foundation` if left out.
     Raises ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
     """
     path = Path(name_or_path)
@@ -97,7 +98,7 @@ def whole_wrench(scene: Scene) -> Scene:
     return Scene.from_tables({**scene.tables, "loads": loads, "tolerances": tolerances})
 
 
-def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Assembly:
+def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], ContactModel]) -> Assembly:
     plain_values("", tables)
     kinds = ("contacts", "ligaments", "pulls", "springs")
     given = table_of("assembly", tables, ("format", "name", "ground", "bodies"), complete=True, optional=kinds)
@@ -126,7 +127,7 @@ def _body_pose(key: str, table: object) -> Array:
     return _numbers(f"{key}.pose", table_of(key, table, ("pose",), complete=True)["pose"], 6)
 
 
-def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], SymbolicContact]) -> Contact:
+def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], ContactModel]) -> Contact:
     key = f"contacts.{name}"
     given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=(*_FRAMES, "change"))
     scene, change = str(given["scene"]), given.get("change", {})
@@ -137,7 +138,7 @@ def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], 
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
     frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
-    return Contact(name, contact(whole_wrench(found)), str(given["fixed"]), str(given["moving"]), **frames)
+    return Contact(name, symbolic(contact(whole_wrench(found))), str(given["fixed"]), str(given["moving"]), **frames)
 
 
 def _line(key: str, given: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[Array, Array]]:

@@ -4,7 +4,6 @@ from casadi_contact.optimisation.contact_frames import ContactFrames, pose_in_sp
 from casadi_contact.optimisation.contact_in_opti import ContactInOpti
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, generalised_forces
-from casadi_contact.optimisation.leaps import leaps, leaps_in_words
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.optimisation.scaling import KNEE_STEPS, pose_steps
 from casadi_contact.optimisation.starts import (
@@ -15,6 +14,7 @@ from casadi_contact.optimisation.starts import (
     touching,
 )
 from casadi_contact.optimisation.total_wrench import total_selection, wrench_function
+from casadi_contact.statics.leaps import leaps, leaps_in_words
 
 __all__ = [
     "KNEE_STEPS",

@@ -7,8 +7,11 @@ from typing import Any
 
 import casadi as ca
 
+from casadi_contact.interrupts import was_interrupted
+
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-_INTERRUPTED = "User_Requested_Stop"  # what becomes of Ctrl-C in CasADi's IPOPT
+_INTERRUPTED = "User_Requested_Stop"  # what becomes of Ctrl-C in CasADi's IPOPT,
+_THROWN = "NonIpopt_Exception_Thrown"  # and of Ctrl-C while it evaluates a function, as of any error there
 
 
 def ipopt_options(
@@ -38,7 +41,7 @@ class IpoptOutcome:
     def of(cls, solver: ca.Function) -> IpoptOutcome:
         """What the last call of a solver came to; raises KeyboardInterrupt for one that Ctrl-C ended."""
         stats = solver.stats()
-        if stats["return_status"] == _INTERRUPTED:
+        if stats["return_status"] == _INTERRUPTED or (stats["return_status"] == _THROWN and was_interrupted()):
             raise KeyboardInterrupt
         return cls(str(stats["return_status"]), int(stats["iter_count"]))
 

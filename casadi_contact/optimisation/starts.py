@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
-from casadi_contact.optimisation.leaps import leaps
 from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
 from casadi_contact.quantities import two_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics.leaps import leaps
 
 SHEAR_FREE_LOAD_N = 500.0
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact

@@ -7,6 +7,8 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import Samples
 from casadi_contact.project.active import candidates, models_to_ask, worst_samples
@@ -110,7 +112,8 @@ def _active_rounds(
         else:
             drawn = candidates(project, samples, number, chosen.times, telling, executor)
             worst = worst_samples(surrogate, drawn, chosen.worst_share)
-        learned = learned.join_samples(worst)
+        weight = None if chosen.weight == 1.0 else np.full(len(worst), chosen.weight)
+        learned = learned.join_samples(replace(worst, weight=weight))
         folder, efforts = first.checkpoints / f"active-{number}", chosen.efforts[name]
         further = replace(first, efforts=efforts, checkpoints=folder, title=title)
         surrogate = fit_surrogate(project, learned, further, update, executor, onward=surrogate)

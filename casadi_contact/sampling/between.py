@@ -1,4 +1,4 @@
-"""Many poses between known samples and a little beyond, to find those on which a surrogate is worst.
+"""Many poses between known samples, to find those on which a surrogate is worst.
 
 A surrogate is most wrong where it bears falsely: in corners of the sampled range in which no sample tells it that
 nothing touches. They are so small that the points of a plan seldom meet them. Poses here are settled under no load, and
@@ -20,20 +20,20 @@ from casadi_contact.sampling.worker_models import ModelPair, WorkerModels, one_t
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.workers import cancelled_if_left, worker_pool
 
-BEYOND, ALONG = 0.1, 0.2  # of the way to another sample: at most away from it, and towards it
-_SPARE = 3  # times as many of the worst as are wanted: contact runs off the elements in up to two thirds of them
+ALONG = 0.2  # at most, of the way to another sample
+_SPARE = 4  # times as many of the worst as are wanted: in some of them contact runs off the elements
 _AT_ONCE, _WHOLE_AT_ONCE = 20_000, 500  # poses to ask for wrenches alone, and for all that a sample holds
 
 
 def poses_between(samples: Samples, count: int, seed: int) -> tuple[Array, np.ndarray]:
     """Poses (count, 6) and their domain (count,): p + u·(q - p) of learned samples p and q of one domain, drawn at
-    random, u evenly from -`BEYOND` to `ALONG`; within the scene's pose space."""
+    random, u evenly from 0 to `ALONG`; within the scene's pose space."""
     known, rng = samples.rows(samples.role != TEST), np.random.default_rng([seed, 19])
     rows, partners = rng.integers(len(known), size=count), np.empty(count, dtype=int)
     for number in np.unique(known.domain):
         of_domain, wanted = np.flatnonzero(known.domain == number), known.domain[rows] == number
         partners[wanted] = of_domain[rng.integers(len(of_domain), size=int(wanted.sum()))]
-    begin, share = known.poses[rows], rng.uniform(-BEYOND, ALONG, (count, 1))
+    begin, share = known.poses[rows], rng.uniform(0.0, ALONG, (count, 1))
     return known.scene.pose_space.onto(begin + share * (known.poses[partners] - begin)), known.domain[rows]
 
 

@@ -18,7 +18,7 @@ from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.statics import SettleReport, first_touch, settle, turned_about_anchors
+from casadi_contact.statics import Motion, SettleReport, first_touch, settle, turned_about_anchors
 
 
 class Cycle(Protocol):
@@ -163,7 +163,8 @@ def reference_poses(
     first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
     for a model without gaps). Frames left over begin once more between the frames that converged, then in that start
     pose, turned about the patches' anchors to what is measured, between frames again, and last in the pose of the
-    nearest one, from where a trust region goes on (`settle`).
+    nearest one, from where a trust region goes on (`settle`). Where frames then leap to another pose that carries their
+    loads, they are followed from their neighbours (`Motion.without_leaps`).
 
     What the scene locks or ties is as the scene says, whatever a cycle measures of it: the motion is one of this joint.
     progress(done, all) is called with the frames, as `settle` calls it.
@@ -208,7 +209,17 @@ def reference_poses(
     for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
         if every_cycle and not converged.any():
             raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
-    return _interpolate(poses.reshape(shape), report), report
+    poses = _interpolate(poses.reshape(shape), report)
+    for k, (cycle, converged) in enumerate(zip(targets, report.converged, strict=True)):
+        loads = {name: cycle[name] for name in wanted}
+        motion = Motion(model, free, loads, np.full(frames, tolerance_n), _pressed(loads))
+        poses[k] = motion.without_leaps(poses[k], converged & motion.usable)
+    return poses, report
+
+
+def _pressed(loads: Mapping[str, Array]) -> np.ndarray:
+    """True (n,) for frames in which some load (n,) is wanted: of the others any pose out of contact is one."""
+    return np.asarray(np.any([curve != 0.0 for curve in loads.values()], axis=0))
 
 
 def _check_alike(cycles: Sequence[Cycle]) -> None:

@@ -1,18 +1,25 @@
 """Statics: the pose at which a contact model carries wanted loads [EF15 §2.4] by Newton's method or damped dynamics."""
 
 from casadi_contact.contact.touch import first_touch, turned_about_anchors
+from casadi_contact.statics.continuity import Motion, follow, unstable_equilibria
 from casadi_contact.statics.equilibrium import Equilibrium
+from casadi_contact.statics.leaps import leaps, leaps_in_words
 from casadi_contact.statics.relax import relax
 from casadi_contact.statics.sensitive import SensitiveDirections, sensitive_directions
 from casadi_contact.statics.settle import SettleReport, settle
 
 __all__ = [
     "Equilibrium",
+    "Motion",
     "SensitiveDirections",
     "SettleReport",
     "first_touch",
+    "follow",
+    "leaps",
+    "leaps_in_words",
     "relax",
     "sensitive_directions",
     "settle",
     "turned_about_anchors",
+    "unstable_equilibria",
 ]

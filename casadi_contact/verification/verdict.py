@@ -19,7 +19,7 @@ from casadi_contact.verification.verify import loads_on, true_of_each
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
-ON_MODEL = "solved on the contact model"
+ON_MODEL, LEAPS = "solved on the contact model", "solved, its pose leaps"
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Verdict:
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
-    counts any (`uncounted_share`), None where the model is not the scene's elements.
+    counts any (`uncounted_share`), None where the model is not the scene's elements; leaps (n,): frames whose pose lies
+    apart from a neighbour's, None where nobody looked.
     """
 
     load_names: tuple[str, ...]
@@ -42,6 +43,7 @@ class Verdict:
     on_model: np.ndarray
     expected: Array | None = None
     uncounted: Array | None = None
+    leaps: np.ndarray | None = None
 
     @property
     def checked(self) -> bool:
@@ -50,13 +52,23 @@ class Verdict:
 
     @property
     def verified(self) -> np.ndarray:
-        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load."""
-        return self.solved & self._agrees & ~self._incomplete
+        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load, in a
+        pose that does not leap."""
+        return self.solved & self._agrees & ~self._incomplete & ~self._leaps
 
     @property
     def differs(self) -> np.ndarray:
         """True (n,) for frames that are solved, but of which the contact model says otherwise."""
         return self.solved & ~self._agrees if self.checked else np.zeros_like(self.solved)
+
+    @property
+    def doubt(self) -> str:
+        """Why the first kind of solved frames that are not verified is not; "" where all are."""
+        if self.differs.any():
+            return "the contact model differs"
+        if (self.solved & self._incomplete).any():
+            return "not all of their load is counted"
+        return "their pose leaps" if (self.solved & self._leaps).any() else ""
 
     @property
     def words(self) -> list[str]:
@@ -65,7 +77,7 @@ class Verdict:
 
     @property
     def exit_code(self) -> int:
-        """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: all solved, some differ."""
+        """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: solved, not all verified."""
         if not self.solved.all():
             return 2
         return 0 if not self.checked or self.verified.all() else 3
@@ -84,6 +96,8 @@ class Verdict:
         if (lost := self.solved & self._agrees & self._incomplete).any():
             most = f"{self._uncounted[lost].max():.0%}"
             parts.append(f"{int(lost.sum())} solved, but up to {most} of their load lies where none is counted")
+        if (apart := self.solved & self._agrees & ~self._incomplete & self._leaps).any():
+            parts.append(f"{int(apart.sum())} solved, but their pose leaps from one to the next")
         if count > solved:
             parts.append(f"{count - solved} not solved")
         return "; ".join(parts)
@@ -99,6 +113,10 @@ class Verdict:
     @property
     def _incomplete(self) -> np.ndarray:
         return np.asarray(self._uncounted > UNCOUNTED)
+
+    @property
+    def _leaps(self) -> np.ndarray:
+        return np.zeros(len(self.solved), dtype=bool) if self.leaps is None else self.leaps
 
     @property
     def _own_words(self) -> str:
@@ -128,6 +146,8 @@ class Verdict:
             return UNCHECKED
         if self._agrees[frame] and self._incomplete[frame]:
             return f"solved, {self._uncounted[frame]:.0%} of the load not counted"
+        if self._agrees[frame] and self._leaps[frame]:
+            return LEAPS
         if self.on_model[frame]:
             return ON_MODEL
         return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"

@@ -35,7 +35,6 @@ def end_with(verdict: Verdict, name: str, out: Path) -> None:
     """End the command with the verdict's exit code, and one line on stderr where frames are not verified."""
     if verdict.exit_code:
         good = verdict.solved if verdict.exit_code == 2 else verdict.verified
-        why = "the contact model differs" if verdict.differs.any() else "not all of their load is counted"
-        what = "not solved" if verdict.exit_code == 2 else f"solved, but {why}"
+        what = "not solved" if verdict.exit_code == 2 else f"solved, but {verdict.doubt}"
         print(f"{name}: {what}: frames {rows_in_words(~good)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)

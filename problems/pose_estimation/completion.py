@@ -25,16 +25,16 @@ from problems.common.learned_range import beyond_learned
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.search import Found, search
-from problems.pose_estimation.solve import PoseResult, frame_solver, solve
+from problems.pose_estimation.solve import PoseResult, frame_solver, solve, without_leaps
 from problems.pose_estimation.wanted import COP_TOLERANCE_MM, off_by
 
 
 def solve_and_complete(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> PoseResult:
-    """`solve` and `complete`, on a foundation first with itself; where model is the reason why there is none
-    (`own_model`), that is all there is."""
+    """`solve`, without leaps, and `complete`, on a foundation first with itself; where model is the reason why there
+    is none (`own_model`), that is all there is."""
     if problem.learned and isinstance(model, str):
-        return solve(problem, start)
-    result = solve(problem, start, alone=False)
+        return without_leaps(problem, solve(problem, start))
+    result = without_leaps(problem, solve(problem, start, alone=False))
     if not problem.learned:
         result = complete(problem, result, problem.model)
     if isinstance(model, str):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.motion.force_units import force_unit_warning
@@ -16,7 +18,7 @@ from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
 from problems.pose_estimation.sign_warnings import sign_warnings
-from problems.pose_estimation.solve import PoseResult
+from problems.pose_estimation.solve import PoseResult, motion_of
 from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
 from problems.pose_estimation.unit_warnings import centre_warnings
 
@@ -56,6 +58,10 @@ def estimated(
     """
     result = solve_and_complete(problem, start, model)
     verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names, result.on_model)
+    motion = motion_of(problem)
+    if motion is not None:
+        steps = motion.leaping(result.poses, result.converged & problem.wanted.loaded)
+        verdict = replace(verdict, leaps=np.append(steps, False) | np.append(False, steps))
     ef = OnFoundation.of(problem, result)
     tried = solve_from_random_starts(source, problem, result.poses, starts) if starts else None
     result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))

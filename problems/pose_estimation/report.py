@@ -25,6 +25,7 @@ from problems.pose_estimation.estimate import Estimate
 from problems.pose_estimation.identifiability import hardly_determined_in_words
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import PoseEstimation
+from problems.pose_estimation.several_poses import several_poses_in_words, unstable_frames
 from problems.pose_estimation.solve import PoseResult
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
@@ -98,7 +99,9 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     errors = tracked.errors()
     _print(problem, estimate, errors, ef, kind)
     untold = hardly_determined_in_words(problem, result.poses, result.converged)
-    for words in [*tracked.caveats(verdict), *filter(None, [untold])]:
+    leaping = np.zeros(problem.frames, dtype=bool) if verdict.leaps is None else verdict.leaps
+    several = several_poses_in_words(problem, result, leaping)
+    for words in [*tracked.caveats(verdict), *filter(None, [untold]), *several]:
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
@@ -114,6 +117,8 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
         "without_load": int((~problem.wanted.loaded).sum()),
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
+        "leaping": int(leaping.sum()),
+        "in_unstable_equilibrium": int(unstable_frames(problem, result).sum()),
         **({} if ef is None else ef.record()),
         **solver_record(result),
         "errors": errors,

@@ -14,12 +14,9 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
-from casadi_contact.statics import settle
+from casadi_contact.statics import follow, settle
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import ROUGHLY_N
-
-_STEP_ITERATIONS = 30
-_SMALLEST_STEP = 0.125  # of the way from a neighbour
 
 
 @dataclass(frozen=True)
@@ -116,26 +113,11 @@ class _Attempts:
         return sorted(pairs - self._tried)
 
     def _follow(self, frame: int, neighbour: int) -> None:
-        pose, share, step = self.poses[neighbour].copy(), 0.0, 1.0
-        while share < 1.0 and step >= _SMALLEST_STEP:
-            ahead = min(share + step, 1.0)
-            for column, curve in self._measured.items():
-                pose[column] = (1.0 - ahead) * curve[neighbour] + ahead * curve[frame]
-            targets = {
-                name: (1.0 - ahead) * v[neighbour] + ahead * v[frame] for name, v in (self._targets or {}).items()
-            }
-            tried, report = settle(
-                self._model,
-                pose[None],
-                self._free,
-                targets,
-                tolerance=self._settled_n[frame],
-                max_iterations=_STEP_ITERATIONS,
-            )
-            if report.converged[0]:
-                pose, share = tried[0], ahead
-            else:
-                step *= 0.5
+        to = self.poses[frame].copy()
+        for column, curve in self._measured.items():
+            to[column] = curve[frame]
+        now, then = ({name: v[at] for name, v in (self._targets or {}).items()} for at in (neighbour, frame))
+        pose, share = follow(self._model, self.poses[neighbour], to, self._free, now, then, self._settled_n[frame])
         self.starts[frame] += 1
         if share == 1.0:
             self.poses[frame], self.found[frame], self.reason[frame] = pose, True, ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -13,13 +13,14 @@ import numpy as np
 from casadi_contact.contact.touch import ways_of_pressing
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default, touching
-from casadi_contact.statics import settle
+from casadi_contact.statics import Motion, settle
 from problems.pose_estimation.march import FrameSolver, march
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import NO_LOAD, off_by
 
 _SETTLED_N = 0.01
 _BEYOND_TOUCH_MM = (0.05, 0.5)  # of stiff layers, and of soft ones
+_FOLLOWED_N = 1e-4  # or closer
 _FRAME_ITERATIONS = 100  # of a frame alone
 # IPOPT scales by the gradient at the start: begun at the solution, it then asks for the impossible. With this scale
 # and its tolerance gradients end below 1e-5 N², residuals below about 1e-7 N.
@@ -147,6 +148,44 @@ def _settled_under(
     good = report.converged & ((found >= low) & (found <= high))[:, columns].all(axis=1)
     poses[rows[good]] = found[good]
     return rows[~good]
+
+
+def motion_of(problem: PoseEstimation) -> Motion | None:
+    """A problem's frames, to be followed from one to the next; None with smoothness, which couples frames, and where
+    centres of pressure are wanted without the forces that they belong to."""
+    targets = problem.wanted.targets()
+    if problem.smoothness > 0.0 or not targets:
+        return None
+    tolerance_n = np.minimum(problem.wanted.settled_n, _FOLLOWED_N)
+    low, high = pose_bounds(problem.model)
+    return Motion(problem.model, problem.free, targets, tolerance_n, problem.wanted.loaded, low, high)
+
+
+def without_leaps(problem: PoseEstimation, result: PoseResult) -> PoseResult:
+    """The result with frames moved to other poses that carry what is wanted, where the motion then leaps less
+    (`Motion.without_leaps`)."""
+    motion = motion_of(problem)
+    if motion is None:
+        return result
+    began = time.perf_counter()
+    poses = motion.without_leaps(result.poses, result.converged & problem.wanted.loaded)
+    moved = np.any(poses != result.poses, axis=1)
+    if not moved.any():
+        return result
+    loads = result.loads.copy()
+    loads[moved] = problem.model(poses[moved], problem.wanted.load_names)
+    errors = problem.wanted.errors(loads)
+    if not problem.wanted.carried(errors)[moved].all():  # settled, but not as closely as a frame is to be
+        return result
+    return replace(
+        result,
+        poses=poses,
+        loads=loads,
+        errors=errors,
+        converged=result.converged | moved,
+        reason=np.where(moved, "", result.reason),
+        seconds=result.seconds + time.perf_counter() - began,
+    )
 
 
 def frame_solver(problem: PoseEstimation, print_level: int = 0) -> FrameSolver:

@@ -67,8 +67,8 @@ def patch_regressions(samples: Samples) -> list[Regression]:
     scene's loads need.
 
     Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight
-    N, so that residuals are in N or N·mm. Tolerances: see `_tolerances`. Raises ValueError for NaN, for a patch that
-    pulls, for an unknown gap out of contact, or without samples.
+    N, so that residuals are in N or N·mm; all times the samples' own weights. Tolerances: see `_tolerances`. Raises
+    ValueError for NaN, for a patch that pulls, for an unknown gap out of contact, or without samples.
     """
     scene = samples.scene
     refuse_pulling(samples, "samples")
@@ -76,7 +76,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
     poses = finite("poses", samples.poses)[rows]
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
-    gaps_mm, domain = samples.gaps[rows], samples.domain[rows]
+    gaps_mm, domain, counting = samples.gaps[rows], samples.domain[rows], samples.row_weights[rows]
     components, tolerances = part_components(scene), _tolerances(scene, all_wrenches)
     regressions = []
     for p, part in enumerate(scene.parts):
@@ -93,8 +93,8 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         inputs = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gap_mm, scene)
         # Not of several spots, which would all be driven out of contact before one learns to bear.
-        false_load = np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
-        columns = (inputs, target, root_weight(target, scene), validation)
+        false_load = counting * np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
+        columns = (inputs, target, counting * root_weight(target, scene), validation)
         root = Regression(root_name(part.name), *columns, root_tolerance, part.spots, false_load, domain)
         regressions.append(root)
         touching = root.of_rows(contact)
@@ -104,7 +104,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
                     touching,
                     name=ratio_name(part.name, WRENCH_NAMES[k]),
                     targets=wrench[contact, k] / normal[contact],
-                    weights=normal[contact],
+                    weights=(counting * normal)[contact],
                     tolerance=ratio_tolerances[k],
                     spots=1,
                     false_load=0.0,

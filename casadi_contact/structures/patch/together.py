@@ -47,14 +47,14 @@ def parts_regressions(
             continue
         wrench = samples.wrenches[rows][:, parts].sum(axis=1)[:, used]
         scale = (allowed / np.where(_pressing(scene.parts[parts[0]].normal), _NORMAL, 1.0))[used] * np.sqrt(used.sum())
-        own = [roots[scene.parts[k].name] for k in parts]
+        own, counting = [roots[scene.parts[k].name] for k in parts], samples.row_weights[rows][:, None]
         found.append(
             PartsRegression(
                 f"together_{patch}",
                 tuple(root.name for root in own),
                 tuple(root.inputs for root in own),
-                scene.reference_load * np.stack([ratios(poses, k)[:, used] for k in parts], axis=1) / scale,
-                wrench / scale,
+                counting[:, None] * scene.reference_load * _stacked(poses, parts, used, ratios) / scale,
+                counting * wrench / scale,
                 np.stack([root.targets for root in own], axis=1),
                 np.stack([_own_weights(root) for root in own], axis=1) / np.sqrt(len(own)),
                 validation,
@@ -63,6 +63,11 @@ def parts_regressions(
             )
         )
     return found
+
+
+def _stacked(poses: Array, parts: list[int], used: np.ndarray, ratios: Callable[[Array, int], Array]) -> Array:
+    """Ratios (n, K, used) of all parts."""
+    return np.stack([ratios(poses, k)[:, used] for k in parts], axis=1)
 
 
 def _pressing(normal: NormalLoad) -> np.ndarray:

@@ -66,7 +66,8 @@ class TwoStageSurrogate(Surrogate):
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
-        """One regression per load on training and validation rows: raw loads, weight 1, the scene's tolerance.
+        """One regression per load on training and validation rows: raw loads, the samples' weights, the
+        scene's tolerance.
 
         The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
         """
@@ -82,7 +83,7 @@ class TwoStageSurrogate(Surrogate):
                 name,
                 poses if column < count else with_forces,
                 loads[:, column],
-                np.ones(len(poses)),
+                samples.row_weights[rows],
                 validation,
                 float(scene.tolerances.get(name, scene.boundary_load)),
                 domain=samples.domain[rows],

@@ -16,15 +16,22 @@ _BESIDE = 2  # steps before and behind
 
 def leaps(poses: Array) -> np.ndarray:
     """True (n - 1, 6) where a pose parameter of poses (n, 6) moves from one frame to the next by more than 2 mm or 3
-    degrees, and by more than four times the median of the two steps before and the two behind."""
-    steps = np.abs(np.diff(poses, axis=0))
+    degrees, and by more than four times the median of the two steps before and the two behind, or, where it comes back
+    in the next one, than what is left of it and the median of all."""
+    moves = np.diff(poses, axis=0)
+    steps = np.abs(moves)
     padded = np.pad(steps, ((_BESIDE, _BESIDE), (0, 0)), constant_values=np.nan)
     count = len(steps)
     beside = np.stack([padded[at : at + count] for at in range(2 * _BESIDE + 1) if at != _BESIDE])
     alone = np.isnan(beside).all(axis=0)  # two frames: nothing tells what is usual
     usual = np.nanmedian(np.where(alone, np.inf, beside), axis=0)
     least = np.array([LEAP_MM] * 3 + [LEAP_RAD] * 3)
-    return np.asarray((steps > least) & (steps > _TIMES * usual))
+    left = np.abs(moves[1:] + moves[:-1])  # of one step and the next
+    back = np.full_like(steps, np.inf)
+    back[:-1] = left
+    back[1:] = np.minimum(back[1:], left)
+    back = np.maximum(back, np.median(steps, axis=0)) if count else back
+    return np.asarray((steps > least) & (steps > _TIMES * np.minimum(usual, back)))
 
 
 def leaps_in_words(poses: Array, names: Sequence[str]) -> str:

@@ -1,0 +1,112 @@
+"""A ball on a ground with two dips and a ridge between them, where every load is carried in three places."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.statics import Motion, follow, settle, unstable_equilibria
+
+STIFFNESS, DIP_MM, RADIUS_MM = 2000.0, 5.0, 20.0
+FREE = ("tx", "ty")
+
+
+def height(x):
+    """y = (x² - a²)²/(4·a²·R): dips at ±a, of radius of curvature R/2, and a ridge at 0 of radius R."""
+    return (x**2 - DIP_MM**2) ** 2 / (4.0 * DIP_MM**2 * RADIUS_MM)
+
+
+def slope(x):
+    return x * (x**2 - DIP_MM**2) / (DIP_MM**2 * RADIUS_MM)
+
+
+def wrenches(poses):
+    """On the ground, -∇U of U = (k/3)·d³, d = h(x) - y."""
+    x, y = poses[:, 0], poses[:, 1]
+    force = STIFFNESS * np.maximum(height(x) - y, 0.0) ** 2
+    found = np.zeros((len(poses), 1, 6))
+    found[:, 0, 0], found[:, 0, 1] = force * slope(x), -force
+    return found
+
+
+@pytest.fixture(scope="module")
+def model():
+    return cc.CallableModel(
+        cc.load_scene("sphere_on_plane"), wrenches, lambda poses: (poses[:, 1] - height(poses[:, 0]))[:, None]
+    )
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    """A shear to and fro under a steady load, over 41 frames."""
+    return {"Fx": 4.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 41)), "Fy": np.full(41, -200.0)}
+
+
+def settled(model, wanted, places):
+    begin = np.zeros((len(places), 6))
+    begin[:, 0], begin[:, 1] = places, height(places) - 0.3
+    poses, report = settle(model, begin, FREE, wanted, tolerance=1e-6)
+    assert report.converged.all()
+    assert (np.abs(poses[:, 0] - places) < 2.0).all()
+    return poses
+
+
+def motion(model, wanted):
+    count = len(wanted["Fy"])
+    return Motion(model, FREE, wanted, np.full(count, 1e-6), np.ones(count, dtype=bool))
+
+
+def test_a_ridge_is_an_unstable_equilibrium_and_a_dip_is_none(model, wanted):
+    for place, unstable in ((-DIP_MM, False), (0.0, True), (DIP_MM, False)):
+        poses = settled(model, wanted, np.full(41, place))
+        assert unstable_equilibria(model, FREE, ("Fx", "Fy"), poses).all() == unstable
+    # With tx held, nothing can slide.
+    assert not unstable_equilibria(model, ("ty",), ("Fx", "Fy"), poses).any()
+    assert not unstable_equilibria(model, FREE, ("Tz",), poses).any()
+
+
+def test_frames_strewn_over_all_places_come_together_in_one_dip(model, wanted):
+    places = np.random.default_rng(3).choice([-DIP_MM, 0.0, DIP_MM], 41, p=[0.1, 0.1, 0.8])
+    places[[0, -1]] = [-DIP_MM, 0.0]
+    frames, poses = motion(model, wanted), settled(model, wanted, places)
+    everywhere = np.ones(41, dtype=bool)
+    assert frames.leaping(poses, everywhere).sum() > 5
+    better = frames.without_leaps(poses, everywhere)
+    assert not frames.leaping(better, everywhere).any()
+    assert not frames.unstable(better).any()
+    dip = np.sign(better[0, 0]) * DIP_MM
+    np.testing.assert_allclose(better, settled(model, wanted, np.full(41, dip)), atol=1e-5)
+    np.testing.assert_allclose(model(better)[:, 0], wanted["Fx"], atol=1e-5)
+
+
+def test_a_motion_without_leaps_stays_bit_for_bit(model, wanted):
+    for place in (-DIP_MM, 0.0):
+        poses = settled(model, wanted, np.full(41, place))
+        assert motion(model, wanted).without_leaps(poses, np.ones(41, dtype=bool)) is poses
+
+
+def test_a_leap_that_was_measured_stays(model, wanted):
+    held = np.zeros((41, 6))
+    held[:, 0] = np.where(np.arange(41) < 20, -DIP_MM, DIP_MM)
+    held[:, 1] = height(held[:, 0]) - np.sqrt(200.0 / STIFFNESS)
+    frames = Motion(model, ("ty",), {"Fy": wanted["Fy"]}, np.full(41, 1e-6), np.ones(41, dtype=bool))
+    np.testing.assert_array_equal(frames.without_leaps(held, np.ones(41, dtype=bool)), held)
+
+
+def test_an_unsolved_frame_beside_a_leap_is_found_from_its_neighbour(model, wanted):
+    poses = settled(model, wanted, np.where(np.arange(41) < 5, DIP_MM, -DIP_MM))
+    solved = np.arange(41) != 12
+    poses[12] = 0.0
+    better = motion(model, wanted).without_leaps(poses, solved)
+    np.testing.assert_allclose(model(better)[:, :2], np.column_stack([wanted["Fx"], wanted["Fy"]]), atol=1e-4)
+
+
+def test_following_ends_where_the_equilibrium_does(model):
+    begin, end = ({"Fx": shear, "Fy": -200.0} for shear in (0.0, 60.0))
+    pose = settled(model, {name: np.array([load]) for name, load in begin.items()}, np.array([-DIP_MM]))[0]
+    found, share = follow(model, pose, pose, FREE, begin, {**begin, "Fx": 4.0}, 1e-6)
+    assert share == 1.0
+    np.testing.assert_allclose(model(found)[[0, 1]], [4.0, -200.0], atol=1e-5)
+    steepest = 200.0 * np.abs(slope(np.linspace(-DIP_MM, 0.0, 1001))).max()
+    assert steepest < 60.0
+    _, share = follow(model, pose, pose, FREE, begin, end, 1e-6)
+    assert share < 1.0
