@@ -106,6 +106,20 @@ def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_p
     assert cc.load_surrogate(tmp_path / "far" / "patch.h5").scene.tolerances["Fy"] == 1e-3
 
 
+def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
+    """Validation rows choose among networks; a round that only they find good enough is not the last."""
+    told = []
+
+    def missed(model, samples, most=tolerance.MET, role=VALIDATION):
+        told.append(role)
+        return ["Fy 9 of 1 in D1"] if told == [VALIDATION, TEST] else []
+
+    monkeypatch.setattr(tolerance, "misses", missed)
+    trained(tmp_path / "out", 100.0, 3000.0)
+    assert told == [VALIDATION, TEST, VALIDATION, TEST]
+    assert len(asked) == 2
+
+
 def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
     for force_n in (100.0, 50.0):
         trained(tmp_path / "out", force_n, 3000.0)

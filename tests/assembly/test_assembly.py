@@ -30,6 +30,16 @@ def knee():
     return cc.load_assembly("knee_with_patella", contact)
 
 
+def test_elements_and_models_of_one_s_own_are_called_back_from_an_assembly():
+    elements = cc.load_assembly("knee_with_patella", lambda scene: cc.ElasticFoundation(scene, (20, 10)))
+    poses = elements.start_poses()
+    for contact in elements.contacts:
+        model = cc.ElasticFoundation(contact.model.scene, (20, 10))
+        pose = elements.contact_poses(contact.name, poses)
+        np.testing.assert_array_equal(contact.model(pose), model(pose))
+    assert elements.function().size1_out(0) == len(elements.load_names)
+
+
 def at_flexion(knee, degrees, poses):
     poses = poses.copy()
     poses[0, 5] = -np.deg2rad(degrees)

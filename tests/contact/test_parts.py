@@ -1,5 +1,7 @@
 """Patches in parts: a cut moves no force, and what is learned by parts gives the patch's own loads."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,10 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     residuals = whole.residuals(np.stack(roots, axis=1))[:, :-2]
     of_error = residuals.std(axis=0) / wrong.std(axis=0)
     np.testing.assert_allclose(residuals, of_error * wrong, atol=1e-9, err_msg="what the surrogate's patch is off by")
+    (light,) = surrogate.parts_regressions(replace(samples, weight=np.full(len(samples), 0.25)))
+    np.testing.assert_allclose(
+        light.residuals(np.stack(roots, axis=1)), 0.25 * whole.residuals(np.stack(roots, axis=1))
+    )
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
     assert error[1] < 0.02 * np.abs(test.loads()[:, 1]).max(), error

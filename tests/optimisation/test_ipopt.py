@@ -1,8 +1,11 @@
 """What became of a solution: solved, not solved, or ended by Ctrl-C, which is no answer."""
 
+import signal
+
 import casadi as ca
 import pytest
 
+from casadi_contact import interrupts
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
 
 
@@ -40,3 +43,38 @@ def test_a_solution_that_ctrl_c_ended_is_no_unsolved_frame():
     stopped(x0=3.0)
     with pytest.raises(KeyboardInterrupt):
         IpoptOutcome.of(stopped)
+
+
+class Interrupted(ca.Callback):
+    """A function in which Ctrl-C is pressed, or something else fails."""
+
+    def __init__(self, error):
+        ca.Callback.__init__(self)
+        self.error = error
+        self.construct("interrupted", {"enable_fd": True})
+
+    def eval(self, arguments):
+        if self.error is KeyboardInterrupt:
+            signal.raise_signal(signal.SIGINT)
+        raise self.error
+
+
+def test_ctrl_c_in_a_function_that_ipopt_evaluates_is_told_from_its_failure(monkeypatch):
+    """CasADi makes an unsolved problem of both."""
+    monkeypatch.setattr(interrupts, "_interrupted", False)
+    x = ca.MX.sym("x")
+    before = signal.signal(signal.SIGINT, interrupts._end_at_once)
+    try:
+        interrupts.raise_interrupts()
+        for error in (ValueError, KeyboardInterrupt):
+            function = Interrupted(error)
+            options = {**ipopt_options(), "error_on_fail": False}
+            solver = ca.nlpsol("broken", "ipopt", {"x": x, "f": function(x) + x**2}, options)
+            solver(x0=1.0)
+            if error is ValueError:
+                assert not IpoptOutcome.of(solver).solved
+            else:
+                with pytest.raises(KeyboardInterrupt):
+                    IpoptOutcome.of(solver)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -10,6 +10,8 @@ from casadi_contact.conventions import rotation
 from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.sampling import SamplingSettings, plan_domains, reference_motion, reference_poses
 from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.statics import leaps, settle, unstable_equilibria
+from tests.support import two_dips
 from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
 
 SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
@@ -199,3 +201,21 @@ def test_a_body_whose_origin_lies_far_from_its_joint_is_found_in_its_socket_howe
     assert report.converged.all()
     centres = poses[0, :, :3] + rotation(poses[0, :, 3:]) @ arm
     np.testing.assert_allclose(centres[:, [0, 2]], 0.0, atol=0.05)
+
+
+def test_frames_that_settle_in_another_place_than_their_neighbours_are_followed_from_these():
+    """From the flank of a dip a shear to one side leads into it, and one to the other over the ridge."""
+    model, count = two_dips.contact_model(), 41
+    still = dict.fromkeys(("tz", "rx", "ry", "rz"), np.zeros(count))
+    loads = {"Fx": 17.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, count)), "Fy": np.full(count, -200.0)}
+    begin = np.zeros((count, 6))
+    begin[:, :2] = 2.8, two_dips.height(2.8) - 0.2
+    alone, report = settle(model, begin, ("tx", "ty"), loads, tolerance=1e-3, trust_region=False)
+    assert report.converged.all()
+    assert leaps(alone).any()
+    cycle = JointCycle("dips", np.arange(float(count)), still, loads)
+    (poses,), found = reference_poses(model, [cycle], frames=count, start=begin[0])
+    assert found.converged.all()
+    assert not leaps(poses).any()
+    np.testing.assert_allclose(model(poses)[:, :2], np.column_stack(list(loads.values())), atol=1e-2)
+    assert not unstable_equilibria(model, ("tx", "ty"), ("Fx", "Fy"), poses).any()

@@ -1,38 +1,17 @@
-"""A ball on a ground with two dips and a ridge between them, where every load is carried in three places."""
+"""Several poses that carry the same loads: those of neighbouring frames belong together (a ball over two dips)."""
 
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from casadi_contact.statics import Motion, follow, settle, unstable_equilibria
+from tests.support.two_dips import DIP_MM, STIFFNESS, contact_model, height, slope
 
-STIFFNESS, DIP_MM, RADIUS_MM = 2000.0, 5.0, 20.0
 FREE = ("tx", "ty")
-
-
-def height(x):
-    """y = (x² - a²)²/(4·a²·R): dips at ±a, of radius of curvature R/2, and a ridge at 0 of radius R."""
-    return (x**2 - DIP_MM**2) ** 2 / (4.0 * DIP_MM**2 * RADIUS_MM)
-
-
-def slope(x):
-    return x * (x**2 - DIP_MM**2) / (DIP_MM**2 * RADIUS_MM)
-
-
-def wrenches(poses):
-    """On the ground, -∇U of U = (k/3)·d³, d = h(x) - y."""
-    x, y = poses[:, 0], poses[:, 1]
-    force = STIFFNESS * np.maximum(height(x) - y, 0.0) ** 2
-    found = np.zeros((len(poses), 1, 6))
-    found[:, 0, 0], found[:, 0, 1] = force * slope(x), -force
-    return found
 
 
 @pytest.fixture(scope="module")
 def model():
-    return cc.CallableModel(
-        cc.load_scene("sphere_on_plane"), wrenches, lambda poses: (poses[:, 1] - height(poses[:, 0]))[:, None]
-    )
+    return contact_model()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,69 @@
+"""Pose estimation where contact carries the measured loads in several places, each frame beginning in another one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.contact import symbolic
+from casadi_contact.motion.joint_cycle import JointCycle
+from problems import pose_estimation
+from problems.common.contact import ContactSource
+from problems.pose_estimation.estimate import estimated
+from problems.pose_estimation.several_poses import several_poses_in_words, unstable_frames
+from problems.pose_estimation.solve import without_leaps
+from tests.support.two_dips import DIP_MM, contact_model, height
+
+FRAMES = 21
+PLACES = np.where(np.isin(np.arange(FRAMES), [4, 5, 13]), -DIP_MM, DIP_MM)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    still = dict.fromkeys(("tz", "rx", "ry", "rz"), np.zeros(FRAMES))
+    shear = 4.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, FRAMES))
+    loads = {"Fx": shear, "Fy": np.full(FRAMES, -200.0)}
+    return pose_estimation.build(symbolic(contact_model()), JointCycle("dips", np.arange(float(FRAMES)), still, loads))
+
+
+def start_at(places):
+    poses = np.zeros((FRAMES, 6))
+    poses[:, 0], poses[:, 1] = places, height(places) - 0.3
+    return poses
+
+
+def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem):
+    alone = pose_estimation.solve(problem, start_at(PLACES))
+    np.testing.assert_allclose(alone.poses[:, 0], PLACES, atol=1.0)
+    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(PLACES), contact_model(), 0)
+    np.testing.assert_allclose(found.result.poses[:, 0], DIP_MM, atol=1.0)
+    assert found.verdict.verified.all()
+    assert found.verdict.exit_code == 0
+    assert list(several_poses_in_words(problem, found.result, found.verdict.leaps)) == []
+
+
+def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monkeypatch):
+    monkeypatch.setattr("problems.pose_estimation.completion.without_leaps", lambda problem, result: result)
+    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(PLACES), contact_model(), 0)
+    beside = np.isin(np.arange(FRAMES), [3, 4, 5, 6, 12, 13, 14])
+    np.testing.assert_array_equal(found.verdict.verified, ~beside)
+    assert found.verdict.exit_code == 3
+    assert found.verdict.doubt == "their pose leaps"
+    assert found.verdict.words[4] == "solved, its pose leaps"
+    assert str(found.verdict).endswith("; 7 solved, but their pose leaps from one to the next")
+    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    assert "tx by 10 mm from frame 3 to 4" in said
+
+
+def test_a_body_that_would_slide_off_a_ridge_is_told(problem):
+    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(np.zeros(FRAMES)), contact_model(), 0)
+    np.testing.assert_allclose(found.result.poses[:, 0], 0.0, atol=1.0)
+    assert unstable_frames(problem, found.result).all()
+    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    assert f"in {FRAMES} of {FRAMES} frames contact alone holds the body in an unstable equilibrium" in said
+
+
+def test_smoothness_couples_frames_so_that_none_is_moved(problem):
+    smooth = replace(problem, smoothness=1.0)
+    result = pose_estimation.solve(problem, start_at(PLACES))
+    assert without_leaps(smooth, result) is result
