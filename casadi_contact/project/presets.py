@@ -181,7 +181,7 @@ PRESETS: dict[str, Preset] = {
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),
                         "ratios": Effort(((16, 16),), 0.0),
-                        TOGETHER: Effort((), 4_500.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 4_000.0, tolerance_share=0.2),
                     }
                 },
                 between=True,

@@ -1,4 +1,4 @@
-"""Many poses between known samples, to find those on which a surrogate is worst.
+"""Many poses between known samples and a little beyond, to find those on which a surrogate is worst.
 
 A surrogate is most wrong where it bears falsely: in corners of the sampled range in which no sample tells it that
 nothing touches. They are so small that the points of a plan seldom meet them. Poses here are settled under no load, and
@@ -7,33 +7,37 @@ of most of them the wrench alone is asked for: that takes a hundredth of the tim
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from typing import TypeVar
 
 import numpy as np
 
 from casadi_contact.conventions import Array, Progress, load_selection
 from casadi_contact.dataset import TEST, Samples
 from casadi_contact.dataset.errors import LoadModel
-from casadi_contact.sampling.chunk import DrawnChunk, evaluate_poses, joined
+from casadi_contact.sampling.chunk import DrawnChunk, evaluate_poses, joined, reaches_edge
 from casadi_contact.sampling.draw import settings_of
 from casadi_contact.sampling.worker_models import ModelPair, WorkerModels, one_thread
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.workers import cancelled_if_left, worker_pool
 
-ALONG = 0.2  # at most, of the way to another sample
-_SPARE = 4  # times as many of the worst as are wanted: in some of them contact runs off the elements
-_AT_ONCE, _WHOLE_AT_ONCE = 20_000, 500  # poses to ask for wrenches alone, and for all that a sample holds
+BEYOND, ALONG = 0.1, 0.2  # of the way to another sample: at most away from it, into the corners, and towards it
+_SPARE = 8  # times as many of the worst as are wanted: in most of the worst contact runs off the elements
+_AT_ONCE, _FEW_AT_ONCE = 20_000, 500  # poses to ask for wrenches alone, and for more
+
+Made = TypeVar("Made")
 
 
 def poses_between(samples: Samples, count: int, seed: int) -> tuple[Array, np.ndarray]:
     """Poses (count, 6) and their domain (count,): p + u·(q - p) of learned samples p and q of one domain, drawn at
-    random, u evenly from 0 to `ALONG`; within the scene's pose space."""
+    random, u evenly from -`BEYOND` to `ALONG`; within the scene's pose space."""
     known, rng = samples.rows(samples.role != TEST), np.random.default_rng([seed, 19])
     rows, partners = rng.integers(len(known), size=count), np.empty(count, dtype=int)
     for number in np.unique(known.domain):
         of_domain, wanted = np.flatnonzero(known.domain == number), known.domain[rows] == number
         partners[wanted] = of_domain[rng.integers(len(of_domain), size=int(wanted.sum()))]
-    begin, share = known.poses[rows], rng.uniform(0.0, ALONG, (count, 1))
+    begin, share = known.poses[rows], rng.uniform(-BEYOND, ALONG, (count, 1))
     return known.scene.pose_space.onto(begin + share * (known.poses[partners] - begin)), known.domain[rows]
 
 
@@ -62,11 +66,20 @@ def worst_between(
         errors = _errors(workers, asked, model, samples, poses, progress)
         order = np.argsort(-errors, kind="stable")[: _SPARE * most]
         order = order[errors[order] >= 0.0]
-        parts = np.split(order, range(_WHOLE_AT_ONCE, len(order), _WHOLE_AT_ONCE))
-        whole = [workers.submit(_whole, asked, poses[rows], domain[rows]) for rows in parts]
-        with cancelled_if_left(workers, whole):
-            found = joined(samples.scene, [future.result() for future in whole])
-    return found.rows(np.arange(len(found)) < most)
+        edge = _in_parts(workers, _at_edge, asked, poses[order])
+        chosen = order[~np.concatenate(edge)][:most]
+        found = joined(samples.scene, _in_parts(workers, _whole, asked, poses[chosen], domain[chosen]))
+    return found
+
+
+def _in_parts(
+    workers: Executor, function: Callable[..., Made], asked: WorkerModels, *columns: np.ndarray
+) -> list[Made]:
+    """What a function makes of columns (n, ...), a few rows at once."""
+    parts = range(0, max(len(columns[0]), 1), _FEW_AT_ONCE)
+    futures = [workers.submit(function, asked, *(c[k : k + _FEW_AT_ONCE] for c in columns)) for k in parts]
+    with cancelled_if_left(workers, futures):
+        return [future.result() for future in futures]
 
 
 def _errors(
@@ -103,6 +116,12 @@ def _wrenches(asked: WorkerModels, poses: Array) -> Array:
     """Wrenches of the patches (n, patches, 6); runs in a worker."""
     with one_thread():
         return asked.pair()[1].wrenches(poses)
+
+
+def _at_edge(asked: WorkerModels, poses: Array) -> np.ndarray:
+    """True (n,) where contact runs off the elements; runs in a worker."""
+    with one_thread():
+        return reaches_edge(asked.pair()[1], poses)
 
 
 def _whole(asked: WorkerModels, poses: Array, domain: np.ndarray) -> DrawnChunk:
