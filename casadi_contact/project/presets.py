@@ -175,13 +175,13 @@ PRESETS: dict[str, Preset] = {
                 },
             ),
             ActiveRound(  # where parts bear falsely
-                times=20.0,
-                worst_share=0.0035,
+                times=10.0,
+                worst_share=0.005,
                 efforts={
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),
                         "ratios": Effort(((16, 16),), 0.0),
-                        TOGETHER: Effort((), 4_000.0, tolerance_share=0.2),
+                        TOGETHER: Effort((), 3_500.0, tolerance_share=0.2),
                     }
                 },
                 between=True,
