@@ -167,6 +167,7 @@ def test_a_frame_that_the_foundation_carries_in_a_second_pose_is_solved_in_that_
     assert np.abs(patellofemoral(poses[[2]])).max() < 1.0, "out of contact"
     false = WithLoadsOutOfContact(patellofemoral, poses[2], known.loads[2])
     monkeypatch.setattr(completion, "solve", lambda *_, **__: replace(known, poses=poses))
+    monkeypatch.setattr(completion, "without_leaps", lambda problem, result: result)  # it leaps, and is found so too
     result = solve_and_complete(replace(problem, model=false), None, own_model(patellofemoral.scene))
     np.testing.assert_allclose(result.poses, known.poses, atol=1e-6)
     np.testing.assert_allclose(result.loads, known.loads, atol=1e-3)
