@@ -175,8 +175,8 @@ PRESETS: dict[str, Preset] = {
                 },
             ),
             ActiveRound(  # where parts bear falsely
-                times=10.0,
-                worst_share=0.005,
+                times=20.0,
+                worst_share=0.0035,
                 efforts={
                     "trunk": {
                         "root": Effort(((16, 16, 16),), 0.0),
