@@ -13,12 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from casadi_contact.interrupts import is_interrupt, terminated_as_interrupted
 
 _BETWEEN_LINES_S = 60.0  # where nobody watches
+_GO_ON, _BEGIN_ANEW = "run the same command again to go on", "nothing is written, the same command begins anew"
 
 
 @contextmanager
-def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str], None]]:
+def progress_bars(console: Console, *, resumes: bool = True) -> Iterator[Callable[[str, float, float, str], None]]:
     """A callback (what, done, all, remark) that keeps one progress bar for each `what`; in a file, which shows bars at
-    the end alone, a line each minute."""
+    the end alone, a line each minute. resumes: what an interruption leaves is gone on with by the same command."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -44,5 +45,5 @@ def progress_bars(console: Console) -> Iterator[Callable[[str, float, float, str
             yield update
         except (KeyboardInterrupt, SystemError) as error:
             if is_interrupt(error):
-                console.print("interrupted: run the same command again to go on")
+                console.print(f"interrupted: {_GO_ON if resumes else _BEGIN_ANEW}")
             raise

@@ -164,26 +164,29 @@ class SurrogateInfo:
         if not self.test_errors:
             return ["test errors: not recorded"]
         loads = list(next(iter(self.test_errors.values())))
-        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>20}" for load in loads)]
+        width = max(20, *(len(load) + 2 for load in loads))
+        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>{width}}" for load in loads)]
         for domain, errors in self.test_errors.items():
             cells = [
                 f"{three_digits(errors[load]['rms'])} / {three_digits(errors[load]['max'])}" if load in errors else "-"
                 for load in loads
             ]
-            lines.append(f"  {domain:<7}" + "".join(f"{cell:>20}" for cell in cells))
+            lines.append(f"  {domain:<7}" + "".join(f"{cell:>{width}}" for cell in cells))
         return lines
 
     def _coverage_lines(self) -> list[str]:
         if not self.coverage:
             return ["validity and expected error: not calibrated"]
         columns = ("valid", *self.loads)
+        widths = [max(8, len(column) + 2) for column in columns]
         lines = [
             "held-back samples with validity above 0.9, errors below the expected error [%]:",
-            "  domain " + "".join(f"{column:>8}" for column in columns),
+            "  domain " + "".join(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True)),
         ]
         for domain, shares in self.coverage.items():
             cells = [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
-            lines.append(f"  {domain:<7}" + "".join(f"{cell:>8}" for cell in cells))
+            row = "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+            lines.append(f"  {domain:<7}{row}")
         return [*lines, *(f"  {line}" for line in other_rows(self.coverage))]
 
 

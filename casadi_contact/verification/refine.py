@@ -44,7 +44,7 @@ class RefinementModel(ContactModel, WrenchModel, Protocol):
 @dataclass(frozen=True)
 class Refinement:
     """The refined surrogate, all samples, a verification before the first and after each round, and what it cost:
-    added (rounds,) samples and seconds (rounds,) of drawing and training."""
+    added (rounds,) samples and seconds (rounds,) of drawing and training; ``print`` it."""
 
     surrogate: Surrogate
     samples: Samples
@@ -56,6 +56,15 @@ class Refinement:
     def passed(self) -> bool:
         """True if the last verification passed."""
         return self.verifications[-1].passed
+
+    def __str__(self) -> str:
+        lines = [
+            f"round {k}: {added} samples, {seconds:.0f} s, {int(before.failing.sum())} failing frames before it"
+            for k, (added, seconds, before) in enumerate(
+                zip(self.added, self.seconds, self.verifications[:-1], strict=True), start=1
+            )
+        ]
+        return "\n".join([*lines, str(self.verifications[-1])])
 
 
 def refine(

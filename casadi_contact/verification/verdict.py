@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from casadi_contact.conventions import Array, as_poses, load_unit
 from casadi_contact.quantities import beside, three_digits
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import Surrogate
+from casadi_contact.verification.coarse_elements import off_finer
 from casadi_contact.verification.uncertain_load import uncounted_share
 from casadi_contact.verification.verify import loads_on, true_of_each
 
@@ -20,6 +22,16 @@ UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts 
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 ON_MODEL, LEAPS = "solved on the contact model", "solved, its pose leaps"
+
+
+class _Doubt(NamedTuple):
+    """A reason why solved frames are not verified: which (n,) are for it, the reason in words, what a summary says of
+    those frames after their number, and what a frame's own verdict is."""
+
+    rows: np.ndarray
+    reason: str
+    of_rows: Callable[[np.ndarray], str]
+    of_frame: Callable[[int], str]
 
 
 @dataclass(frozen=True)
@@ -31,8 +43,9 @@ class Verdict:
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
-    counts any (`uncounted_share`), None where the model is not the scene's elements; leaps (n,): frames whose pose lies
-    apart from a neighbour's, None where nobody looked.
+    counts any (`uncounted_share`); off_finer (n, L): what the model differs by from a finer one (`off_finer`), both
+    None where the model is not the scene's elements; leaps (n,): frames whose pose lies apart from a neighbour's, None
+    where nobody looked.
     """
 
     load_names: tuple[str, ...]
@@ -43,6 +56,7 @@ class Verdict:
     on_model: np.ndarray
     expected: Array | None = None
     uncounted: Array | None = None
+    off_finer: Array | None = None
     leaps: np.ndarray | None = None
 
     @property
@@ -52,9 +66,11 @@ class Verdict:
 
     @property
     def verified(self) -> np.ndarray:
-        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load, in a
-        pose that does not leap."""
-        return self.solved & self._agrees & ~self._incomplete & ~self._leaps
+        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load and is
+        fine enough there, in a pose that does not leap."""
+        if not self.checked:
+            return np.zeros_like(self.solved)
+        return self.solved & ~np.any([doubt.rows for doubt in self._doubts()], axis=0)
 
     @property
     def differs(self) -> np.ndarray:
@@ -64,16 +80,13 @@ class Verdict:
     @property
     def doubt(self) -> str:
         """Why the first kind of solved frames that are not verified is not; "" where all are."""
-        if self.differs.any():
-            return "the contact model differs"
-        if (self.solved & self._incomplete).any():
-            return "not all of their load is counted"
-        return "their pose leaps" if (self.solved & self._leaps).any() else ""
+        return next((doubt.reason for doubt in self._doubts() if doubt.rows.any()), "")
 
     @property
     def words(self) -> list[str]:
         """The verdict of each frame (n,), with the load that differs most against what is allowed."""
-        return [self._of_frame(k) for k in range(len(self.solved))]
+        doubts = list(self._doubts())
+        return [self._of_frame(k, doubts) for k in range(len(self.solved))]
 
     @property
     def exit_code(self) -> int:
@@ -90,14 +103,7 @@ class Verdict:
         alone = int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
         parts = [f"{verified} of {count} solved and verified on {self.model}{own}"]
-        if self.differs.any():
-            worst = int(np.where(self.solved, self._excess, -1.0).argmax())
-            parts.append(f"{int(self.differs.sum())} solved but differ, at most by {self._largest(worst)}")
-        if (lost := self.solved & self._agrees & self._incomplete).any():
-            most = f"{self._uncounted[lost].max():.0%}"
-            parts.append(f"{int(lost.sum())} solved, but up to {most} of their load lies where none is counted")
-        if (apart := self.solved & self._agrees & ~self._incomplete & self._leaps).any():
-            parts.append(f"{int(apart.sum())} solved, but their pose leaps from one to the next")
+        parts += [f"{doubt.rows.sum()} {doubt.of_rows(doubt.rows)}" for doubt in self._doubts() if doubt.rows.any()]
         if count > solved:
             parts.append(f"{count - solved} not solved")
         return "; ".join(parts)
@@ -106,17 +112,47 @@ class Verdict:
     def _agrees(self) -> np.ndarray:
         return np.asarray((np.abs(self.errors) <= self.allowed).all(axis=1))
 
-    @property
-    def _uncounted(self) -> Array:
-        return np.zeros(len(self.solved)) if self.uncounted is None else self.uncounted
+    def _doubts(self) -> Iterator[_Doubt]:
+        """In the order in which they are told; a frame has one at most."""
+        left = self.solved.copy()
+        for doubt in self._reasons():
+            yield doubt._replace(rows=left & doubt.rows)
+            left &= ~doubt.rows
 
-    @property
-    def _incomplete(self) -> np.ndarray:
-        return np.asarray(self._uncounted > UNCOUNTED)
-
-    @property
-    def _leaps(self) -> np.ndarray:
-        return np.zeros(len(self.solved), dtype=bool) if self.leaps is None else self.leaps
+    def _reasons(self) -> Iterator[_Doubt]:
+        """Those that can be told, each on its own."""
+        errors, finer, uncounted = self.errors, self.off_finer, self.uncounted
+        if self.checked:
+            yield _Doubt(
+                ~self._agrees,
+                "the contact model differs",
+                lambda rows: f"solved but differ, at most by {self._largest(errors, rows)}",
+                lambda frame: f"{DIFFERS} by {self._largest(errors, frame)}",
+            )
+        if uncounted is not None:
+            yield _Doubt(
+                uncounted > UNCOUNTED,
+                "not all of their load is counted",
+                lambda rows: f"solved, but up to {uncounted[rows].max():.0%} of their load lies where none is counted",
+                lambda frame: f"solved, {uncounted[frame]:.0%} of the load not counted",
+            )
+        if finer is not None:
+            yield _Doubt(
+                (np.abs(finer) > self.allowed).any(axis=1),
+                "the contact model is too coarse there",
+                lambda rows: (
+                    f"solved, but where elements half as wide differ, at most by {self._largest(finer, rows)}: "
+                    "finer grids.teacher in the scene tell whether they hold"
+                ),
+                lambda frame: f"solved, elements half as wide differ by {self._largest(finer, frame)}",
+            )
+        if self.leaps is not None:
+            yield _Doubt(
+                self.leaps,
+                "their pose leaps",
+                lambda rows: "solved, but their pose leaps from one to the next",
+                lambda frame: LEAPS,
+            )
 
     @property
     def _own_words(self) -> str:
@@ -129,28 +165,21 @@ class Verdict:
         off, unit = beside(largest[load], self.allowed[load]), load_unit(name)
         return f"; the surrogate itself expects errors up to {off} {unit} ({name}, {self.allowed[load]:g} allowed)"
 
-    @property
-    def _excess(self) -> Array:
-        """Largest error of each frame (n,) over what is allowed."""
-        return np.asarray(np.nan_to_num(np.abs(self.errors) / self.allowed, nan=np.inf).max(axis=1))
-
-    def _largest(self, frame: int) -> str:
-        load = int((np.abs(self.errors[frame]) / self.allowed).argmax())
+    def _largest(self, errors: Array, rows: np.ndarray | int) -> str:
+        """Of errors (n, L) in rows, or in one: the one that is largest against what is allowed."""
+        found = np.abs(np.atleast_2d(errors[rows]))
+        of_allowed = np.nan_to_num(found / self.allowed, nan=np.inf)
+        row, load = np.unravel_index(int(of_allowed.argmax()), found.shape)
         name = self.load_names[load]
-        return f"{three_digits(abs(self.errors[frame, load]))} {load_unit(name)} ({name})"
+        return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
 
-    def _of_frame(self, frame: int) -> str:
+    def _of_frame(self, frame: int, doubts: Sequence[_Doubt]) -> str:
         if not self.solved[frame]:
             return UNSOLVED
         if not self.checked:
             return UNCHECKED
-        if self._agrees[frame] and self._incomplete[frame]:
-            return f"solved, {self._uncounted[frame]:.0%} of the load not counted"
-        if self._agrees[frame] and self._leaps[frame]:
-            return LEAPS
-        if self.on_model[frame]:
-            return ON_MODEL
-        return VERIFIED if self.verified[frame] else f"{DIFFERS} by {self._largest(frame)}"
+        words = [doubt.of_frame(frame) for doubt in doubts if doubt.rows[frame]]
+        return words[0] if words else (ON_MODEL if self.on_model[frame] else VERIFIED)
 
 
 def own_model(scene: Scene) -> ContactModel | str:
@@ -181,7 +210,8 @@ def judge(
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
     ended, alone = (true_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
-    expected = uncounted = None
+    allowed = ALLOWED * tried.scene.tolerances_of(names)
+    expected = uncounted = finer = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
         if isinstance(tried, Surrogate) and tried.trust is not None:
@@ -192,5 +222,6 @@ def judge(
         errors[alone], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
             name, uncounted = model.label, uncounted_share(model, poses)
-    allowed = ALLOWED * tried.scene.tolerances_of(names)
-    return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted)
+            finer = np.zeros((len(poses), len(names)))
+            finer[ended] = off_finer(model, poses[ended], names, allowed)
+    return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted, finer)

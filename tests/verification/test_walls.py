@@ -143,7 +143,7 @@ def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
 def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     model = model_of(folder)
     poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
-    verdict = judge(model, poses, True, model)
+    verdict = judge(model, poses, True, model, ("Fy",))
     assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
     assert verdict.exit_code == 3
     assert "of the load not counted" in verdict.words[0]
