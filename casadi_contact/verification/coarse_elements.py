@@ -1,4 +1,4 @@
-"""Elements too coarse to judge a pose by: a scene's grids were chosen on its own motion, and a cycle may lead elsewhere."""
+"""Elements too coarse to judge a pose by: grids were chosen on a scene's own motion, and a cycle may lead elsewhere."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ class Verdict:
             )
         if finer is not None:
             yield _Doubt(
-                (np.abs(finer) > self.allowed).any(axis=1),
+                np.asarray((np.abs(finer) > self.allowed).any(axis=1)),
                 "the contact model is too coarse there",
                 lambda rows: (
                     f"solved, but where elements half as wide differ, at most by {self._largest(finer, rows)}: "

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from casadi_contact.conventions import rotation
 from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
@@ -200,3 +201,31 @@ def test_no_pose_however_far_gives_nan():
         for pose in reach * np.random.default_rng(3).uniform(-1.0, 1.0, (5, 6)):
             assert np.isfinite(function(pose).full()).all()
             assert np.isfinite(function.jacobian()(pose, 0).full()).all()
+
+
+def pressed_parts(surrogate, poses: np.ndarray) -> np.ndarray:
+    """How many parts (n,) of a surrogate are pressed: a part's root load is its network's at x = (t + R a, r)."""
+    turned = rotation(poses[:, 3:])
+    roots = [
+        surrogate.networks[f"root_{part.name}"].value(
+            np.column_stack([poses[:, :3] + turned @ part.anchor_mm, poses[:, 3:]])
+        )
+        for part in surrogate.scene.parts
+    ]
+    return (np.column_stack(roots) > 0.0).sum(axis=1)
+
+
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize("structure", ["patch", "trunk"])
+def test_however_many_parts_are_pressed_the_kernel_equals_numpy(structure):
+    """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
+    surrogate, pose = random_surrogate(scene_called(IN_PARTS), structure, seed=3), ca.MX.sym("pose", 6)
+    poses = random_poses(20_000, seed=7)
+    pressed = pressed_parts(surrogate, poses)
+    poses = np.vstack([poses[pressed == count][:3] for count in range(5)])
+    assert len(poses) == 15
+    compiled, graph = (surrogate.function(compiled=compiled) for compiled in (True, False))
+    slopes = ca.Function("slopes", [pose], [ca.jacobian(graph(pose), pose)])
+    agree([compiled(each).full().ravel() for each in poses], surrogate(poses))
+    jacobian = compiled.jacobian()
+    agree([jacobian(each, 0).full() for each in poses], [slopes(each).full() for each in poses], 1)

@@ -8,7 +8,7 @@ from casadi_contact.verification import judge, own_model
 from casadi_contact.verification.coarse_elements import off_finer
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
-LIFTED = POSE + [0.0, 5.0, 0.0, 0.0, 0.0, 0.0]
+LIFTED = POSE + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def with_teacher(grid):

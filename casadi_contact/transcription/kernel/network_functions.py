@@ -11,16 +11,18 @@ from collections.abc import Sequence
 from casadi_contact.network.activations import activation_of
 from casadi_contact.transcription.kernel.networks import Bundle, Shape, padded
 
+NEURONS_SIDE_BY_SIDE = 64  # of a layer, in networks that are evaluated together: more would leave the registers
+MOST_SIDE_BY_SIDE = {"value": (4, 2), "gradient": (2,)}  # slopes take registers too
 LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
 
 
 def network_functions(bundles: Sequence[Bundle]) -> str:
-    """Weights, functions of every shape (each once), and SYMBOL_value, _gradient, _hessian, _batch of every bundle."""
+    """Weights, and SHAPE_value, _gradient, _hessian, _batch of every shape, each once."""
     groups = [group for bundle in bundles for group in bundle.groups]
     shapes = dict.fromkeys(group.shape for group in groups)
     loops = [activation_loops(name) for name in dict.fromkeys(shape.activation for shape in shapes)]
     of_shapes = ["\n".join(part(shape)) for shape in shapes for part in (_value, _gradient, _hessian, _batch)]
-    return "\n\n".join([*(group.declaration() for group in groups), *loops, *of_shapes, *map(_bundle, bundles)])
+    return "\n\n".join([*(group.declaration() for group in groups), *loops, *of_shapes])
 
 
 def activation_loops(name: str) -> str:
@@ -42,69 +44,23 @@ def activation_loops(name: str) -> str:
     return "\n\n".join(functions)
 
 
-def _bundle(bundle: Bundle) -> str:
-    """The groups of a bundle one after the other; networks of some of the inputs get these, and theirs are put back."""
-    symbol, columns = bundle.symbol, bundle.columns
-    k = bundle.inputs if columns is None else len(columns)
-    arguments = {
-        "value": ("const double *x, double *y", "{x}, y + {m}"),
-        "gradient": ("const double *x, double *y, double *g", f"{{x}}, y + {{m}}, {{g}} + {k} * {{m}}"),
-        "hessian": (
-            "const double *x, const double *c, double *y, double *g, double *h",
-            "{x}, c + {m}, y + {m}, {g}, {h}",
-        ),
-        "batch": ("const double *x, double *y", "{x}, y + {m} * LANES"),
-    }
-    names = dict(zip("xgh", "xgh" if columns is None else ("of_x", "of_g", "of_h"), strict=True))
-    functions = []
-    for what, (parameters, call) in arguments.items():
-        lines, m = [f"INLINE void {symbol}_{what}({parameters}) {{"], 0
-        before, after = _picked(bundle, columns, what) if columns is not None and bundle.groups else ([], [])
-        lines += before
-        for group in bundle.groups:
-            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m, **names)});")
-            m += sum(network.outputs for network in group.networks)
-        if not bundle.groups:
-            unused = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
-            lines.append(f"  {', '.join(f'(void){name}' for name in unused)};")
-        functions.append("\n".join([*lines, *after, "}"]))
-    return "\n\n".join(functions)
-
-
-def _picked(bundle: Bundle, columns: Sequence[int], what: str) -> tuple[list[str], list[str]]:
-    """C before and after the calls of networks that take these columns of x: inputs gathered, derivatives put back."""
-    inputs, k, count = bundle.inputs, len(columns), sum(network.outputs for network in bundle.networks.values())
-    if what == "batch":
-        copies = [
-            f"memcpy(of_x + {t} * LANES, x + {c} * LANES, LANES * sizeof(double));" for t, c in enumerate(columns)
-        ]
-        return [f"  double of_x[{k} * LANES];", *(f"  {copy}" for copy in copies)], []
-    before, after = [f"  const double of_x[{k}] = {{{', '.join(f'x[{c}]' for c in columns)}}};"], []
-    if what == "gradient":
-        before.append(f"  double of_g[{count * k}];")
-        after.append(f"  memset(g, 0, {count * inputs} * sizeof(double));")
-        put = " ".join(f"g[{inputs} * m + {c}] = of_g[{k} * m + {t}];" for t, c in enumerate(columns))
-        after.append(f"  for (int m = 0; m < {count}; m++) {{ {put} }}")
-    if what == "hessian":
-        before.append(f"  double of_g[{k}] = {{0}}, of_h[{k * k}] = {{0}};")
-        for t, c in enumerate(columns):
-            after.append(f"  g[{c}] += of_g[{t}];")
-            after += [f"  h[{inputs * c + columns[j]}] += of_h[{k * t + j}];" for j in range(t + 1)]
-    return before, after
+def sides_of(shape: Shape, what: str) -> list[int]:
+    """How many networks of a shape may be evaluated side by side, the most first."""
+    return [side for side in MOST_SIDE_BY_SIDE[what] if side * shape.widest <= NEURONS_SIDE_BY_SIDE]
 
 
 def _each(shape: Shape, statement: str) -> str:
-    return f"  for (int m = 0; m < {shape.count}; m++) {statement}"
+    return f"for (int m = 0; m < {shape.count}; m++) {statement}"
 
 
-def _weights(shape: Shape, layer: int) -> str:
+def _weights(shape: Shape, layer: int, at: str = "") -> str:
     """Weights of network m in a layer after the first."""
-    return f"w + {shape.layer(layer)} + m * {shape.slab(layer)}"
+    return f"w{at} + {shape.layer(layer)} + m * {shape.slab(layer)}"
 
 
-def _first_row(shape: Shape) -> str:
+def _first_row(shape: Shape, at: str = "") -> str:
     """Weights of input t in the first layer of all networks: also d(first layer)/dx_t."""
-    return f"w + {shape.layer(0)} + (t + 1) * {shape.stacked[0]}"
+    return f"w{at} + {shape.layer(0)} + (t + 1) * {shape.stacked[0]}"
 
 
 def _of(shape: Shape, layer: int, array: str) -> str:
@@ -112,100 +68,122 @@ def _of(shape: Shape, layer: int, array: str) -> str:
     return f"{array} + m * {shape.rows[layer]}"
 
 
-def _arrays(shape: Shape, names: str) -> str:
-    return ", ".join(f"{name}[{len(shape.hidden)}][WIDEST]" for name in names)
+def _arrays(shape: Shape, names: str, side: str = "") -> str:
+    """Declared: numbers of each layer's neurons, and of the last layer's outputs where there are several."""
+    declared = [f"{name}{side}[{len(shape.hidden)}][WIDEST]" for name in names]
+    if shape.outputs > 1:
+        declared.append(f"z{side}[{padded(shape.outputs)}]")
+    return ", ".join([f"offset{side}[{shape.inputs}]", *declared])
 
 
-def _forward(shape: Shape, order: int) -> list[str]:
+def _forward(shape: Shape, order: int, at: str = "") -> list[str]:
     """Fill a (activations), d, e (first and second derivatives of the sigmoid, up to the order) and y."""
     lines = [
-        f"  for (int j = 0; j < {shape.inputs}; j++) offset[j] = bounded(x[j] - w[j]);",
-        f"  affine({shape.inputs}, {shape.stacked[0]}, w + {shape.layer(0)}, offset, a[0]);",
+        f"for (int j = 0; j < {shape.inputs}; j++) offset{at}[j] = bounded(x{at}[j] - w{at}[j]);",
+        f"affine({shape.inputs}, {shape.stacked[0]}, w{at} + {shape.layer(0)}, offset{at}, a{at}[0]);",
     ]
     for layer, n in enumerate(shape.stacked):
         if layer:
-            before, after = _of(shape, layer - 1, f"a[{layer - 1}]"), _of(shape, layer, f"a[{layer}]")
+            before, after = _of(shape, layer - 1, f"a{at}[{layer - 1}]"), _of(shape, layer, f"a{at}[{layer}]")
             sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
-            lines.append(_each(shape, f"affine({sizes}, {_weights(shape, layer)}, {before}, {after});"))
-        arrays = ", ".join(f"{name}[{layer}]" for name in "ade"[: order + 1])
-        lines.append(f"  {shape.activation}_{order}({n}, {arrays});")
+            lines.append(_each(shape, f"affine({sizes}, {_weights(shape, layer, at)}, {before}, {after});"))
+        arrays = ", ".join(f"{name}{at}[{layer}]" for name in "ade"[: order + 1])
+        lines.append(f"{shape.activation}_{order}({n}, {arrays});")
     if shape.outputs > 1:
-        return [*lines, f"  double z[{padded(shape.outputs)}];", *_last_layer(shape, "affine", f"a[{shape.last}]", "y")]
-    output = f"dot({shape.rows[-1]}, {_of(shape, shape.last, f'w + {shape.output}')}, "
-    output += f"{_of(shape, shape.last, f'a[{shape.last}]')})"
-    return [*lines, _each(shape, f"y[m] = w[{shape.output_bias} + m] + {output};")]
+        return [
+            *lines,
+            f"affine({shape.hidden[-1]}, {padded(shape.outputs)}, w{at} + {shape.output}, a{at}[{shape.last}], z{at});",
+            f"memcpy(y{at}, z{at}, {shape.outputs} * sizeof(double));",
+        ]
+    output = f"dot({shape.rows[-1]}, {_of(shape, shape.last, f'w{at} + {shape.output}')}, "
+    output += f"{_of(shape, shape.last, f'a{at}[{shape.last}]')})"
+    return [*lines, _each(shape, f"y{at}[m] = w{at}[{shape.output_bias} + m] + {output};")]
 
 
-def _last_layer(shape: Shape, product: str, a: str, y: str) -> list[str]:
-    """Outputs y of one network of several, from what goes into its last layer."""
-    sizes = f"{shape.hidden[-1]}, {padded(shape.outputs)}"
-    return [
-        f"  {product}({sizes}, w + {shape.output}, {a}, z);",
-        f"  memcpy({y}, z, {shape.outputs} * sizeof(double));",
-    ]
-
-
-def _reverse(shape: Shape, layer: int, q: str, r: str) -> str:
+def _reverse(shape: Shape, layer: int, q: str, r: str, at: str = "") -> str:
     """r of the layer before, from q = r∘σ' of this one."""
-    sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
-    arrays = f"{_of(shape, layer, q)}, {_of(shape, layer - 1, r)}"
-    return _each(shape, f"transposed({sizes}, {_weights(shape, layer)}, {arrays});")
+    sizes = f"{shape.hidden[layer]}, {shape.rows[layer - 1]}"
+    weights = f"w{at} + {shape.turned(layer)} + m * {shape.turned_slab(layer)}"
+    return _each(shape, f"linear({sizes}, {weights}, {_of(shape, layer, q)}, {_of(shape, layer - 1, r)});")
+
+
+def _indented(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]
+
+
+def _side_by_side(shape: Shape, what: str, comment: str, outputs: Sequence[str], body: Sequence[str]) -> list[str]:
+    """SHAPE_whats for networks p with weights, inputs and outputs of their own, each statement for one after the other;
+    SHAPE_what for one of them, SHAPE_what_2 and so on for as many."""
+    name = f"{shape.symbol}_{what}"
+    several = ", ".join(["const double *const *w", "const double *const *x", *(f"double *const *{y}" for y in outputs)])
+    one = ", ".join(["const double *w", "const double *x", *(f"double *{y}" for y in outputs)])
+    names = ["w", "x", *outputs]
+    return [
+        comment,
+        f"INLINE void {name}s(int n, {several}) {{",
+        *_indented(body),
+        "}",
+        "",
+        f"FUNCTION void {name}({one}) {{ {name}s(1, {', '.join(f'&{each}' for each in names)}); }}",
+        *(
+            f"\nFUNCTION void {name}_{side}({several}) {{ {name}s({side}, {', '.join(names)}); }}"
+            for side in sides_of(shape, what)
+        ),
+    ]
 
 
 def _value(shape: Shape) -> list[str]:
-    return [
-        f"FUNCTION void {shape.symbol}_value(const double *w, const double *x, double *y) {{",
-        f"  double offset[{shape.inputs}], {_arrays(shape, 'a')};",
-        *_forward(shape, 0),
-        "}",
-    ]
+    body = [f"double {_arrays(shape, 'a', '[SIDE]')};", *(f"EACH {line}" for line in _forward(shape, 0, "[p]"))]
+    return _side_by_side(shape, "value", "/* y[p][m] */", ["y"], body)
+
+
+def _gradient(shape: Shape) -> list[str]:
+    body = _gradient_forward(shape) if shape.outputs > 1 else _gradient_reverse(shape)
+    k = shape.inputs
+    return _side_by_side(shape, "gradient", f"/* y[p][m] and g[p][{k} m + t] = dy_m/dx_t */", ["y", "g"], body)
 
 
 def _gradient_forward(shape: Shape) -> list[str]:
     """Derivatives of several outputs, along each input in turn."""
-    k, ahead = shape.inputs, "ahead"
+    k = shape.inputs
     lines = [
-        f"/* y[m] and g[{k} m + t] = dy_m/dx_t */",
-        f"FUNCTION void {shape.symbol}_gradient(const double *w, const double *x, double *y, double *g) {{",
-        f"  double offset[{k}], {_arrays(shape, 'ad')}, damped[WIDEST], ahead[WIDEST];",
-        *_forward(shape, 1),
-        f"  for (int t = 0; t < {k}; t++) {{",
-        f"    times({shape.stacked[0]}, d[0], {_first_row(shape)}, damped);",
+        f"double {_arrays(shape, 'ad', '[SIDE]')}, damped[SIDE][WIDEST], ahead[SIDE][WIDEST];",
+        *(f"EACH {line}" for line in _forward(shape, 1, "[p]")),
+        f"for (int t = 0; t < {k}; t++) {{",
+        f"  EACH times({shape.stacked[0]}, d[p][0], {_first_row(shape, '[p]')}, damped[p]);",
     ]
     for layer in range(1, len(shape.hidden)):
         sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
         lines += [
-            f"    linear({sizes}, w + {shape.layer(layer)}, damped, {ahead});",
-            f"    times({shape.rows[layer]}, d[{layer}], {ahead}, damped);",
+            f"  EACH linear({sizes}, w[p] + {shape.layer(layer)}, damped[p], ahead[p]);",
+            f"  EACH times({shape.rows[layer]}, d[p][{layer}], ahead[p], damped[p]);",
         ]
     return [
         *lines,
-        f"    linear({shape.hidden[-1]}, {padded(shape.outputs)}, w + {shape.output}, damped, z);",
-        f"    for (int m = 0; m < {shape.outputs}; m++) g[{k} * m + t] = z[m];",
-        "  }",
+        f"  EACH linear({shape.hidden[-1]}, {padded(shape.outputs)}, w[p] + {shape.output}, damped[p], z[p]);",
+        f"  EACH for (int m = 0; m < {shape.outputs}; m++) g[p][{k} * m + t] = z[p][m];",
         "}",
     ]
 
 
-def _gradient(shape: Shape) -> list[str]:
-    if shape.outputs > 1:
-        return _gradient_forward(shape)
+def _gradient_reverse(shape: Shape) -> list[str]:
+    """Derivatives of one output of each network, from the last layer to the first."""
     k = shape.inputs
     lines = [
-        f"/* y[m] and g[{k} m + t] = dy_m/dx_t */",
-        f"FUNCTION void {shape.symbol}_gradient(const double *w, const double *x, double *y, double *g) {{",
-        f"  double offset[{k}], {_arrays(shape, 'ad')}, q[WIDEST], r[WIDEST] = {{0}};",
-        *_forward(shape, 1),
-        f"  times({shape.stacked[-1]}, w + {shape.output}, d[{shape.last}], q);",
+        f"double {_arrays(shape, 'ad', '[SIDE]')}, q[SIDE][WIDEST], r[SIDE][WIDEST] = {{{{0}}}};",
+        *(f"EACH {line}" for line in _forward(shape, 1, "[p]")),
+        f"EACH times({shape.stacked[-1]}, w[p] + {shape.output}, d[p][{shape.last}], q[p]);",
     ]
     for layer in range(shape.last, 0, -1):
-        lines += [_reverse(shape, layer, "q", "r"), f"  times({shape.stacked[layer - 1]}, r, d[{layer - 1}], q);"]
-    slope = f"dot({shape.rows[0]}, {_of(shape, 0, _first_row(shape))}, {_of(shape, 0, 'q')})"
+        lines += [
+            f"EACH {_reverse(shape, layer, 'q[p]', 'r[p]', '[p]')}",
+            f"EACH times({shape.stacked[layer - 1]}, r[p], d[p][{layer - 1}], q[p]);",
+        ]
+    slope = f"dot({shape.rows[0]}, {_of(shape, 0, _first_row(shape, '[p]'))}, {_of(shape, 0, 'q[p]')})"
     return [
         *lines,
-        f"  for (int t = 0; t < {k}; t++) {{",
-        "  " + _each(shape, f"g[{k} * m + t] = {slope};"),
-        "  }",
+        f"for (int t = 0; t < {k}; t++) {{",
+        f"  EACH {_each(shape, f'g[p][{k} * m + t] = {slope};')}",
         "}",
     ]
 
@@ -219,7 +197,7 @@ def _seed(shape: Shape) -> list[str]:
             f"  transposed({shape.hidden[-1]}, {padded(shape.outputs)}, w + {shape.output}, z, {r});",
         ]
     loop = f"for (int i = m * {shape.rows[-1]}; i < (m + 1) * {shape.rows[-1]}; i++)"
-    return [_each(shape, f"{loop} {r}[i] = c[m] * w[{shape.output} + i];")]
+    return ["  " + _each(shape, f"{loop} {r}[i] = c[m] * w[{shape.output} + i];")]
 
 
 def _hessian(shape: Shape) -> list[str]:
@@ -229,15 +207,15 @@ def _hessian(shape: Shape) -> list[str]:
         f"/* y[m]; g += sum_m c_m dy_m/dx; h += sum_m c_m d2y_m/dx2, lower triangle of {k} x {k} */",
         f"FUNCTION void {shape.symbol}_hessian(const double *w, const double *x, const double *c, double *y,",
         "    double *g, double *h) {",
-        f"  double offset[{k}], {_arrays(shape, 'ade')}, q[WIDEST], r[{layers}][WIDEST] = {{{{0}}}};",
+        f"  double {_arrays(shape, 'ade')}, q[WIDEST], r[{layers}][WIDEST] = {{{{0}}}};",
         *([f"  double {scratch}ahead[{k} * WIDEST], damped[WIDEST];"] if layers > 1 else []),
-        *_forward(shape, 2),
+        *_indented(_forward(shape, 2)),
         *_seed(shape),
     ]
     for layer in range(shape.last, 0, -1):
         lines += [
             f"  times({shape.stacked[layer]}, r[{layer}], d[{layer}], q);",
-            _reverse(shape, layer, "q", f"r[{layer - 1}]"),
+            "  " + _reverse(shape, layer, "q", f"r[{layer - 1}]"),
         ]
     n0 = shape.stacked[0]
     lines += [
@@ -254,7 +232,7 @@ def _hessian(shape: Shape) -> list[str]:
         lines += [
             f"  for (int t = 0; t < {k}; t++) {{",
             f"    times({before}, d[{layer - 1}], {tangent}, damped);",
-            "  " + _each(shape, f"linear({sizes}, {_weights(shape, layer)}, {arrays});"),
+            "    " + _each(shape, f"linear({sizes}, {_weights(shape, layer)}, {arrays});"),
             "  }",
             f"  times({n}, r[{layer}], e[{layer}], q);",
             f"  curvature({k}, {n}, q, ahead, h);",
@@ -278,14 +256,14 @@ def _batch(shape: Shape) -> list[str]:
         f"FUNCTION void {shape.symbol}_batch(const double *w, const double *x, double *y) {{",
         f"  double offset[{k} * LANES], a[WIDEST * LANES]{', b[WIDEST * LANES]' if further else ''};",
         f"  for (int i = 0; i < {k} * LANES; i++) offset[i] = bounded(x[i] - w[i / LANES]);",
-        _each(shape, f"{first}{lanes(shape.hidden[0], here)});"),
+        "  " + _each(shape, f"{first}{lanes(shape.hidden[0], here)});"),
         f"  {shape.activation}_0({shape.count * shape.hidden[0]} * LANES, {here});",
     ]
     for layer in range(1, len(shape.hidden)):
         sizes = f"{shape.hidden[layer - 1]}, {shape.hidden[layer]}, {shape.rows[layer]}"
         arrays = f"{lanes(shape.hidden[layer - 1], here)}, {lanes(shape.hidden[layer], there)}"
         lines += [
-            _each(shape, f"lanes({sizes}, {_weights(shape, layer)}, {arrays});"),
+            "  " + _each(shape, f"lanes({sizes}, {_weights(shape, layer)}, {arrays});"),
             f"  {shape.activation}_0({shape.count * shape.hidden[layer]} * LANES, {there});",
         ]
         here, there = there, here
@@ -294,4 +272,4 @@ def _batch(shape: Shape) -> list[str]:
         return [*lines, f"  lanes({sizes}, w + {shape.output}, {here}, y);", "}"]
     output = f"{_of(shape, shape.last, f'w + {shape.output}')}, w[{shape.output_bias} + m]"
     result = f"{lanes(shape.hidden[-1], here)}, y + m * LANES"
-    return [*lines, _each(shape, f"lanes_out({shape.hidden[-1]}, {output}, {result});"), "}"]
+    return [*lines, "  " + _each(shape, f"lanes_out({shape.hidden[-1]}, {output}, {result});"), "}"]

@@ -31,8 +31,9 @@ class Shape:
     """What decides the C code of a group: sigmoid, inputs, hidden layers, number of networks. Offsets count doubles.
 
     Packed weights: shift, filled up | first layer, all networks in one row | further layers, network after network |
-    output weights, network after network | output biases. A layer is its biases, then one row per input. One network
-    of several outputs ends in a layer like the others instead.
+    output weights, network after network | output biases | further layers turned, network after network. A layer is its
+    biases, then one row per input; turned, for the way back, zeros and then one row per output. One network of several
+    outputs ends in a layer like the others instead.
     """
 
     activation: str
@@ -86,6 +87,16 @@ class Shape:
         """Where the output biases begin."""
         return self.output + self.stacked[self.last]
 
+    def turned_slab(self, layer: int) -> int:
+        """Doubles that one network takes in a turned layer."""
+        return (self.hidden[layer] + 1) * self.rows[layer - 1]
+
+    def turned(self, layer: int) -> int:
+        """Where a turned layer, the first of which is 1, begins."""
+        several = self.outputs > 1
+        first = self.output + (self.hidden[-1] + 1) * padded(self.outputs) if several else self.output_bias + self.count
+        return padded(first) + self.count * sum(self.turned_slab(before) for before in range(1, layer))
+
 
 @dataclass(frozen=True)
 class Group:
@@ -113,7 +124,9 @@ class Group:
             parts.append(filled_up(net.output_scale * np.vstack([net.biases[-1], net.weights[-1].T])))
         else:
             parts += [filled_up(net.output_scale * net.weights[-1]) for net in nets]
-            parts.append(np.array([net.output_scale * net.biases[-1][0] for net in nets]))
+            parts.append(filled_up(np.array([[net.output_scale * net.biases[-1][0] for net in nets]])))
+        for layer in range(1, len(self.shape.hidden)):
+            parts += [filled_up(np.vstack([np.zeros(net.hidden[layer - 1]), net.weights[layer]])) for net in nets]
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
 
     def declaration(self) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 
+from casadi_contact.transcription.kernel.bundle_functions import bundle_functions
 from casadi_contact.transcription.kernel.network_functions import LANES, network_functions
 from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
 
@@ -32,5 +33,5 @@ class Kernel:
         widest = max(group.shape.widest for bundle in self.bundles for group in bundle.groups)
         sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
         definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-        parts = (c_text("core.h"), network_functions(self.bundles), "", self.code, c_text("guards.h"))
-        return "\n".join([definitions, "", *parts])
+        networks = "\n\n".join([network_functions(self.bundles), *map(bundle_functions, self.bundles)])
+        return "\n".join([definitions, "", c_text("core.h"), networks, "", self.code, c_text("guards.h")])

@@ -33,6 +33,16 @@
 
 #define WIDTH 8 /* every padded layer is a multiple of this */
 
+#if defined(__GNUC__)
+#define UNROLL _Pragma("GCC unroll 32")
+#else
+#define UNROLL
+#endif
+
+/* Networks of one shape are evaluated side by side, a step of each in turn: no step waits for the one before it. */
+#define SIDE 4 /* at most */
+#define EACH UNROLL for (int p = 0; p < n; p++)
+
 /* Offset of a pose from the middle of the learned range; so far out that no square overflows, all is flat. */
 INLINE double bounded(double offset) { return offset > 1e100 ? 1e100 : (offset < -1e100 ? -1e100 : offset); }
 
@@ -50,10 +60,12 @@ INLINE void fill_nan(int n, double *values) {
   for (int i = 0; i < n; i++) values[i] = NAN;
 }
 
-/* As many doubles as a register holds, and the widest part of a layer whose sums all stay in registers. */
+/* As many doubles as a register holds, the widest part of a layer whose sums all stay in registers, and whether those of
+ * two networks with their slopes do. */
 #if defined(__AVX512F__)
 #define BYTES 64
 #define NEURONS_AT_ONCE 32
+#define SLOPES_SIDE_BY_SIDE 1
 #elif defined(__AVX__)
 #define BYTES 32
 #define NEURONS_AT_ONCE 24
@@ -61,13 +73,14 @@ INLINE void fill_nan(int n, double *values) {
 #define BYTES 16
 #define NEURONS_AT_ONCE 8
 #endif
+#if !defined(SLOPES_SIDE_BY_SIDE)
+#define SLOPES_SIDE_BY_SIDE 0
+#endif
 #if defined(__GNUC__)
 typedef double Vector __attribute__((vector_size(BYTES)));
 typedef double Stored __attribute__((vector_size(BYTES), aligned(8), may_alias));
-#define UNROLL _Pragma("GCC unroll 32")
 #else
 typedef double Vector, Stored;
-#define UNROLL
 #endif
 #define VECTOR ((int)(sizeof(Vector) / sizeof(double)))
 
