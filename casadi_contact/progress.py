@@ -13,13 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from casadi_contact.interrupts import is_interrupt, terminated_as_interrupted
 
 _BETWEEN_LINES_S = 60.0  # where nobody watches
-_GO_ON, _BEGIN_ANEW = "run the same command again to go on", "nothing is written, the same command begins anew"
+_GO_ON = "run the same command again to go on"
 
 
 @contextmanager
-def progress_bars(console: Console, *, resumes: bool = True) -> Iterator[Callable[[str, float, float, str], None]]:
+def progress_bars(console: Console, *, cure: str = _GO_ON) -> Iterator[Callable[[str, float, float, str], None]]:
     """A callback (what, done, all, remark) that keeps one progress bar for each `what`; in a file, which shows bars at
-    the end alone, a line each minute. resumes: what an interruption leaves is gone on with by the same command."""
+    the end alone, a line each minute. cure: what to say to who interrupts it."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -45,5 +45,5 @@ def progress_bars(console: Console, *, resumes: bool = True) -> Iterator[Callabl
             yield update
         except (KeyboardInterrupt, SystemError) as error:
             if is_interrupt(error):
-                console.print(f"interrupted: {_GO_ON if resumes else _BEGIN_ANEW}")
+                console.print(f"interrupted: {cure}")
             raise

@@ -20,7 +20,7 @@ from casadi_contact.conventions import Update
 from casadi_contact.dataset import TEST, VALIDATION, Samples
 from casadi_contact.dataset.errors import LoadModel, domain_errors
 from casadi_contact.files import replacing
-from casadi_contact.project import Project, alone
+from casadi_contact.project import Project, alone, surrogates_made
 from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample
@@ -41,6 +41,7 @@ TOLERANCE_SHARE = 0.6  # of the tolerance at which a fit ends: domains differ, a
 CLOSER = 0.7  # times that share in each further round
 
 MET = 0.8  # of the tolerance on validation rows: a few hundred rows of a domain do not tell its error closer
+_ROUNDS = "within"  # begins the name of the folder of the rounds
 
 _log = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ def _options(scene: Scene) -> list[str]:
     options = []
     for kind, option in ((FORCE, "--force-tol"), (TORQUE, "--torque-tol")):
         values = {scene.tolerances[name] for name in of_kind(scene.load_names, kind)}
-        options += [option, f"{values.pop():g}"] if len(values) == 1 else []
+        options += [option, f"{values.pop():.15g}"] if len(values) == 1 else []
     return options
 
 
@@ -85,6 +86,17 @@ def misses(model: LoadModel, samples: Samples, most: float = MET, role: int = VA
                 allowed = most * samples.scene.tolerances[load]
                 found[f"{load} {three_digits(error['rms'])} of {allowed:g} in {domain}"] = share
     return sorted(found, key=lambda text: -found[text])
+
+
+def _refuse_others(project: Project) -> None:
+    surrogates_made(project)
+    if project.samples_path.is_file():
+        project.samples()
+    if project.begun and not any(project.folder.glob(f"{_ROUNDS}-*")):
+        raise ValueError(
+            f"{project.folder} holds samples or surrogates that no build to a tolerance made, expected none: they would "
+            "be replaced; choose another --out"
+        )
 
 
 @alone
@@ -102,14 +114,16 @@ def train_to_tolerance(
 
     device: as in `pipeline.sample` and `project.train.train`. Goes on where an earlier run stopped. Raises
     ValueError, naming the largest misses, where the last round does not meet them; its samples and surrogate are kept
-    all the same.
+    all the same. A ValueError also refuses a folder with samples or surrogates that no such build of this scene made:
+    they would be replaced.
     """
     efforts = {
         "": Effort(LADDER, PatchSurrogate.budget_shares["ratio"] * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
         "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
     }
+    _refuse_others(project)
     missed: list[str] = []
-    rounds_folder = project.folder / "-".join(["within", *(f"{tol:g}" for tol in project.scene.tolerances.values())])
+    rounds_folder = project.folder / "-".join([_ROUNDS, *(f"{tol:.15g}" for tol in project.scene.tolerances.values())])
     for k in range(rounds):
         preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
         this = replace(project, folder=rounds_folder / f"round-{k + 1}", own=preset)

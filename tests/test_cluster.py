@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import numpy as np
 import pytest
 
+from casadi_contact import cluster as cluster_module
 from casadi_contact.cluster import cluster_workers
 from casadi_contact.dataset import partial_folder
 from casadi_contact.training import TrainingSettings, fit_all
@@ -133,6 +134,26 @@ def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_mach
     assert killer.left == 0
     for name, fit in here.items():
         np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
+
+
+def test_a_worker_that_comes_later_with_another_version_is_refused_at_its_first_task(monkeypatch):
+    cluster = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None)
+    with cluster, cluster_workers(cluster.scheduler_address) as executor:
+        assert executor.submit(abs, -3).result() == 3
+        monkeypatch.setattr(cluster_module, "_version", lambda: "0.0.other")
+        with pytest.raises(ConnectionError, match=r"a worker has casadi_contact 0\.0\.other, expected .* install"):
+            executor.submit(abs, -3).result()
+
+
+def test_a_scheduler_without_workers_says_how_to_start_some(monkeypatch):
+    monkeypatch.setattr(cluster_module, "_CONNECT_S", 1)
+    cluster = distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
+    with (
+        cluster,
+        pytest.raises(ConnectionError, match=r"has no workers after 1 s: start some \(dask worker "),
+        cluster_workers(cluster.scheduler_address),
+    ):
+        pass
 
 
 def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path, caplog):

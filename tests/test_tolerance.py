@@ -65,10 +65,10 @@ def asked(monkeypatch):
 
     def drawn(project, *_):
         scales.append(project.preset.sampling_scale)
-        project.samples_path.touch()
+        samples = replace(smooth_samples(int(2400 * project.preset.sampling_scale)), scene=project.scene)
+        write_samples(project.samples_path, samples)
         project.motion_path.touch()
-        samples = smooth_samples(int(2400 * project.preset.sampling_scale))
-        return replace(samples, scene=project.scene), None
+        return samples, None
 
     monkeypatch.setattr(tolerance, "sample", drawn)
     monkeypatch.setattr(tolerance, "FIRST_GFLOP", 0.1)
@@ -124,6 +124,32 @@ def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
     for force_n in (100.0, 50.0):
         trained(tmp_path / "out", force_n, 3000.0)
         assert cc.load_surrogate(tmp_path / "out" / "patch.h5").scene.tolerances["Fy"] == force_n
+
+
+def test_what_another_build_made_is_not_replaced(tmp_path, asked):
+    of_preset, of_other_scene, text = (tmp_path / name for name in ("preset", "scene", "text"))
+    for folder in (of_preset, of_other_scene, text):
+        folder.mkdir()
+    write_samples(of_preset / "samples.h5", smooth_samples(120))
+    cc.load_surrogate("knee_patch").save(of_other_scene / "patch.h5")
+    (text / "samples.h5").write_text("notes\n")
+    for folder, said in (
+        (of_preset, "holds samples or surrogates that no build to a tolerance made"),
+        (of_other_scene, "was trained for another scene"),
+        (text, r"text/samples\.h5"),
+    ):
+        before = {path: path.read_bytes() for path in folder.iterdir()}
+        with pytest.raises(ValueError, match=said):
+            trained(folder, 100.0, 3000.0)
+        assert asked == []
+        assert {
+            path: path.read_bytes() for path in folder.iterdir() if path.name in ("samples.h5", "patch.h5")
+        } == before
+
+
+def test_a_tolerance_of_many_digits_is_recorded_with_all_of_them(tmp_path, asked, monkeypatch):
+    monkeypatch.setattr("casadi_contact.project.train.model_name_of", lambda samples: "foundation")
+    assert "--force-tol 100.12345678" in trained(tmp_path / "out", 100.12345678, 3000.0).record["command"]
 
 
 def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):

@@ -17,6 +17,8 @@ from casadi_contact.shapes.checks import identifier
 from casadi_contact.transcription.frames import placed, relative_pose, rotation
 from casadi_contact.transcription.functions import check_name
 
+_NO_LENGTH_MM = 1e-9  # of a line whose ends coincide: it has no direction, and pulls nowhere
+
 
 @dataclass(frozen=True)
 class Assembly:
@@ -172,5 +174,5 @@ class Assembly:
             self._pose(body, poses)[:3] + ca.mtimes(rotation(self._pose(body, poses)[3:]), ca.DM(point))
             for body, point in zip(line.bodies, line.points_mm, strict=True)
         )
-        length = ca.norm_2(second - first)
+        length = ca.sqrt(ca.sumsqr(second - first) + _NO_LENGTH_MM**2)
         return length, (first, second), (second - first) / length

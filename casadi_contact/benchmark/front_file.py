@@ -197,10 +197,17 @@ def _count_comments(lines: Sequence[str]) -> int:
 
 
 def _points(path: Path, lines: Sequence[str], loads: Sequence[str], first: int) -> Iterator[Point]:
-    columns = _columns(loads)
+    try:
+        columns = _columns(loads)
+    except ValueError as error:
+        raise ValueError(f"{path}, # loads: {error}") from None
     if first == len(lines) or lines[first].split(",") != columns:
         raise ValueError(f"{path} line {first + 1}: expected the column names {columns[0]},...,{columns[-1]}")
-    for number, cells in enumerate(csv.reader(lines[first + 1 :]), start=first + 2):
+    try:
+        rows = list(csv.reader(lines[first + 1 :]))
+    except csv.Error as error:
+        raise ValueError(f"{path} cannot be read as a table ({error}): measure again") from None
+    for number, cells in enumerate(rows, start=first + 2):
         where = f"{path} line {number}"
         if len(cells) != len(columns):
             raise ValueError(f"{where} has {len(cells)} cells, expected {len(columns)}: measure again")

@@ -94,7 +94,7 @@ def _project_within(
         raise ValueError(
             "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
         )
-    wanted = [f"{tol:g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    wanted = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
     folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
     project = Project.open(scene, DEFAULT_PRESET, folder)
     return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
@@ -138,7 +138,7 @@ def train(
 def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
     project = Project.open(scene, preset, out)
-    with progress_bars(console) as update:
+    with progress_bars(console, cure="what is calibrated so far is kept, the rest is as it was") as update:
         paths = pipeline.calibrate(project, update)
     for path in paths:
         console.print(f"calibrated {path}", highlight=False)

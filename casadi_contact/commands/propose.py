@@ -62,7 +62,7 @@ def scene(
         raise ValueError(f"{' and '.join(there)} would be replaced: give another --out, or --force")
     writable_folder(path.parent)  # before minutes of trying
     known = {"side": side, "kind": joint, "material": material, "units": units}
-    with progress_bars(console, resumes=False) as progress:
+    with progress_bars(console, cure="nothing is written") as progress:
         proposal = propose(moving, fixed, name=name, axes=named, progress=progress, **known)
     write_text(path, scene_text(proposal, path.parent))
     written = load_scene(path)

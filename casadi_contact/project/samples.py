@@ -101,15 +101,16 @@ def sample(
     The reference motion is kept beside the samples: a later call goes on around it, and asks a model of one's own for a
     few of the samples again (`sampling.agreement`).
 
-    Raises ValueError for samples of something else, where more of a domain was dropped than the settings'
-    ``most_dropped`` and for gaps of the wrong sign (the file is kept), and for a device that cannot be had, does not
-    know the models, or has an executor beside it.
+    Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
+    the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept), and for a device that cannot be
+    had, does not know the models, or has an executor beside it.
     """
     if device != "cpu":
         if executor is not None:
             raise ValueError(f"got device {device!r} and an executor, expected one of them")
         with ThreadPoolExecutor(1) as here:
             return sample(project, cycle_files, update, here, _on_device(models, device))
+    surrogates_made(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     for cycle in cycles:
         if warning := force_unit_warning(project.scene, cycle.wanted()):

@@ -11,7 +11,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes import shape_named
 
 
-def load_scene(name_or_path: str | Path, **overrides: Any) -> Scene:
+def load_scene(name_or_path: str | Path, /, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters:
     ``load_scene("sphere_on_plane", radius=25.0)``.
 

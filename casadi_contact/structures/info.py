@@ -164,7 +164,7 @@ class SurrogateInfo:
         if not self.test_errors:
             return ["test errors: not recorded"]
         loads = list(next(iter(self.test_errors.values())))
-        width = max(20, *(len(load) + 2 for load in loads))
+        width = max([20, *(len(load) + 2 for load in loads)])
         lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>{width}}" for load in loads)]
         for domain, errors in self.test_errors.items():
             cells = [

@@ -44,8 +44,8 @@ class Verdict:
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
     counts any (`uncounted_share`); off_finer (n, L): what the model differs by from a finer one (`off_finer`), both
-    None where the model is not the scene's elements; leaps (n,): frames whose pose lies apart from a neighbour's, None
-    where nobody looked.
+    None where nothing tells, as of a model other than the scene's elements; leaps (n,): frames whose pose lies apart
+    from a neighbour's, None where nobody looked.
     """
 
     load_names: tuple[str, ...]
@@ -74,8 +74,9 @@ class Verdict:
 
     @property
     def differs(self) -> np.ndarray:
-        """True (n,) for frames that are solved, but of which the contact model says otherwise."""
-        return self.solved & ~self._agrees if self.checked else np.zeros_like(self.solved)
+        """True (n,) for frames that are solved, but of which the contact model, where it is fine enough, says
+        otherwise."""
+        return self.solved & ~self._agrees & ~self._coarse if self.checked else np.zeros_like(self.solved)
 
     @property
     def doubt(self) -> str:
@@ -112,6 +113,12 @@ class Verdict:
     def _agrees(self) -> np.ndarray:
         return np.asarray((np.abs(self.errors) <= self.allowed).all(axis=1))
 
+    @property
+    def _coarse(self) -> np.ndarray:
+        if self.off_finer is None:
+            return np.zeros_like(self.solved)
+        return np.asarray(~(np.abs(self.off_finer) <= self.allowed).all(axis=1))
+
     def _doubts(self) -> Iterator[_Doubt]:
         """In the order in which they are told; a frame has one at most."""
         left = self.solved.copy()
@@ -122,6 +129,16 @@ class Verdict:
     def _reasons(self) -> Iterator[_Doubt]:
         """Those that can be told, each on its own."""
         errors, finer, uncounted = self.errors, self.off_finer, self.uncounted
+        if finer is not None:
+            yield _Doubt(
+                self._coarse,
+                "the contact model is too coarse there",
+                lambda rows: (
+                    f"solved, but where elements half as wide differ, at most by {self._largest(finer, rows)}: "
+                    "finer grids.teacher in the scene tell whether they hold"
+                ),
+                lambda frame: f"solved, elements half as wide differ by {self._largest(finer, frame)}",
+            )
         if self.checked:
             yield _Doubt(
                 ~self._agrees,
@@ -135,16 +152,6 @@ class Verdict:
                 "not all of their load is counted",
                 lambda rows: f"solved, but up to {uncounted[rows].max():.0%} of their load lies where none is counted",
                 lambda frame: f"solved, {uncounted[frame]:.0%} of the load not counted",
-            )
-        if finer is not None:
-            yield _Doubt(
-                np.asarray((np.abs(finer) > self.allowed).any(axis=1)),
-                "the contact model is too coarse there",
-                lambda rows: (
-                    f"solved, but where elements half as wide differ, at most by {self._largest(finer, rows)}: "
-                    "finer grids.teacher in the scene tell whether they hold"
-                ),
-                lambda frame: f"solved, elements half as wide differ by {self._largest(finer, frame)}",
             )
         if self.leaps is not None:
             yield _Doubt(
@@ -222,6 +229,8 @@ def judge(
         errors[alone], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
             name, uncounted = model.label, uncounted_share(model, poses)
-            finer = np.zeros((len(poses), len(names)))
-            finer[ended] = off_finer(model, poses[ended], names, allowed)
+            off = off_finer(model, poses[ended], names, allowed)
+            if off is not None:
+                finer = np.zeros((len(poses), len(names)))
+                finer[ended] = off
     return Verdict(names, ended, errors, allowed, name, alone, expected, uncounted, finer)

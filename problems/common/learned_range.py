@@ -62,7 +62,8 @@ def _loads_beyond(model: Surrogate, pose: Array) -> list[str]:
 
 def reasons(model: ContactModel, poses: Array, verdict: Verdict, known: np.ndarray | None = None) -> np.ndarray:
     """Why frames (n,) are not verified: what is known of them already, else how far outside the learned range they
-    lie; "" for frames that are verified, and where nothing is known."""
+    lie, else the verdict of those that are solved; "" for frames that are verified, and where nothing is known."""
     beyond = beyond_learned(model, poses)
-    words = np.where(verdict.verified, "", beyond)
+    told = np.where(verdict.solved & verdict.checked, np.array(verdict.words, dtype=object), "")
+    words = np.where(verdict.verified, "", np.where(beyond != "", beyond, told))
     return words if known is None else np.where(known != "", known, words)

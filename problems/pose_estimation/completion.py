@@ -122,7 +122,7 @@ def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel)
     verdict = judge(problem.model, result.poses, result.converged, model, names, result.on_model)
     if problem.smoothness > 0.0 or not verdict.differs.any():
         return result
-    found = search(model, problem, result.poses, verdict.verified, verdict.differs, None)
+    found = search(model, problem, result.poses, result.converged & ~verdict.differs, verdict.differs, None)
     moved = verdict.differs & found.found
     on_it = result.loads.copy()
     on_it[moved] = loads_on(model, found.poses[moved], names)
@@ -130,7 +130,7 @@ def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel)
     poses = np.where(moved[:, None], found.poses, result.poses)
     again, iterations = _again(problem, poses, moved)
     if again.any():
-        again[again] = judge(problem.model, poses[again], again[again], model, names).verified
+        again[again] = ~judge(problem.model, poses[again], again[again], model, names).differs
     on_model = moved & ~again
     poses[on_model] = found.poses[on_model]
     loads, reason, on_rim = result.loads.copy(), result.reason.copy(), result.on_rim.copy()

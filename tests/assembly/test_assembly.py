@@ -261,6 +261,7 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
     for change, said in (
         ("change = 3", r"a\.toml: contacts\.c\.change .*a table of the scene's parameters"),
         ("change = {girth = 1}", r"a\.toml: contacts\.c: .*girth"),
+        ('change = {name_or_path = "hip"}', r"a\.toml: contacts\.c: .*name_or_path"),
         ("change = {thickness = -9}", r"a\.toml: contacts\.c: scene: material\.thickness = -9"),
     ):
         (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + contact + change + "\n")
@@ -269,6 +270,17 @@ def test_what_is_not_there_is_refused_by_name(tmp_path):
     (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + "[ropes]\n")
     with pytest.raises(ValueError, match="ropes"):
         cc.load_assembly(tmp_path / "a.toml")
+
+
+def test_a_line_whose_ends_coincide_pulls_nowhere():
+    start = np.array([0.0, 28.0, 0.0, 0.0, 0.0, 0.0])
+    ends = ("femur", "tibia"), (np.zeros(3), start[:3])
+    ligament = Ligament("slack", *ends, stiffness_n=100.0, slack_length_mm=10.0)
+    assembly = Assembly("a", "tibia", {"femur": start}, [], [ligament], [Pull("tendon", *ends)])
+    np.testing.assert_array_equal(assembly.forces()(start, [100.0]), 0.0)
+    poses, tensions = ca.MX.sym("poses", 6), ca.MX.sym("tensions")
+    slopes = ca.Function("slopes", [poses, tensions], [ca.jacobian(assembly.forces()(poses, tensions), poses)])
+    assert np.isfinite(slopes(start, [0.0]).full()).all()
 
 
 SOUND = """format = 1

@@ -95,6 +95,17 @@ def test_a_damaged_file_is_refused_with_its_line(damage, said, tmp_path):
         read_front(path)
 
 
+def test_what_cannot_be_a_table_is_refused_with_its_name(tmp_path):
+    lines = lines_of(STORED)
+    for text, said in (
+        ([*lines[:-1], f'"{"9" * 140_000}"'], r"f\.csv cannot be read as a table"),
+        ([line.replace("# loads: ", "# loads: foo ") for line in lines], r"f\.csv, # loads: .*'foo'"),
+    ):
+        (tmp_path / "f.csv").write_text("\n".join(text) + "\n", "utf-8")
+        with pytest.raises(ValueError, match=said):
+            read_front(tmp_path / "f.csv")
+
+
 def test_what_is_not_there_or_not_text_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="run casadi-contact chart first"):
         read_front(tmp_path / "none.csv")

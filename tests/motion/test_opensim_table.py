@@ -87,6 +87,7 @@ HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
         (HEAD + "time\ta\tb\n0\t1\t2\n1\t1\n", r"walk.mot line 9: got 2 values, expected 3"),
         (HEAD + "time\ta\tb\n0\t1\t1,2,3\n", r"walk.mot line 8 has vectors"),
         (HEAD + "time\ta\ta\n0\t1\t2\n1\t1\t2\n", r"walk.mot line 7: the column 'a' is there twice"),
+        (HEAD + "Time\ttime\ta\n0\t1\t2\n1\t1\t2\n", r"walk.mot line 7: the column 'time' is there twice"),
         (HEAD + "time\ta\n0\t1\n1\t1\n", r"walk.mot line 7: 2 labels, but nColumns=3"),
         (HEAD + "time\ta\tb\n0\t1\tnan\n1\t1\t2\n", r"walk.mot line 8, b: got nan, expected a finite number"),
         (HEAD + "time\ta\tb\n0\tx\t2\n1\t1\t2\n", r"walk.mot line 8, a: got 'x', expected a number"),

@@ -140,6 +140,19 @@ def test_frames_in_which_a_coarse_foundation_is_off_go_on_with_the_contact_model
     assert all("in the pose of the foundation it differs by" in why for why in result.reason[result.on_model])
 
 
+@needs_compiler
+def test_frames_whose_elements_are_too_coarse_stay_on_the_foundation():
+    """Elements that finer ones contradict are no reason to give up the foundation's poses."""
+    scene = cc.load_scene("knee").with_overrides(teacher=(20, 15))
+    problem = pose_estimation.build(PolarFoundation(scene, Rays(12, 3)), reference_cycle(frames=5))
+    alone = pose_estimation.solve(problem)
+    result = solve_and_complete(problem, None, own_model(scene))
+    assert not result.on_model.any()
+    np.testing.assert_allclose(result.poses, alone.poses, atol=1e-6)
+    verdict = judge(problem.model, result.poses, result.converged, own_model(scene), problem.wanted.load_names)
+    assert verdict.doubt == "the contact model is too coarse there"
+
+
 class WithLoadsOutOfContact:
     """A contact model that also carries the given loads (L,) in poses close to another one."""
 

@@ -12,7 +12,7 @@ from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge
 from problems import muscle_contact
-from problems.common.learned_range import beyond_learned, held_beyond
+from problems.common.learned_range import beyond_learned, held_beyond, reasons
 from problems.common.outcome import print_reasons, rows_in_words
 from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.compared import Compared
@@ -48,6 +48,14 @@ def test_a_pose_outside_names_the_parameter_and_the_load_that_are_and_by_how_muc
     for patch, most in zip(("med", "lat"), learned, strict=True):
         assert f"{patch} load by {two_digits(2600.0 + most)} N" in said
     assert "validity" in said
+
+
+def test_a_frame_that_is_solved_and_not_verified_says_what_the_contact_model_says(knee):
+    poses = np.vstack([loaded(knee, 600.0)] * 2)
+    coarse = cc.ElasticFoundation(knee.scene, (20, 15))
+    verdict = judge(coarse, poses, [True, False], coarse)
+    assert reasons(coarse, poses, verdict).tolist() == [verdict.words[0], ""]
+    assert "elements half as wide differ by" in verdict.words[0]
 
 
 def test_a_pose_on_the_bound_of_a_range_is_not_outside_by_what_rounding_leaves(knee):

@@ -189,3 +189,4 @@ def test_columns_of_errors_stay_apart_however_small_the_errors():
     info = replace(surrogate.info(), record={"test_errors": errors})
     (line,) = (line for line in str(info).splitlines() if line.startswith("  D1"))
     assert line.split() == ["D1", *(["3.03e-11", "/", "9.54e-11"] * 2)]
+    assert "D1" in str(replace(info, record={"test_errors": {"D1": {}}})), "a domain of which no load is recorded"

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.verification import judge, own_model
+from casadi_contact.verification import Verdict, coarse_elements, judge, own_model
 from casadi_contact.verification.coarse_elements import off_finer
+from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 LIFTED = POSE + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
@@ -35,6 +36,30 @@ def test_what_elements_are_off_by_is_what_finer_ones_say():
         model([POSE]) - finer([POSE]),
         atol=1e-9,
     )
+
+
+def test_where_finer_elements_would_be_too_many_wider_ones_stand_in(monkeypatch):
+    model, wider = with_teacher((20, 14)), with_teacher((10, 7))
+    monkeypatch.setattr(coarse_elements, "MOST_ELEMENTS", 4 * 20 * 14 - 1)
+    allowed = np.zeros(len(model.load_names))
+    np.testing.assert_allclose(
+        off_finer(model, np.array([POSE]), model.load_names, allowed), model([POSE]) - wider([POSE]), atol=1e-9
+    )
+
+
+def test_of_elements_that_are_the_mesh_s_own_triangles_nothing_tells(tmp_path):
+    scene = scene_of(tmp_path, ball_mesh(8.0, 1.0), sheet_mesh(16.0, 2.0), elements="triangles")
+    model, pose = own_model(scene), np.array([[0.5, 7.8, 0.0, 0.0, 0.0, 0.0]])
+    assert off_finer(model, pose, model.load_names, np.zeros(6)) is None
+    assert judge(model, pose, True, model).exit_code == 0
+
+
+def test_a_difference_that_is_no_number_verifies_nothing():
+    unknown = np.full((1, 1), np.nan)
+    verdict = Verdict(
+        ("Fy",), np.array([True]), np.zeros((1, 1)), np.ones(1), "EF", np.array([False]), off_finer=unknown
+    )
+    assert not verdict.verified.any()
 
 
 def test_elements_that_are_fine_enough_verify():

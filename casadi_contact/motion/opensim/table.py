@@ -176,12 +176,13 @@ def _whole_number(path: Path, key: str, text: str) -> int:
 
 def _read_labels(path: Path, number: int, line: str) -> list[str]:
     labels = [label.strip() for label in (line.rstrip("\t").split("\t") if "\t" in line else line.split())]
+    if labels[0].lower() != TIME:
+        raise ValueError(f"{path} line {number}: the first label is {labels[0]!r}, expected {TIME!r}")
+    labels[0] = TIME
     twice = [label for label in labels if labels.count(label) > 1]
     if twice:
         raise ValueError(f"{path} line {number}: the column {twice[0]!r} is there twice")
-    if labels[0].lower() != TIME:
-        raise ValueError(f"{path} line {number}: the first label is {labels[0]!r}, expected {TIME!r}")
-    return [TIME, *labels[1:]]
+    return labels
 
 
 def _read_row(path: Path, number: int, line: str, labels: list[str]) -> list[float]:
