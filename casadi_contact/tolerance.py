@@ -94,8 +94,8 @@ def _refuse_others(project: Project) -> None:
         project.samples()
     if project.begun and not any(project.folder.glob(f"{_ROUNDS}-*")):
         raise ValueError(
-            f"{project.folder} holds samples or surrogates that no build to a tolerance made, expected none: they would "
-            "be replaced; choose another --out"
+            f"{project.folder} holds samples or surrogates that no build to a tolerance made, expected none: they "
+            "would be replaced; choose another --out"
         )
 
 

@@ -110,7 +110,8 @@ def _without_impossible(
     if problem.smoothness > 0.0 or not (result.converged & beyond).any():
         return result
     verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names)
-    return replace(result, converged=result.converged & ~(beyond & verdict.differs))
+    off = (np.abs(verdict.errors) > verdict.allowed).any(axis=1)  # on elements that are too coarse, too
+    return replace(result, converged=result.converged & ~(beyond & off))
 
 
 def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel) -> PoseResult:
