@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.graph import PatchNetworks
-from casadi_contact.structures.patch.kernel_text import KERNEL, PATCH, ROOT_CURVATURE, ROOT_SLOPES
+from casadi_contact.structures.patch.kernel_text import BENT, KERNEL, PATCH, ROOT_CURVATURE, ROOT_SLOPES
 from casadi_contact.transcription.c_names import identifier
 from casadi_contact.transcription.kernel.bundle_functions import family_functions
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
+
+_FEW = 2  # patches, of which both are pressed as a rule
 
 
 def _anchor(patch: PatchNetworks) -> str:
@@ -112,6 +114,7 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
     first = [0, *itertools.accumulate(patch.root.outputs for patch in patches)]
     made = [_patch(patch, first[p], selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
     symbols = [identifier(patch.name) for patch in patches]
+    many = len(symbols) > _FEW
     whole = KERNEL.substitute(
         held=held,
         patches=len(symbols),
@@ -140,7 +143,15 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
             ],
             2,
         ),
-        hessians=_lines([f"{name}_hessian(pose, &frame, loads_weight, roots_weight, hessian);" for name in symbols], 2),
+        bent=BENT.substitute(patches=len(symbols), spots=first[-1]) if many else "",
+        hessians=_lines(
+            [
+                (f"if (bent[{p}]) " if many else "")
+                + f"{name}_hessian(pose, &frame, loads_weight, roots_weight, hessian);"
+                for p, name in enumerate(symbols)
+            ],
+            2,
+        ),
         batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in symbols], 2),
     )
     most = max(1, *(sum(net.outputs for net in bundles[1].networks.values()) for bundles, _ in made))

@@ -124,6 +124,7 @@ FUNCTION void kernel_hessian(const double *given, const double *loads_weight, co
                              double *hessian) {
   const double *const pose = $held;
   const Frame frame = frame_of(pose);
+$bent
   memset(hessian, 0, 36 * sizeof(double));
 $hessians
   for (int k = 0; k < 6; k++) gradient_by_free(hessian + 6 * k, 1);
@@ -141,6 +142,23 @@ FUNCTION void kernel_batch(const double *given, double (*loads)[LANES], double (
 $batches
 }
 """)
+
+
+# Of many patches most carry nothing, and their networks' second derivatives count for nothing.
+BENT = Template("""\
+  const double *x[$patches];
+  Local local[$patches];
+  double s[$spots], *of_roots[$patches];
+  int which[$patches], bent[$patches];
+  for (int p = 0; p < $patches; p++) {
+    local[p] = local_of(pose, &frame, anchors[p][0], anchors[p][1], anchors[p][2], 0);
+    x[p] = local[p].x, of_roots[p] = s + first_spot[p], which[p] = p;
+  }
+  roots_value($patches, which, x, of_roots);
+  for (int p = 0; p < $patches; p++) {
+    bent[p] = pressed_squares(first_spot[p + 1] - first_spot[p], of_roots[p], 1) > 0.0;
+    for (int k = first_spot[p]; ROOTS && k < first_spot[p + 1]; k++) bent[p] |= roots_weight[k] != 0.0;
+  }""")
 
 
 # Slopes of the spots' root loads, and then their second derivatives, weighted: of a single one all at once, of several

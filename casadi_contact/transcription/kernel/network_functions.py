@@ -208,6 +208,7 @@ def _hessian(shape: Shape) -> list[str]:
         f"FUNCTION void {shape.symbol}_hessian(const double *w, const double *x, const double *c, double *y,",
         "    double *g, double *h) {",
         f"  double {_arrays(shape, 'ade')}, q[WIDEST], r[{layers}][WIDEST] = {{{{0}}}};",
+        f"  double sums[{k * (k + 1) // 2}][WIDTH] = {{{{0}}}};",
         *([f"  double {scratch}ahead[{k} * WIDEST], damped[WIDEST];"] if layers > 1 else []),
         *_indented(_forward(shape, 2)),
         *_seed(shape),
@@ -222,7 +223,7 @@ def _hessian(shape: Shape) -> list[str]:
         f"  times({n0}, r[0], d[0], q);",
         f"  for (int t = 0; t < {k}; t++) g[t] += dot({n0}, {_first_row(shape)}, q);",
         f"  times({n0}, r[0], e[0], q);",
-        f"  curvature({k}, {n0}, q, w + {shape.layer(0) + n0}, h);",
+        f"  curvature({k}, {n0}, q, w + {shape.layer(0) + n0}, sums);",
     ]
     for layer in range(1, layers):
         before, n = shape.stacked[layer - 1], shape.stacked[layer]
@@ -235,11 +236,11 @@ def _hessian(shape: Shape) -> list[str]:
             "    " + _each(shape, f"linear({sizes}, {_weights(shape, layer)}, {arrays});"),
             "  }",
             f"  times({n}, r[{layer}], e[{layer}], q);",
-            f"  curvature({k}, {n}, q, ahead, h);",
+            f"  curvature({k}, {n}, q, ahead, sums);",
         ]
         if layer < shape.last:
             lines.append(f"  memcpy(tangents, ahead, {k * n} * sizeof(double));")
-    return [*lines, "}"]
+    return [*lines, f"  curved({k}, sums, h);", "}"]
 
 
 def _batch(shape: Shape) -> list[str]:

@@ -128,13 +128,17 @@ INLINE void linear(int inputs, int outputs, const double *w, const double *a, do
   layer(0, inputs, outputs, w, a, z);
 }
 
+INLINE double sum_of_lanes(const double *sum) {
+  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+}
+
 INLINE double dot(int n, const double *u, const double *v) {
   double sum[WIDTH];
   KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] = u[l] * v[l];
   for (int i = WIDTH; i < n; i += WIDTH) {
     KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += u[i + l] * v[i + l];
   }
-  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+  return sum_of_lanes(sum);
 }
 
 /* q = W^T r, the rows of W in turn */
@@ -146,12 +150,22 @@ INLINE void times(int n, const double *u, const double *v, double *product) {
   for (int i = 0; i < n; i++) product[i] = u[i] * v[i];
 }
 
-/* h += sum_i weight_i Z_i Z_i^T over the lower triangle; column t of Z begins at z + t n */
-INLINE void curvature(int inputs, int n, const double *weight, const double *z, double *h) {
+/* Sums of weight_i Z_i Z_i^T over the lower triangle, in parts that `curved` adds up; column t of Z begins at z + t n */
+INLINE void curvature(int inputs, int n, const double *weight, const double *z, double (*sums)[WIDTH]) {
   double scaled[WIDEST];
   for (int t = 0; t < inputs; t++) {
     times(n, weight, z + t * n, scaled);
-    for (int u = 0; u <= t; u++) h[t * inputs + u] += dot(n, scaled, z + u * n);
+    for (int u = 0; u <= t; u++, sums++) {
+      for (int i = 0; i < n; i += WIDTH) {
+        KEEP_LOOP for (int l = 0; l < WIDTH; l++) sums[0][l] += scaled[i + l] * z[u * n + i + l];
+      }
+    }
+  }
+}
+
+INLINE void curved(int inputs, double (*sums)[WIDTH], double *h) {
+  for (int t = 0; t < inputs; t++) {
+    for (int u = 0; u <= t; u++, sums++) h[t * inputs + u] += sum_of_lanes(sums[0]);
   }
 }
 
