@@ -72,9 +72,9 @@ def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
         pointers = "".join(f", double *const *{array}" for array in outputs)
         lines = [f"INLINE void {name}_{what}(int count, const int *which, const double *const *x{pointers}) {{"]
         lines.append("  int k = 0;")
-        if_worth = "SLOPES_SIDE_BY_SIDE && " if what == "gradient" else ""
+        most = "SLOPES_SIDE_BY_SIDE" if what == "gradient" else "VALUES_SIDE_BY_SIDE"
         for side in sides[what]:
-            lines.append(f"  for (; {if_worth}k + {side} <= count; k += {side}) {{")
+            lines.append(f"  for (; {side} <= {most} && k + {side} <= count; k += {side}) {{")
             lines += [f"    {line}" for line in _together(bundles[0], name, what, outputs, side)]
             lines.append("  }")
         lines += ["  for (; k < count; k++) {", "    const int i = which[k];", "    switch (i) {"]
