@@ -38,7 +38,10 @@ def scene(
     side: Annotated[str | None, typer.Option(help=f"of the body: {' or '.join(SIDES)}")] = None,
     joint: Annotated[str | None, typer.Option(help=f"{', '.join(JOINTS)}; found if left out")] = None,
     axes: Annotated[
-        str | None, typer.Option(help="file axes that are posterior, superior, medial, as -x,y,-z; found if left out")
+        str | None,
+        typer.Option(
+            help="file axes that are posterior, superior, medial (left: lateral), as -x,y,-z; found if left out"
+        ),
     ] = None,
     material: Annotated[str | None, typer.Option(help=f"{' or '.join(MATERIALS)}; guessed if left out")] = None,
     units: Annotated[

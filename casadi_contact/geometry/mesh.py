@@ -47,7 +47,7 @@ def axes_rotation(axes: Sequence[str]) -> Array:
     if rotation.shape != (3, 3) or len(named) != 3 or np.linalg.det(rotation) < 0.5:
         raise ValueError(
             f"scene: geometry.axes = {axes!r}, expected three file axes that keep the hand, e.g. ['x', 'y', 'z'] or "
-            "['-x', 'y', '-z']"
+            "['-x', 'y', '-z']; the third is medial of a right joint, and lateral of a left one"
         )
     return rotation
 

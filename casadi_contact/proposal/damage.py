@@ -12,7 +12,8 @@ _ALL_SPECKS = 0.05  # of the whole area: more is a body of many pieces
 _HOLE = 0.2  # of the mesh across, at most: a wider opening is where a part ends
 _ROUGH_DEG = 15.0  # between neighbouring triangles, the median: of curved surfaces that are meshed well some degrees
 _FOLD_COS = -0.5  # between the normals of neighbours: a sharp rim has none below 0
-_SPIKE_COS, _SPIKE_MM = 0.77, 1.0  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
+_SPIKE_COS = 0.77  # all edges of a spike's tip lie within 40 degrees; a box's corner has 55
+_SPIKE_MM, _SPIKE_SHARE = 1.0, 0.02  # height of a spike, or share of a small mesh across
 
 
 def without_specks(mesh: TriangleMesh) -> TriangleMesh:
@@ -45,7 +46,7 @@ def _specks(mesh: TriangleMesh) -> np.ndarray:
 
 def spikes(mesh: TriangleMesh) -> list[str]:
     """The question about vertices that stand out of all their neighbours like a needle's tip, outwards or inwards, by
-    1 mm and more; those on open edges are none."""
+    1 mm and more, or by 2 % of a mesh of less than 50 mm across; those on open edges are none."""
     edges = directed_edges(mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
     offsets = mesh.vertices_mm[edges[:, 1]] - mesh.vertices_mm[edges[:, 0]]
@@ -58,7 +59,8 @@ def spikes(mesh: TriangleMesh) -> list[str]:
     along = np.einsum("nk,nk->n", ways, axes[edges[:, 0]])
     np.minimum.at(least, edges[:, 0], along)
     np.minimum.at(height, edges[:, 0], along * lengths)
-    tips = (least > _SPIKE_COS) & (height > _SPIKE_MM)
+    across = float(np.ptp(mesh.vertices_mm, axis=0).max())
+    tips = (least > _SPIKE_COS) & (height > min(_SPIKE_MM, _SPIKE_SHARE * across))
     tips[mesh.boundary_edges.ravel()] = False
     if not tips.any():
         return []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -37,6 +37,11 @@ class WithinElements:
 
     model: CellFoundation
     elements: ElasticFoundation
+
+    @property
+    def record(self) -> Mapping[str, Any]:
+        """That of the model: what it was found to be off by when it was chosen."""
+        return self.model.record
 
     def wrenches(self, poses: Array) -> Array:
         """Those of the model (n, patches, 6)."""

@@ -52,6 +52,7 @@ def _cure(reason: str, scene: Scene) -> str:
     if "touches" in reason:
         return (
             "A step of lifting is shorter than the overlap at the boundary load: lift farther (larger liftoff_mm in "
-            f"the scene's [sampling]), lower loads.boundary_load, or check the scene's patches{shown}."
+            "the scene's [sampling]) or lower loads.boundary_load. Or a part embraces the other, which meets its "
+            f"opposite wall: lift less far (smaller liftoff_mm). Else check the scene's patches{shown}."
         )
     return f"Check the scene's surfaces and patches{shown}."

@@ -21,7 +21,7 @@ from casadi_contact.verification.verify import loads_on, true_of_each
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
-ON_MODEL, LEAPS = "solved on the contact model", "solved, its pose leaps"
+ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
 
 
 class _Doubt(NamedTuple):
@@ -45,7 +45,8 @@ class Verdict:
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
     counts any (`uncounted_share`); off_finer (n, L): what the model differs by from a finer one (`off_finer`), both
     None where nothing tells, as of a model other than the scene's elements; leaps (n,): frames whose pose lies apart
-    from a neighbour's, None where nobody looked.
+    from a neighbour's, None where nobody looked; without_load (n,): frames that bear none, which any pose out of
+    contact carries: they count for nothing.
     """
 
     load_names: tuple[str, ...]
@@ -58,6 +59,7 @@ class Verdict:
     uncounted: Array | None = None
     off_finer: Array | None = None
     leaps: np.ndarray | None = None
+    without_load: np.ndarray | None = None
 
     @property
     def checked(self) -> bool:
@@ -65,12 +67,17 @@ class Verdict:
         return not np.isnan(self.errors).all()
 
     @property
+    def asked(self) -> np.ndarray:
+        """True (n,) for frames that bear a load, and so have a pose to find."""
+        return np.ones_like(self.solved) if self.without_load is None else ~self.without_load
+
+    @property
     def verified(self) -> np.ndarray:
         """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load and is
         fine enough there, in a pose that does not leap."""
         if not self.checked:
             return np.zeros_like(self.solved)
-        return self.solved & ~np.any([doubt.rows for doubt in self._doubts()], axis=0)
+        return self.solved & self.asked & ~np.any([doubt.rows for doubt in self._doubts()], axis=0)
 
     @property
     def differs(self) -> np.ndarray:
@@ -92,18 +99,20 @@ class Verdict:
     @property
     def exit_code(self) -> int:
         """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: solved, not all verified."""
-        if not self.solved.all():
+        if not self.solved[self.asked].all():
             return 2
-        return 0 if not self.checked or self.verified.all() else 3
+        return 0 if not self.checked or self.verified[self.asked].all() else 3
 
     def __str__(self) -> str:
-        count, solved = len(self.solved), int(self.solved.sum())
+        count, solved = int(self.asked.sum()), int((self.solved & self.asked).sum())
+        idle = len(self.solved) - count
+        others = f", {idle} bear no load" if idle else ""
         if not self.checked:
-            return f"{solved} of {count} solved, not checked: {self.model}{self._own_words}"
+            return f"{solved} of {count} solved{others}, not checked: {self.model}{self._own_words}"
         verified = int(self.verified.sum())
         alone = int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
-        parts = [f"{verified} of {count} solved and verified on {self.model}{own}"]
+        parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
         parts += [f"{doubt.rows.sum()} {doubt.of_rows(doubt.rows)}" for doubt in self._doubts() if doubt.rows.any()]
         if count > solved:
             parts.append(f"{count - solved} not solved")
@@ -121,7 +130,7 @@ class Verdict:
 
     def _doubts(self) -> Iterator[_Doubt]:
         """In the order in which they are told; a frame has one at most."""
-        left = self.solved.copy()
+        left = self.solved & self.asked
         for doubt in self._reasons():
             yield doubt._replace(rows=left & doubt.rows)
             left &= ~doubt.rows
@@ -181,6 +190,8 @@ class Verdict:
         return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
 
     def _of_frame(self, frame: int, doubts: Sequence[_Doubt]) -> str:
+        if not self.asked[frame]:
+            return NOT_ASKED
         if not self.solved[frame]:
             return UNSOLVED
         if not self.checked:

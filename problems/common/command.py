@@ -36,5 +36,5 @@ def end_with(verdict: Verdict, name: str, out: Path) -> None:
     if verdict.exit_code:
         good = verdict.solved if verdict.exit_code == 2 else verdict.verified
         what = "not solved" if verdict.exit_code == 2 else f"solved, but {verdict.doubt}"
-        print(f"{name}: {what}: frames {rows_in_words(~good)}; see {out}", file=sys.stderr)
+        print(f"{name}: {what}: frames {rows_in_words(~good & verdict.asked)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)

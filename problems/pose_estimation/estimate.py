@@ -58,6 +58,7 @@ def estimated(
     """
     result = solve_and_complete(problem, start, model)
     verdict = judge(problem.model, result.poses, result.converged, model, problem.wanted.load_names, result.on_model)
+    verdict = replace(verdict, without_load=~problem.wanted.loaded)
     motion = motion_of(problem)
     if motion is not None:
         steps = motion.leaping(result.poses, result.converged & problem.wanted.loaded)

@@ -26,7 +26,8 @@ _SEED = 1
 
 @dataclass(frozen=True)
 class StartOutcome:
-    """Of one random start: shares of its frames that are solved, and by the reference solution; IPOPT iterations."""
+    """Of one random start: shares of its frames under load that are solved, and by the reference solution; IPOPT
+    iterations."""
 
     solved: float
     reached: float
@@ -34,7 +35,7 @@ class StartOutcome:
 
     @classmethod
     def of(cls, solved: np.ndarray, same: np.ndarray, iterations: int) -> StartOutcome:
-        """Of frames (n,) that are solved, and that end as the reference does."""
+        """Of frames (n,), one at least, that are solved, and that end as the reference does."""
         return cls(float(solved.mean()), float((solved & same).mean()), iterations)
 
 
@@ -122,7 +123,8 @@ def one_start(
     problem = build(source.load(), cycle, smoothness, compiled=compiled)
     start = moved(problem, reference, np.random.default_rng([_SEED, number]))
     result = solve_and_complete(problem, start, "the model alone")
-    return StartOutcome.of(result.converged, same_poses(result.poses, reference), result.iterations)
+    loaded = problem.wanted.loaded if problem.wanted.loaded.any() else np.ones(problem.frames, dtype=bool)
+    return StartOutcome.of(result.converged[loaded], same_poses(result.poses, reference)[loaded], result.iterations)
 
 
 def solve_from_random_starts(

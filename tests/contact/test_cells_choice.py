@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import NotGoodEnoughError
 from casadi_contact.contact.cells import choice
-from casadi_contact.contact.cells.pressed_poses import pressed_poses
+from casadi_contact.contact.cells.pressed_poses import SEATED, pressed_poses, seated_poses
 from casadi_contact.contact.convergence import Errors
 from casadi_contact.conventions import rotation
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh, slab_mesh
@@ -41,6 +41,18 @@ def test_a_body_turns_about_its_anchor_however_far_its_frame_lies(tmp_path):
     assert np.ptp(poses[:, 5]) > 1.0
     middles = poses[:, :3] + rotation(poses[:, 3:]) @ centre
     assert np.abs(middles[:, [0, 2]]).max() < 0.2 * 20.0
+
+
+def test_some_bodies_sit_as_the_start_pose_does_under_light_and_heavy_loads(tmp_path):
+    start_pose = [1.0, RADIUS_MM, -2.0, 0.1, 0.0, 0.0]
+    scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, 2.0, 1.5), sheet_mesh(20.0, 2.0), extra=f"start_pose = {start_pose}")
+    model = cc.ElasticFoundation(scene, (160, 160))
+    poses = seated_poses(model, 0, (5.0, 500.0))
+    still = poses[(poses[:, 3:] == start_pose[3:]).all(axis=1)]
+    assert len(still) == SEATED // 2
+    np.testing.assert_allclose(still[:, [0, 2]], np.tile([1.0, -2.0], (len(still), 1)), atol=1e-3)
+    forces = -model(still, ["Fy"])[:, 0]
+    np.testing.assert_allclose(forces[[0, -1]], [5.0, 500.0], rtol=0.3)
 
 
 def test_a_body_turns_as_far_as_its_scene_s_motion_and_a_little_more(tmp_path):

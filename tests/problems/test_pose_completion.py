@@ -12,7 +12,9 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
 from casadi_contact.verification import judge
 from problems import pose_estimation
+from problems.common.contact import ContactSource
 from problems.pose_estimation.completion import complete, solve_and_complete
+from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.report import _learnable
 from problems.pose_estimation.search import search
@@ -130,6 +132,17 @@ def test_any_contact_model_serves_and_a_frame_without_load_has_no_centre_of_pres
     np.testing.assert_array_equal(result.converged, ~unloaded)
     assert result.reason[2] == missed.reason[2] == "no load: any pose out of contact carries it"
     assert not result.on_rim.any()
+
+
+def test_a_frame_without_load_counts_for_nothing_in_a_verdict_and_in_random_starts(knee, foundation):
+    cycle = reference_cycle(frames=5)
+    unloaded = np.arange(5) == 2
+    lifted = replace(cycle, fy_med=np.where(unloaded, 0.0, cycle.fy_med), fy_lat=np.where(unloaded, 0.0, cycle.fy_lat))
+    found = estimated(ContactSource("knee"), pose_estimation.build(knee, lifted), None, foundation, 1)
+    assert found.verdict.exit_code == 0
+    assert found.verdict.words[2] == "no load"
+    assert str(found.verdict) == "4 of 4 solved and verified on EF 80×40, 1 bear no load"
+    assert (found.starts.solved, found.starts.reached) == (1, 1)
 
 
 def test_a_surrogate_that_has_no_such_pose_inside_its_range_is_told(knee, foundation):

@@ -45,6 +45,22 @@ def test_forces_tell_where_in_a_dish_a_ball_lies():
 
 
 @needs_compiler
+def test_a_side_that_carries_nothing_may_lift_off_as_far_as_it_likes():
+    """The way along which loads stay is curved, and begins where the side just touches: no straight step finds it."""
+    knee = PolarFoundation(cc.load_scene("knee"), Rays(12, 3))
+    both = np.tile([0.7, 27.3, 0.1, 0.002, -0.04, -0.5], (2, 1))
+    wanted = {"Fy_med": np.array([-900.0, -600.0]), "Fy_lat": np.array([0.0, -500.0])}
+    poses, report = cc.settle(knee, both, ("ty", "rx"), wanted)
+    assert report.converged.all()
+    free = ("tx", "ty", "tz", "rx")
+    pose = {name: poses[:, 3 + k] for k, name in enumerate(("rx", "ry", "rz")) if name not in free}
+    names = ("Fy_med", "Fy_lat", "Tx", "Tz")
+    cycle = JointCycle("cycle", np.array([0.0, 1.0]), pose, dict(zip(names, knee(poses, names).T, strict=True)))
+    problem = pose_estimation.build(knee, cycle)
+    assert hardly_determined(problem, poses)[0].tolist() == [True, False]
+
+
+@needs_compiler
 def test_only_frames_that_are_solved_are_named():
     problem = problem_of("sphere_on_plane", FORCES, POSES)
     said = hardly_determined_in_words(problem, POSES, np.array([False, True]))

@@ -55,6 +55,16 @@ def test_a_single_vertex_that_stands_5_mm_out_of_a_ball_is_told(out_mm):
     assert f"{points[tip, 1]:.4g}, " in said, "where it is"
 
 
+@pytest.mark.parametrize(("height_mm", "told"), [(0.8, 1), (0.1, 0)])
+def test_a_spike_of_a_small_mesh_is_told_by_the_mesh_s_own_size(height_mm, told):
+    """A metatarsal head of 8 mm across, with edges of 0.3 mm."""
+    points, faces = ball_mesh(4.0, 0.3)
+    tip = int(points[:, 1].argmin())
+    points = points.copy()
+    points[tip] *= 1.0 + height_mm / 4.0
+    assert len(spikes(checked_mesh("head", points, faces))) == told
+
+
 def test_a_vertex_of_an_open_mesh_that_slid_over_its_neighbours_is_told():
     sound = cap_mesh(20.0, 1.2, 1.0)
     assert not folds(checked_mesh("cap", *sound))

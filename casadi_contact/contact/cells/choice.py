@@ -12,7 +12,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.patches import patch_charts
-from casadi_contact.contact.cells.pressed_poses import pressed_poses
+from casadi_contact.contact.cells.pressed_poses import pressed_poses, seated_poses
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
 from casadi_contact.contact.elements import ElasticFoundation, grid_text
@@ -85,8 +85,9 @@ class _Truth:
     `TELLING_SHARE` of the load lies at sharp edges of the moving mesh, which its field rounds off for both.
 
     Half of the poses within the rim are as drawn, half those of all drawn in which cells of middling size are most
-    wrong: small fillets, which few poses touch, ask for the smallest cells. Poses in which the grid is off from one of
-    half as many elements a side by more than cells may be, as on sharp edges, tell nothing: `unsure` is their share.
+    wrong: small fillets, which few poses touch, ask for the smallest cells. Some more sit as the start pose does. Poses
+    in which the grid is off from one of half as many elements a side by more than cells may be, as on sharp edges, tell
+    nothing: `unsure` is their share.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -98,7 +99,8 @@ class _Truth:
         self.wrenches: list[Array] = []
         cut, unsure = [], []
         for p, patch in enumerate(cell_patches(scene, _MIDDLING, self._charts)):
-            poses = pressed_poses(rough, p, forces_tried(scene), _TRIES)
+            drawn = pressed_poses(rough, p, forces_tried(scene), _TRIES)
+            poses = np.vstack([drawn, seated_poses(rough, p, forces_tried(scene))])
             places = list(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True))
             wrenches = fine.wrenches(poses)[:, p]
             errors, cut_off = self._errors(p, patch, places, wrenches)
@@ -107,9 +109,10 @@ class _Truth:
             between = np.abs((half.wrenches(poses)[:, p] - wrenches) @ self._selection[:, p].T)
             of_allowed = Errors(scene, between, np.linalg.norm(wrenches[:, :3], axis=1), at_rim).of_allowed
             known = (of_allowed <= 1.0).all(axis=1)
-            inside, outside = np.flatnonzero(known & ~at_rim), np.flatnonzero(known & at_rim)
-            worst = inside[np.argsort(-relative[inside])]
-            kept = np.unique(np.concatenate([inside[:_DRAWN], worst[:_WORST], outside[:_AT_RIM]]))
+            seats = np.arange(len(poses)) >= len(drawn)
+            inside, outside = np.flatnonzero(known & ~at_rim & ~seats), np.flatnonzero(known & at_rim & ~seats)
+            worst, always = inside[np.argsort(-relative[inside])], np.flatnonzero(known & seats)
+            kept = np.unique(np.concatenate([inside[:_DRAWN], worst[:_WORST], outside[:_AT_RIM], always]))
             self.places.append([places[k] for k in kept])
             self.wrenches.append(wrenches[kept])
             cut.append(at_rim[kept])

@@ -12,6 +12,7 @@ from casadi_contact.scenes import Scene
 _TURN_RAD = np.deg2rad([10.0, 15.0, 60.0])  # to both sides, where no motion is told: joints flex about z
 _BEYOND_RAD = np.deg2rad(10.0)  # beyond a motion that the scene tells
 _LEAN_RAD = np.deg2rad(20.0)
+SEATED = 12  # poses of a patch
 _SHARE = 0.15  # of the patch's extent, by which the body is shifted to each side
 _LIFT_MM = 300.0
 _STEPS = 100
@@ -29,23 +30,40 @@ def pressed_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, fl
     between loads_n [N]. Where it comes down beside the patch there is no pose.
     """
     random = np.random.default_rng(0)
+    turn, lean, shift = random.random((3, count, 1)) * random.uniform(-1.0, 1.0, (3, count, 3))
+    straight = np.arange(count)[:, None] % 2
+    wanted = random.permutation(np.geomspace(*loads_n, count))
+    return _pressed(model, patch, turn, (1 - straight) * lean, straight * shift, wanted)
+
+
+def seated_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, float]) -> Array:
+    """Poses (m, 6), m <= `SEATED`, that press one patch as the scene's start pose does, brought straight down with
+    forces from the least to the largest of loads_n [N]: half of them as it is, half turned from end to end about the
+    axis that the body turns about the most. In an embracing patch a body that is shifted or turned otherwise hangs on
+    the walls."""
+    half = SEATED // 2
+    turn, still = np.zeros((SEATED, 3)), np.zeros((SEATED, 3))
+    turn[half:, _turns_rad(model.scene)[1].argmax()] = np.linspace(-1.0, 1.0, half)
+    return _pressed(model, patch, turn, still, still, np.tile(np.geomspace(*loads_n, half), 2))
+
+
+def _pressed(model: ElasticFoundation, patch: int, turn: Array, lean: Array, shift: Array, wanted: Array) -> Array:
+    """Poses (m, 6) of bodies turned, leaning and shifted (n, 3), as shares of what `pressed_poses` allows, that press
+    the patch with about the forces wanted (n,) [N]."""
     elements = model.scene.elements(model.grid)[patch]
     points, up = elements.centres_mm, elements.areas_mm2 @ elements.normals
     up /= np.linalg.norm(up)
-    turn, lean, shift = random.random((3, count, 1)) * random.uniform(-1.0, 1.0, (3, count, 3))
-    straight = np.arange(count)[:, None] % 2
-    away = up + np.tan(_LEAN_RAD) * lean * (1 - straight)
+    away = up + np.tan(_LEAN_RAD) * lean
     away /= np.linalg.norm(away, axis=1, keepdims=True)
-    shift = _SHARE * straight * shift * np.ptp(points, axis=0)
-    poses = np.tile(model.scene.start_pose, (count, 1))
+    shift = _SHARE * shift * np.ptp(points, axis=0)
+    poses = np.tile(model.scene.start_pose, (len(wanted), 1))
     before = rotation(poses[:, 3:])
     middle, most = _turns_rad(model.scene)
     poses[:, 3:] = middle + most * turn
     poses[:, :3] += (before - rotation(poses[:, 3:])) @ model.scene.anchors_mm[patch]
     poses[:, :3] += shift - (shift @ up)[:, None] * up
     touching = _touching(model, patch, poses, away)
-    poses, away = poses[touching], away[touching]
-    wanted = random.permutation(np.geomspace(*loads_n, count))[touching]
+    poses, away, wanted = poses[touching], away[touching], wanted[touching]
     start, depth = poses[:, :3].copy(), np.full(len(poses), 0.05)
     force = np.zeros(len(poses))
     for _ in range(_ROUNDS):  # the force grows about as the square of the depth
