@@ -28,18 +28,22 @@ def network_functions(bundles: Sequence[Bundle]) -> str:
 def activation_loops(name: str) -> str:
     """NAME_0(n, a), NAME_1(n, a, d), NAME_2(n, a, d, e): a = σ(a) in place, d = σ', e = σ''.
 
-    The compiler drops what a loop does not store.
+    The compiler drops what a loop does not store. Of few neurons it would unroll the loop and keep scalars; of more it
+    unrolls what it has vectorised.
     """
-    body = activation_of(name).c.replace("\n", "\n    ")
+    body = activation_of(name).c.replace("\n", "\n      ")
     stored = ("a[i] = value;", "d[i] = slope;", "e[i] = curvature;")
     functions = []
     for order in range(3):
         parameters = ", ".join(f"double *{array}" for array in "ade"[: order + 1])
+        loop = (
+            "for (int i = 0; i < n; i++) {\n"
+            f"      double value, slope, curvature;\n      const double z = a[i];\n      {body}\n"
+            f"      {' '.join(stored[: order + 1])}\n      (void)slope, (void)curvature;\n    }}\n"
+        )
         functions.append(
             f"INLINE void {name}_{order}(int n, {parameters}) {{\n"
-            "  for (int i = 0; i < n; i++) {\n"
-            f"    double value, slope, curvature;\n    const double z = a[i];\n    {body}\n"
-            f"    {' '.join(stored[: order + 1])}\n    (void)slope, (void)curvature;\n  }}\n}}"
+            f"  if (n <= FEW_NEURONS) {{\n    KEEP_LOOP {loop}  }} else {{\n    {loop}  }}\n}}"
         )
     return "\n\n".join(functions)
 
@@ -79,7 +83,7 @@ def _arrays(shape: Shape, names: str, side: str = "") -> str:
 def _forward(shape: Shape, order: int, at: str = "") -> list[str]:
     """Fill a (activations), d, e (first and second derivatives of the sigmoid, up to the order) and y."""
     lines = [
-        f"for (int j = 0; j < {shape.inputs}; j++) offset{at}[j] = bounded(x{at}[j] - w{at}[j]);",
+        f"KEEP_LOOP for (int j = 0; j < {shape.inputs}; j++) offset{at}[j] = bounded(x{at}[j] - w{at}[j]);",
         f"affine({shape.inputs}, {shape.stacked[0]}, w{at} + {shape.layer(0)}, offset{at}, a{at}[0]);",
     ]
     for layer, n in enumerate(shape.stacked):

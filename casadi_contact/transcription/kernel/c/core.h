@@ -32,6 +32,7 @@
 #endif
 
 #define WIDTH 8 /* every padded layer is a multiple of this */
+#define FEW_NEURONS 16 /* compilers unroll loops of so many completely */
 
 #if defined(__GNUC__)
 #define UNROLL _Pragma("GCC unroll 32")
