@@ -1,6 +1,7 @@
 """Training to a tolerance: it ends where every domain's validation rows meet it, and says what misses."""
 
 import shlex
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from inspect import signature
@@ -145,6 +146,22 @@ def test_what_another_build_made_is_not_replaced(tmp_path, asked):
         assert {
             path: path.read_bytes() for path in folder.iterdir() if path.name in ("samples.h5", "patch.h5")
         } == before
+
+
+def test_samples_of_a_preset_beside_what_a_killed_build_left_are_not_replaced(tmp_path, asked):
+    (tmp_path / "within-100-3000" / "round-1").mkdir(parents=True)
+    write_samples(tmp_path / "samples.h5", smooth_samples(120))
+    with pytest.raises(ValueError, match="that no build to a tolerance made"):
+        trained(tmp_path, 100.0, 3000.0)
+    assert asked == []
+
+
+def test_rounds_that_were_deleted_are_trained_again(tmp_path, asked):
+    trained(tmp_path, 100.0, 3000.0)
+    for folder in tmp_path.glob("within-*"):
+        shutil.rmtree(folder)
+    trained(tmp_path, 100.0, 3000.0)
+    assert len(asked) == 2
 
 
 def test_a_tolerance_of_many_digits_is_recorded_with_all_of_them(tmp_path, asked, monkeypatch):

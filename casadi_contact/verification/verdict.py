@@ -83,7 +83,7 @@ class Verdict:
     def differs(self) -> np.ndarray:
         """True (n,) for frames that are solved, but of which the contact model, where it is fine enough, says
         otherwise."""
-        return self.solved & ~self._agrees & ~self._coarse if self.checked else np.zeros_like(self.solved)
+        return self.solved & self.asked & ~self._agrees & ~self._coarse if self.checked else np.zeros_like(self.solved)
 
     @property
     def doubt(self) -> str:
@@ -173,9 +173,10 @@ class Verdict:
     @property
     def _own_words(self) -> str:
         """The largest of a surrogate's own expected errors in solved frames, against what is allowed."""
-        if self.expected is None or not self.solved.any():
+        told = self.solved & self.asked
+        if self.expected is None or not told.any():
             return ""
-        largest = self.expected[self.solved].max(axis=0)
+        largest = self.expected[told].max(axis=0)
         load = int((largest / self.allowed).argmax())
         name = self.load_names[load]
         off, unit = beside(largest[load], self.allowed[load]), load_unit(name)

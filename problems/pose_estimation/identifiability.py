@@ -55,7 +55,8 @@ def hardly_determined(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray
             found = np.where((change < changes)[:, None], weakest, found)
             changes = np.minimum(changes, change)
             directions = np.linalg.svd(slopes(moves))[2]
-            directions[:, -1] *= np.sign(sign * np.einsum("nf,nf->n", directions[:, -1], moves))[:, None]
+            onwards = sign * np.einsum("nf,nf->n", directions[:, -1], moves)
+            directions[:, -1] *= np.where(onwards < 0.0, -1.0, 1.0)[:, None]
     return changes <= 1.0, found
 
 

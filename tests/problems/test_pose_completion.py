@@ -141,6 +141,7 @@ def test_a_frame_without_load_counts_for_nothing_in_a_verdict_and_in_random_star
     found = estimated(ContactSource("knee"), pose_estimation.build(knee, lifted), None, foundation, 1)
     assert found.verdict.exit_code == 0
     assert found.verdict.words[2] == "no load"
+    assert not replace(found.verdict, errors=np.full_like(found.verdict.errors, 1e3)).differs[2]
     assert str(found.verdict) == "4 of 4 solved and verified on EF 80×40, 1 bear no load"
     assert (found.starts.solved, found.starts.reached) == (1, 1)
 

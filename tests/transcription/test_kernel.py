@@ -10,6 +10,7 @@ from casadi_contact.scenes import load_scene
 from casadi_contact.structures import load_surrogate
 from tests.support.agreement import CANCELLED, agree, usual_size
 from tests.support.compiler import needs_compiler
+from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 from tests.support.random_surrogates import (
     IN_PARTS,
     IN_SPOTS,
@@ -229,3 +230,12 @@ def test_however_many_parts_are_pressed_the_kernel_equals_numpy(structure):
     agree([compiled(each).full().ravel() for each in poses], surrogate(poses))
     jacobian = compiled.jacobian()
     agree([jacobian(each, 0).full() for each in poses], [slopes(each).full() for each in poses], 1)
+
+
+@pytest.mark.parametrize("name", ["kernel", "guarded", "roots", "which"])
+def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
+    scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
+    surrogate, poses = random_surrogate(scene, "trunk", seed=3), random_poses(5, seed=1)
+    function = surrogate.function(compiled=True)
+    assert function.class_name() == "External", "a graph takes the place of a kernel that does not compile"
+    agree([function(each).full().ravel() for each in poses], surrogate(poses))

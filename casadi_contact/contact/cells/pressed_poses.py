@@ -38,12 +38,13 @@ def pressed_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, fl
 
 def seated_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, float]) -> Array:
     """Poses (m, 6), m <= `SEATED`, that press one patch as the scene's start pose does, brought straight down with
-    forces from the least to the largest of loads_n [N]: half of them as it is, half turned from end to end about the
-    axis that the body turns about the most. In an embracing patch a body that is shifted or turned otherwise hangs on
-    the walls."""
-    half = SEATED // 2
+    forces from the least to the largest of loads_n [N]: half of them as it is, half turned from end to end of the
+    scene's motion about the axis that it turns about the most. In an embracing patch a body that is shifted or turned
+    otherwise hangs on the walls."""
+    half, (middle, most) = SEATED // 2, _turns_rad(model.scene)
     turn, still = np.zeros((SEATED, 3)), np.zeros((SEATED, 3))
-    turn[half:, _turns_rad(model.scene)[1].argmax()] = np.linspace(-1.0, 1.0, half)
+    turn[:half] = (model.scene.start_pose[3:] - middle) / most
+    turn[half:, most.argmax()] = np.linspace(-1.0, 1.0, half)
     return _pressed(model, patch, turn, still, still, np.tile(np.geomspace(*loads_n, half), 2))
 
 

@@ -147,12 +147,12 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
         hessians=_lines(
             [
                 (f"if (bent[{p}]) " if many else "")
-                + f"{name}_hessian(pose, &frame, loads_weight, roots_weight, hessian);"
+                + f"hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"
                 for p, name in enumerate(symbols)
             ],
             2,
         ),
-        batches=_lines([f"{name}_batch(pose, frame, loads, roots);" for name in symbols], 2),
+        batches=_lines([f"batch_on_{name}(pose, frame, loads, roots);" for name in symbols], 2),
     )
     most = max(1, *(sum(net.outputs for net in bundles[1].networks.values()) for bundles, _ in made))
     code = [

@@ -24,7 +24,7 @@ $rows
 }
 
 /* N times phi = sum_k c_k ratio_k + sign c of the sensitive component: one weighted sum for all loads. */
-INLINE void ${patch}_hessian(const double *pose, const Frame *frame, const double *loads_weight,
+INLINE void hessian_on_${patch}(const double *pose, const Frame *frame, const double *loads_weight,
                              const double *roots_weight, double *hessian) {
   const Local local = local_of(pose, frame, $anchor, 1);
   const double c[RATIOS] = {$ratio_weights};
@@ -45,7 +45,7 @@ $root_curvature
   patch_hessian_in_pose(frame, &local, $n0, $spots, s, ds, on_root, d2s, phi, d_phi, d2_phi, hessian);
 }
 
-INLINE void ${patch}_batch(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
+INLINE void batch_on_${patch}(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
   double x[6 * LANES], s[$spots * LANES], all_ratios[RATIOS * LANES];
   (void)loads;
   for (int l = 0; l < LANES; l++) {

@@ -174,7 +174,7 @@ def _gradient_reverse(shape: Shape) -> list[str]:
     """Derivatives of one output of each network, from the last layer to the first."""
     k = shape.inputs
     lines = [
-        f"double {_arrays(shape, 'ad', '[SIDE]')}, q[SIDE][WIDEST], r[SIDE][WIDEST] = {{{{0}}}};",
+        f"double {_arrays(shape, 'ad', '[SIDE]')}, q[SIDE][WIDEST]{', r[SIDE][WIDEST]' if shape.last else ''};",
         *(f"EACH {line}" for line in _forward(shape, 1, "[p]")),
         f"EACH times({shape.stacked[-1]}, w[p] + {shape.output}, d[p][{shape.last}], q[p]);",
     ]
