@@ -8,7 +8,6 @@ the last round that there is, errors within the tolerance itself are enough.
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import shutil
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from casadi_contact.benchmark.choose import Tolerance
 from casadi_contact.conventions import Update
 from casadi_contact.dataset import TEST, VALIDATION, Samples, partial_folder
 from casadi_contact.dataset.errors import LoadModel, domain_errors
-from casadi_contact.files import replacing, write_text
+from casadi_contact.files import replacing, sha256_of, write_text
 from casadi_contact.project import Project, alone, surrogates_made
 from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import Effort, Preset, effort_for
@@ -90,19 +89,14 @@ def misses(model: LoadModel, samples: Samples, most: float = MET, role: int = VA
     return sorted(found, key=lambda text: -found[text])
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def _refuse_others(project: Project) -> None:
     """ValueError for samples or surrogates in the folder that were not copied there from rounds."""
     surrogates_made(project)
     if project.samples_path.is_file():
         project.samples()
-        digest, kept = _digest(project.samples_path), project.folder / _COPIED
+        digest, kept = sha256_of(project.samples_path), project.folder / _COPIED
         rounds = project.folder.glob(f"{_ROUNDS}-*/round-*/{project.samples_path.name}")
-        others = digest not in (kept.read_text("utf-8") if kept.is_file() else "", *map(_digest, rounds))
+        others = digest not in (kept.read_text("utf-8") if kept.is_file() else "", *map(sha256_of, rounds))
     else:
         others = project.begun or partial_folder(project.samples_path).is_dir()
     if others:
@@ -156,7 +150,7 @@ def train_to_tolerance(
     for name in (this.samples_path.name, this.motion_path.name):
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
-    write_text(project.folder / _COPIED, _digest(project.samples_path))
+    write_text(project.folder / _COPIED, sha256_of(project.samples_path))
     teacher = teacher_of(samples)
     trusted = with_trust(surrogate, samples, moved_samples(samples, teacher, update), teacher, update)
     trusted.save(project.surrogate_path(STRUCTURE))

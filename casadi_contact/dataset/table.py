@@ -12,7 +12,6 @@ Columns (HDF5: data sets of one dimension) by name, one row per pose:
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import h5py
@@ -22,7 +21,7 @@ from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_sel
 from casadi_contact.dataset.gaps import refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_small_forces
 from casadi_contact.dataset.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.files import existing_file, open_hdf5, short
+from casadi_contact.files import existing_file, open_hdf5, sha256_of, short
 from casadi_contact.motion.checks import check_radians, check_size
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.scenes import Scene
@@ -76,7 +75,7 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count))),
         role=_split(poses) if role is None else _whole(path, "role", role),
-        provenance={"table": str(path), "table_digest": hashlib.sha256(path.read_bytes()).hexdigest()},
+        provenance={"table": str(path), "table_digest": sha256_of(path)},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
     if missing and role is None:

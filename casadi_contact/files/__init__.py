@@ -1,5 +1,6 @@
 """Files that are never half written, and never trusted before they are checked."""
 
+from casadi_contact.files.digest import sha256_of
 from casadi_contact.files.existing import existing_file
 from casadi_contact.files.folder_lock import folder_lock
 from casadi_contact.files.hdf5 import new_hdf5, open_hdf5
@@ -24,6 +25,7 @@ __all__ = [
     "read_npz",
     "replacing",
     "scratch_folder",
+    "sha256_of",
     "short",
     "writable_folder",
     "write_bytes",

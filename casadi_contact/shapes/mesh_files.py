@@ -31,14 +31,13 @@ so that a scene stays the same scene wherever its files lie, and another one whe
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.files import MOST_MESH, checked_size
+from casadi_contact.files import MOST_MESH, checked_size, sha256_of
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation
 from casadi_contact.geometry.placement import MIRRORS
 from casadi_contact.shapes.checks import fail, identifier, number, table_of
@@ -177,4 +176,4 @@ def file_digest(path: Path) -> str:
             f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
         )
     checked_size(path, MOST_MESH)
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return sha256_of(path)

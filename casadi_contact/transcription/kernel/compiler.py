@@ -28,7 +28,7 @@ from pathlib import Path
 import platformdirs
 
 from casadi_contact.compilation import announce
-from casadi_contact.files import scratch_folder, short
+from casadi_contact.files import scratch_folder, sha256_of, short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -214,7 +214,7 @@ def _writable_by_others(path: Path) -> bool:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+    return sha256_of(path)[:32]
 
 
 def _intact(folder: Path, key: str) -> Path | None:
