@@ -1,16 +1,18 @@
 """A surrogate no larger than a tolerance asks for: samples, networks and work grow until it is met in every domain.
 
-Round k draws twice the samples of the round before and lets each network grow from the size it had reached, with three
-times the work and a closer fit. The first round whose validation rows have errors within four fifths of the tolerance,
+Round k draws twice the samples of the round before and lets each network grow with three times the work to a closer
+fit. The first round whose validation rows have errors within four fifths of the tolerance,
 load by load and domain by domain, is the last: the result depends on the scene and the tolerance, not on the clock. Of
-the last round that there is, errors within the tolerance itself are enough.
+the last round that there is, errors within the tolerance itself are enough. The networks that met it are then made as
+small as they may be (`smallest`).
 """
 
 from __future__ import annotations
 
+import itertools
 import logging
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -30,13 +32,14 @@ from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.draw import elastic_foundations
 from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
+from casadi_contact.smallest import smallest_networks
 from casadi_contact.structures import PatchSurrogate, Surrogate, with_trust
 from casadi_contact.workers import worker_pool
 
 STRUCTURE = PatchSurrogate.structure
 ROUNDS = 6
 FIRST_SCALE, FIRST_GFLOP = 0.1, 60.0
-LADDER = ((6, 6), (10, 10), (16, 16), (16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28))
+LADDER = ((8,), (8, 8), (12, 12), (16, 16), (16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28))
 TOLERANCE_SHARE = 0.6  # of the tolerance at which a fit ends: domains differ, and so do rows it has not seen
 CLOSER = 0.7  # times that share in each further round
 
@@ -142,11 +145,13 @@ def train_to_tolerance(
             command = build_command(project, samples, cycles, *_options(project.scene))
             fitting = Fitting(STRUCTURE, efforts, folder, command, title, device=device)
             surrogate = fit_surrogate(this, samples, fitting, update, workers)
-        missed = misses(surrogate, samples, MET if k + 1 < rounds else 1.0) or misses(surrogate, samples, 1.0, TEST)
-        if not missed:
-            break
+            share = MET if k + 1 < rounds else 1.0
+            missed = misses(surrogate, samples, share) or misses(surrogate, samples, 1.0, TEST)
+            if not missed:
+                surrogate = _smallest(surrogate, this, samples, fitting, share, update, workers)
+                break
         _log.warning("round %d misses %s", k + 1, "; ".join(missed[:3]))
-        efforts = {name: _further(effort_for(efforts, name), net.hidden) for name, net in surrogate.networks.items()}
+        efforts = {name: _further(effort) for name, effort in efforts.items()}
     for name in (this.samples_path.name, this.motion_path.name):
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
@@ -162,11 +167,36 @@ def train_to_tolerance(
     return trusted
 
 
+def _smallest(
+    surrogate: Surrogate,
+    project: Project,
+    samples: Samples,
+    fitting: Fitting,
+    share: float,
+    update: Update | None,
+    executor: Executor | None,
+) -> Surrogate:
+    """The surrogate with networks as small as validation rows allow; itself where held-back rows then miss."""
+    steps = itertools.count(1)
+
+    def fitted(sizes: Mapping[str, tuple[int, ...]], before: Surrogate) -> Surrogate:
+        anew = replace(
+            fitting,
+            efforts={name: replace(effort_for(fitting.efforts, name), sizes=(size,)) for name, size in sizes.items()},
+            checkpoints=fitting.checkpoints / f"smaller-{next(steps)}",
+            title=f"{fitting.title}, smaller",
+            kept={name: network for name, network in before.networks.items() if name not in sizes},
+        )
+        return fit_surrogate(project, samples, anew, update, executor)
+
+    small = smallest_networks(surrogate, samples, LADDER, fitted, lambda model: not misses(model, samples, share))
+    return surrogate if misses(small, samples, 1.0, TEST) else small
+
+
 def _in_round(update: Update | None, number: int) -> Update | None:
     return None if update is None else lambda what, *rest: update(f"{what}, round {number}", *rest)
 
 
-def _further(effort: Effort, reached: tuple[int, ...]) -> Effort:
-    """Three times the work, from the size that was reached on, and a closer fit: the last may have met its share."""
-    sizes = effort.sizes[effort.sizes.index(reached) :]
-    return replace(effort, sizes=sizes, gflop=3.0 * effort.gflop, tolerance_share=CLOSER * effort.tolerance_share)
+def _further(effort: Effort) -> Effort:
+    """Three times the work, and a closer fit: the last may have met its share."""
+    return replace(effort, gflop=3.0 * effort.gflop, tolerance_share=CLOSER * effort.tolerance_share)

@@ -17,7 +17,10 @@ from casadi_contact.project.presets import Effort, Preset
 from casadi_contact.project.samples import sample
 from casadi_contact.project.train import train
 from casadi_contact.sampling.draw import elastic_foundations
+from casadi_contact.smallest import smallest_networks
+from casadi_contact.structures import PatchSurrogate
 from casadi_contact.tolerance import misses, scene_to_tolerance
+from tests.support.random_surrogates import random_network
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
 
@@ -116,6 +119,7 @@ def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
         return ["Fy 9 of 1 in D1"] if told == [VALIDATION, TEST] else []
 
     monkeypatch.setattr(tolerance, "misses", missed)
+    monkeypatch.setattr(tolerance, "_smallest", lambda surrogate, *_: surrogate)
     trained(tmp_path / "out", 100.0, 3000.0)
     assert told == [VALIDATION, TEST, VALIDATION, TEST]
     assert len(asked) == 2
@@ -196,3 +200,50 @@ def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
         assert fits[factor].scene == loose
         assert shlex.split(fits[factor].record["command"])[2:5] == [SPHERE.name, "--preset", "quick"]
     assert sum(fits[1000.0].record["gflop"].values()) < sum(fits[1.0].record["gflop"].values())
+
+
+def of_sizes(samples, sizes):
+    """A surrogate of random networks in these sizes by name, with a record of their fits."""
+    rng = np.random.default_rng(0)
+    networks = {
+        name: random_network(rng, np.zeros(6), np.ones(6), sizes[name], "algebraic", 1.0)
+        for name in (regression.name for regression in PatchSurrogate.regressions(samples))
+    }
+    record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons", "convergence")}
+    return PatchSurrogate(
+        samples.scene, networks, record | {key: dict.fromkeys(sizes, 1.0) for key in ("gflop", "seconds")}
+    )
+
+
+ROOT = next(r.name for r in PatchSurrogate.regressions(smooth_samples(60)) if r.name.startswith("root"))
+
+
+def shrunk(met):
+    """Networks by name of a surrogate of seven neurons each that are made as small as `met` allows; what was fitted."""
+    samples, ladder, asked = smooth_samples(60), [(n,) for n in range(1, 8)], []
+
+    def fitted(sizes, surrogate):
+        asked.append(dict(sizes))
+        return of_sizes(samples, {name: net.hidden for name, net in surrogate.networks.items()} | dict(sizes))
+
+    seven = of_sizes(samples, {regression.name: (7,) for regression in PatchSurrogate.regressions(samples)})
+    small = smallest_networks(seven, samples, ladder, fitted, met)
+    assert set(small.record["test_errors"]) == {"D1", "D2"}
+    return small.networks, asked
+
+
+def test_networks_end_at_the_smallest_size_that_meets_what_is_asked():
+    """What is asked goes by sizes alone here: three neurons of the root, nothing of the ratios."""
+    networks, asked = shrunk(lambda surrogate: surrogate.networks[ROOT].hidden >= (3,))
+    assert networks.pop(ROOT).hidden == (3,)
+    assert {network.hidden for network in networks.values()} == {(1,)}
+    assert len(asked) <= 3, "bisection: seven sizes take three steps"
+
+
+def test_networks_that_are_small_enough_one_by_one_are_judged_together():
+    def enough(networks):
+        return sum(network.hidden[0] for network in networks.values()) >= 20
+
+    networks, _ = shrunk(lambda surrogate: enough(surrogate.networks))
+    assert enough(networks)
+    assert any(network.hidden < (7,) for network in networks.values())

@@ -18,13 +18,15 @@ class Activation:
 
     derivatives(xp, z, order): (σ, σ', σ'')[: order + 1] elementwise, with xp the module (numpy, torch or casadi) that
     z belongs to; all three give the same formulas. slope_from_value(xp, a): σ' where σ = a, so that training keeps
-    no z. c: statements of C that set the doubles value, slope and curvature from the double z; they may use the
-    helpers of ``core.h`` and vectorise only without calls to others.
+    no z. c: statements of C that set value, slope and curvature from z; they may use the helpers of ``core.h`` and
+    vectorise only without calls to others. c_type: of all four, ``double``, or ``Vector`` where the statements are
+    arithmetic alone: a register of neurons at a time.
     """
 
     derivatives: Callable[[Any, Any, int], tuple[Any, ...]]
     slope_from_value: Callable[[Any, Any], Any]
     c: str
+    c_type: str = "double"
 
 
 def _algebraic(xp: Any, z: Any, order: int) -> tuple[Any, ...]:
@@ -55,10 +57,11 @@ ACTIVATIONS: dict[str, Activation] = {
         _algebraic,
         _algebraic_slope,
         """\
-const double r = reciprocal_root(1.0 + z * z), r2 = r * r;
+const Vector r = reciprocal_root(1.0 + z * z), r2 = r * r;
 value = z * r;
 slope = r2 * r;
 curvature = -3.0 * value * (r2 * r2);""",
+        c_type="Vector",
     ),
     "tanh": Activation(
         _tanh,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -35,7 +35,8 @@ class Fitting:
     structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
     later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
     structure if empty. loads: fit only the networks that these need. device: a torch device trains networks of one
-    shape in batches instead (`training.TrainingSettings`). seed: of random weights.
+    shape in batches instead (`training.TrainingSettings`). seed: of random weights. kept: networks by name that are
+    taken as they are.
     """
 
     structure: str
@@ -46,6 +47,7 @@ class Fitting:
     loads: Sequence[str] | None = None
     device: str = "cpu"
     seed: int = 0
+    kept: Mapping[str, Network] = field(default_factory=dict)
 
 
 def fit_surrogate(
@@ -70,9 +72,12 @@ def fit_surrogate(
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
     posed, twins = _regressions_and_twins(kind, samples, scene, fitting.loads)
-    asked = {regression.name: effort_for(fitting.efforts, regression.name) for regression in posed}
+    names = [regression.name for regression in posed if regression.name not in fitting.kept]
+    asked = {name: effort_for(fitting.efforts, name) for name in names}
     starts = _starts(kind, asked, made or {}, onward)
-    kept = {} if onward is None else {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
+    kept = dict(fitting.kept)
+    if onward is not None:
+        kept |= {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
     settings = {
         name: TrainingSettings(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,16 @@ def fits_record(fits: Mapping[str, FitOutcome]) -> dict[str, Any]:
         "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
     }
+
+
+def exchanged(before: Mapping[str, Any], other: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """The record of networks of which those named come from another fit of the same samples, whose record is `other`;
+    work and time are those of both."""
+    taken = {
+        key: {**before[key], **{name: value for name, value in other[key].items() if name in names}}
+        for key in ("training_errors", "stop_reasons", "convergence")
+    }
+    return {**before, **taken, **work_of_both(before, other)}
 
 
 def work_of_both(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:

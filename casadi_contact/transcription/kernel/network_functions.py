@@ -28,23 +28,31 @@ def network_functions(bundles: Sequence[Bundle]) -> str:
 def activation_loops(name: str) -> str:
     """NAME_0(n, a), NAME_1(n, a, d), NAME_2(n, a, d, e): a = σ(a) in place, d = σ', e = σ''.
 
-    The compiler drops what a loop does not store. Of few neurons it would unroll the loop and keep scalars; of more it
-    unrolls what it has vectorised.
+    The compiler drops what a loop does not store. Of few neurons it would unroll a loop of doubles and keep scalars; of
+    more it unrolls what it has vectorised.
     """
-    body = activation_of(name).c.replace("\n", "\n      ")
-    stored = ("a[i] = value;", "d[i] = slope;", "e[i] = curvature;")
+    activation = activation_of(name)
+    by_register = activation.c_type == "Vector"
+    body = activation.c.replace("\n", "\n    ")
+    at = "*({kind} *)({array} + i)" if by_register else "{array}[i]"
+    results = dict(zip("ade", ("value", "slope", "curvature"), strict=True))
     functions = []
     for order in range(3):
-        parameters = ", ".join(f"double *{array}" for array in "ade"[: order + 1])
+        arrays = "ade"[: order + 1]
+        stored = " ".join(f"{at.format(kind='Stored', array=array)} = {results[array]};" for array in arrays)
         loop = (
-            "for (int i = 0; i < n; i++) {\n"
-            f"      double value, slope, curvature;\n      const double z = a[i];\n      {body}\n"
-            f"      {' '.join(stored[: order + 1])}\n      (void)slope, (void)curvature;\n    }}\n"
+            f"for (int i = 0; i < n; i += {'VECTOR' if by_register else '1'}) {{\n"
+            f"    {activation.c_type} value, slope, curvature;\n"
+            f"    const {activation.c_type} z = {at.format(kind='const Stored', array='a')};\n"
+            f"    {body}\n    {stored}\n    (void)slope, (void)curvature;\n  }}\n"
         )
-        functions.append(
-            f"INLINE void {name}_{order}(int n, {parameters}) {{\n"
-            f"  if (n <= FEW_NEURONS) {{\n    KEEP_LOOP {loop}  }} else {{\n    {loop}  }}\n}}"
+        loops = (
+            f"  {loop}"
+            if by_register
+            else f"  if (n <= FEW_NEURONS) {{\n  KEEP_LOOP {loop}  }} else {{\n  {loop}  }}\n"
         )
+        parameters = ", ".join(f"double *{array}" for array in arrays)
+        functions.append(f"INLINE void {name}_{order}(int n, {parameters}) {{\n{loops}}}")
     return "\n\n".join(functions)
 
 
