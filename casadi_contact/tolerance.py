@@ -4,7 +4,7 @@ Round k draws twice the samples of the round before and lets each network grow w
 fit. The first round whose validation rows have errors within four fifths of the tolerance,
 load by load and domain by domain, is the last: the result depends on the scene and the tolerance, not on the clock. Of
 the last round that there is, errors within the tolerance itself are enough. The networks that met it are then made as
-small as they may be (`smallest`).
+small as they may be (`project.smallest`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from casadi_contact.project import Project, alone, surrogates_made
 from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.presets import Effort, Preset, effort_for
 from casadi_contact.project.samples import sample
+from casadi_contact.project.smallest import smallest_networks
 from casadi_contact.project.train import build_command, moved_samples
 from casadi_contact.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.sampling import teacher_of
 from casadi_contact.sampling.draw import elastic_foundations
 from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
-from casadi_contact.smallest import smallest_networks
 from casadi_contact.structures import PatchSurrogate, Surrogate, with_trust
 from casadi_contact.workers import worker_pool
 

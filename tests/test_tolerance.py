@@ -15,9 +15,9 @@ from casadi_contact.dataset import TEST, VALIDATION, write_samples
 from casadi_contact.project import Project, project_surrogates
 from casadi_contact.project.presets import Effort, Preset
 from casadi_contact.project.samples import sample
+from casadi_contact.project.smallest import smallest_networks
 from casadi_contact.project.train import train
 from casadi_contact.sampling.draw import elastic_foundations
-from casadi_contact.smallest import smallest_networks
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.tolerance import misses, scene_to_tolerance
 from tests.support.random_surrogates import random_network

@@ -47,7 +47,7 @@ def show(
     poses: Annotated[
         Path | None, typer.Option(help="CSV, .sto or .mot of poses (tx ... rz): a strip of small pictures")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="picture file; SCENE.png if left out")] = None,
+    out: Annotated[Path | None, typer.Option(help="picture file; SCENE_contact.png if left out")] = None,
 ) -> None:
     """Draw the pressure on the fixed surface and the moving one in section, and how well smooth surfaces fit meshes."""
     model = ElasticFoundation(load_scene(scene))
@@ -58,7 +58,7 @@ def show(
     else:
         expected = "six numbers tx,ty,tz,rx,ry,rz"
         shown = np.array([contact_pose(model) if pose is None else numbers(pose, "pose", expected)])
-    path = Path(f"{file_stem(model.scene.name)}.png") if out is None else out
+    path = Path(f"{file_stem(model.scene.name)}_contact.png") if out is None else out
     writable_folder(path.parent)
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"

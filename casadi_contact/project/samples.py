@@ -16,7 +16,7 @@ from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
 from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
 from casadi_contact.dataset.repeated_poses import contradictions_text
-from casadi_contact.motion.force_units import force_unit_warning
+from casadi_contact.motion.unit_warnings import unit_warnings
 from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
@@ -113,7 +113,7 @@ def sample(
     surrogates_made(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     for cycle in cycles:
-        if warning := force_unit_warning(project.scene, cycle.wanted()):
+        for warning in unit_warnings(project.scene, cycle.wanted(), cycle.measured_pose()):
             _log.warning("cycle %s: %s", cycle.name, warning)
         if cycle_files and (warning := _undetermined(project.scene, cycle)):
             _log.warning("cycle %s: %s", cycle.name, warning)

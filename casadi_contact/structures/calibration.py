@@ -26,7 +26,7 @@ from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpa
 from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, with_error_bounds
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
 from casadi_contact.structures.states import state_columns
-from casadi_contact.structures.trust import KEPT, SURE, SURELY_VALID, Trust
+from casadi_contact.structures.trust import KEPT, LIGHT_LOADS, SURE, SURELY_VALID, Trust
 from casadi_contact.structures.wrong_poses import right_ones, with_error_classifier
 
 INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
@@ -37,6 +37,7 @@ MARGIN = 0.2  # of the sampled root loads: so far outside their range validity i
 _LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
 BOX_MARGIN = 0.015  # of the sampled range of an insensitive pose parameter: twice so far beyond it validity is 0.5
 CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
+LEAST_LIGHT_LOADS = 0.2  # boundary loads: of less on the patch that is pressed most all errors are small
 _LEAST_DROPPED = 20  # of fewer no border can be learned
 _OF_THE_MODEL = ("model_errors", "model_errors_against")  # keys of the record
 _LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
@@ -87,13 +88,26 @@ def with_trust(
         trust = with_error_classifier(trust, surrogate, known, others, classifying)
         # Without a classifier, few gross errors at rims would raise what is expected everywhere.
         moved.append(led if trust.classifier is not None else right_ones(surrogate, known, led))
-    unknown = [validation, *(p.select(role=VALIDATION) for p in moved)]
+    unknown = [validation, *_by_size(surrogate, [part.select(role=VALIDATION) for part in moved])]
     trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
     trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
     record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led))}
     if model is not None:  # what was known of another model is not known of this one
         record = {key: value for key, value in record.items() if key not in _OF_THE_MODEL} | _model_errors(model)
     return kind(surrogate.scene, surrogate.networks, record, trust)
+
+
+def _by_size(surrogate: Surrogate, others: Sequence[Samples]) -> list[Samples]:
+    """The poses of each kind, and as a kind of its own those of all in light contact: heavier ones are many more, and
+    tell little of errors there."""
+    if not others:
+        return []
+    scene = surrogate.scene
+    least, most = np.sqrt(np.array([LEAST_LIGHT_LOADS, LIGHT_LOADS]) * scene.boundary_load / scene.reference_load)
+    largest = [surrogate.trust_roots(part.poses).max(axis=1) for part in others]
+    light = [(least < roots) & (roots <= most) for roots in largest]
+    heavy = [part.rows(~rows) for part, rows in zip(others, light, strict=True)]
+    return [*heavy, reduce(Samples.join_samples, [part.rows(rows) for part, rows in zip(others, light, strict=True)])]
 
 
 def _model_errors(model: WrenchModel) -> dict[str, Any]:

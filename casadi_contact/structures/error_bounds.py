@@ -63,7 +63,7 @@ def with_error_bounds(
         others = _levelled(trust, surrogate, training.join_samples(every.rows(used & ~rows)))
         level[rows] = others.level(every.poses[rows], roots[rows])
     trust = _levelled(trust, surrogate, training.join_samples(every.rows(used)))
-    shares = np.zeros_like(trust.shares)
+    shares = np.zeros_like(trust.all_shares)
     for k in range(len(names)):
         rows = loaded[:, k] & used
         if len(np.unique(every.poses[rows], axis=0)) < _FEW_ROWS:
@@ -76,7 +76,7 @@ def with_error_bounds(
             shares[k] = _bounding_shares(*(part[rows] for part in (features, ratios, weights, group, fold)))
         if progress is not None:
             progress(k + 1, len(names))
-    trust = replace(trust, shares=shares)
+    trust = replace(trust, shares=shares[:, :-1], light_shares=shares[:, -1])
     return replace(trust, growth=_growth(trust, errors - level * (features @ shares.T), loaded, excess))
 
 

@@ -152,7 +152,7 @@ FUNCTION double trust_at(const double *pose, const double *parts, double *errors
   excess = excess_of(pose, roots, claims, excess);
   validity = 0.5 - 0.5 * excess / sqrt(1.0 + excess * excess);
   if (errors) {
-    double features[3 + PATCHES], dense[PADDED(DENSE)], dense_total, rare;
+    double features[4 + PATCHES], dense[PADDED(DENSE)], dense_total, rare, pressed_square = 0.0;
     const double out = excess > GROWTH_START ? excess - GROWTH_START : 0.0;
     const double growth = out * (out * out / (1.0 + out * out));
     rare = soft_distance(6, DENSE, dense_centres[0], DENSE_BANDWIDTH, z, dense, &dense_total);
@@ -160,7 +160,9 @@ FUNCTION double trust_at(const double *pose, const double *parts, double *errors
     features[0] = 1.0, features[1] = rare, features[2] = rare * rare;
     for (int p = 0; p < PATCHES; p++) {
       features[3 + p] = 0.5 * (roots[p] + sqrt(roots[p] * roots[p] + BOUNDARY_ROOT * BOUNDARY_ROOT));
+      pressed_square += features[3 + p] * features[3 + p];
     }
+    features[3 + PATCHES] = LIGHT_SQUARE / (LIGHT_SQUARE + pressed_square);
 #if STATES
     double near[PADDED(LEVELS)];
     level_weights(pose, roots, near, &total);
@@ -169,7 +171,7 @@ FUNCTION double trust_at(const double *pose, const double *parts, double *errors
 #endif
     for (int k = 0; k < LOADS; k++) {
       double share = 0.0;
-      for (int i = 0; i < 3 + PATCHES; i++) share += features[i] * trust_shares[k][i];
+      for (int i = 0; i < 4 + PATCHES; i++) share += features[i] * trust_shares[k][i];
       errors[k] = dot(PADDED(LEVELS), trust_levels[k], near) / total * share + growth * growth_loads[k];
     }
   }

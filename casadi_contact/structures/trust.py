@@ -21,13 +21,14 @@ function is flat there). As a constraint 1/validity <= 2 is best: it grows with 
 The expected error of a load adds what grows without end outside to a bound fitted to the errors of held-back samples
 and of other valid poses:
 
-    e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p) + growth·g(u - u_0)·usual load,   all θ >= 0
+    e = level·(θ_0 + θ_1·ρ + θ_2·ρ² + Σ_p θ_p·r_p + θ_λ·λ) + growth·g(u - u_0)·usual load,   all θ >= 0
 
 level: weighted mean of the errors around each centre of `states` (in files of before: around c_j);
 ρ = log(1 + exp(D - D0)), D the smooth squared distance from centres as dense as the samples;
 r_p = (s_p + √(s_p² + s_b²))/2, smooth where the patch lifts off, s_b the root of the boundary load (an error of s
-counts 2·N0·s times in the load); g(v) = max(v, 0)³/(1 + v²), twice continuously differentiable and zero where validity
-is above 0.9 (a half, in files of before).
+counts 2·N0·s times in the load); λ = 12 s_b²/(12 s_b² + Σ_p r_p²), for errors under light loads, which the others,
+that grow with loads, hold too low (θ_λ is zero in files of before); g(v) = max(v, 0)³/(1 + v²), twice continuously
+differentiable and zero where validity is above 0.9 (a half, in files of before).
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ _POSITIVE = (
     *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "box/margin"),
     *("states/scale", "states/root_scale", "states/bandwidth", "classifier/scale"),
 )
-_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth")
+_NOT_NEGATIVE = ("levels", "shares", "usual_loads", "boundary_root", "growth", "light_shares")
+LIGHT_LOADS = 12.0  # boundary loads: at so much on one patch λ is a half
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,8 @@ class Trust:
     margins (P,); levels [N, N·mm], a row for each centre of states (without: of the tube); dense_centres (M, 6),
     dense_bandwidth and dense_start D0; boundary_root s_b; shares θ (L, 3 + P); usual_loads (L,) [N, N·mm]. What follows
     is None in files of before: states; classifier (also where none is needed); box, border and confirmation (only for a
-    structure whose loads do not come from its root loads); growth (L,) and growth_start u_0. off_space follows from the
-    scene: a surrogate puts it in, and no file holds it.
+    structure whose loads do not come from its root loads); growth (L,) and growth_start u_0; light_shares θ_λ (L,).
+    off_space follows from the scene: a surrogate puts it in, and no file holds it.
     """
 
     scales: Array
@@ -89,6 +91,7 @@ class Trust:
     confirmation: Confirmation | None = None
     growth: Array | None = None
     growth_start: float | None = None
+    light_shares: Array | None = None
     states: States | None = None
     classifier: ErrorClassifier | None = None
     off_space: OffSpace | None = None
@@ -147,11 +150,12 @@ class Trust:
         return np.asarray(0.5 - 0.5 * u / np.sqrt(1.0 + u * u))
 
     def features(self, poses: Array, roots: Array) -> Array:
-        """1, ρ, ρ², r_1, ..., r_P of each pose (n, 3 + P)."""
+        """1, ρ, ρ², r_1, ..., r_P, λ of each pose (n, 4 + P)."""
         dense = soft_distance(self.scaled(poses), self.dense_centres, self.dense_bandwidth)
         rare = np.logaddexp(0.0, dense - self.dense_start)
         pressed = 0.5 * (roots + np.sqrt(roots**2 + self.boundary_root**2))
-        return np.column_stack([np.ones_like(rare), rare, rare**2, pressed])
+        light = self.light_square / (self.light_square + (pressed**2).sum(axis=1))
+        return np.column_stack([np.ones_like(rare), rare, rare**2, pressed, light])
 
     def level(self, poses: Array, roots: Array) -> Array:
         """Mean of the error levels around each pose (n, L) [N, N·mm]."""
@@ -162,8 +166,19 @@ class Trust:
     def expected_errors(self, poses: Array, roots: Array, claims: Array | None = None) -> Array:
         """e (n, L) [N, N·mm]."""
         outside = self.outside(self.excess(poses, roots, claims))
-        inside = self.level(poses, roots) * (self.features(poses, roots) @ self.shares.T)
+        inside = self.level(poses, roots) * (self.features(poses, roots) @ self.all_shares.T)
         return inside + outside[:, None] * self.growth_loads
+
+    @property
+    def light_square(self) -> float:
+        """12 s_b²."""
+        return LIGHT_LOADS * self.boundary_root**2
+
+    @property
+    def all_shares(self) -> Array:
+        """θ (L, 4 + P), that of λ last."""
+        light = np.zeros(len(self.shares)) if self.light_shares is None else self.light_shares
+        return np.column_stack([self.shares, light])
 
     def outside(self, excess: Array) -> Array:
         """g of an excess u (n,)."""
@@ -197,12 +212,13 @@ class Trust:
         dense, _ = kernel_expressions(z, self.dense_centres, self.dense_bandwidth)
         rare = ca.logsumexp(ca.vertcat(0.0, dense - self.dense_start))
         pressed = 0.5 * (roots + ca.sqrt(roots**2 + self.boundary_root**2))
-        features = ca.vertcat(1.0, rare, rare**2, pressed)
+        light = self.light_square / (self.light_square + ca.sumsqr(pressed))
+        features = ca.vertcat(1.0, rare, rare**2, pressed, light)
         if self.states is None:
             level = ca.mtimes(ca.DM(self.levels.T), weights)
         else:
             level = self.states.mean_expression(pose, roots, self.levels)
-        inside = level * ca.mtimes(ca.DM(self.shares), features)
+        inside = level * ca.mtimes(ca.DM(self.all_shares), features)
         errors = inside + _growth(ca.fmax(excess - (self.growth_start or 0.0), 0.0)) * ca.DM(self.growth_loads)
         return 0.5 - 0.5 * excess / ca.sqrt(1.0 + excess * excess), errors
 

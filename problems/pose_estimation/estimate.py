@@ -9,7 +9,7 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.motion.force_units import force_unit_warning
+from casadi_contact.motion.unit_warnings import unit_warnings
 from casadi_contact.scenes import Scene
 from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.contact import ContactSource
@@ -35,17 +35,16 @@ class Estimate:
 
 
 def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
-    """Lines that ask about a cycle's units and signs, before any kernel is compiled for it: of its forces at once, of
-    all else when the scene's surfaces are read.
+    """Lines that ask about a cycle's units and signs, before any kernel is compiled for it: of sizes at once, of all
+    else when the scene's surfaces are read.
 
     Raises ValueError as `wanted_loads` does.
     """
-    wanted = wanted_loads(scene, cycle)
-    if warning := force_unit_warning(scene, wanted.values):
-        yield warning
+    wanted, measured = wanted_loads(scene, cycle), measured_pose(scene, cycle)
+    yield from unit_warnings(scene, wanted.values, measured)
     model = own_model(scene)
     yield from centre_warnings(wanted, model)
-    yield from sign_warnings(wanted, measured_pose(scene, cycle), model)
+    yield from sign_warnings(wanted, measured, model)
 
 
 def estimated(

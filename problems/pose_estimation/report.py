@@ -164,7 +164,7 @@ def _write_table(path: Path, problem: PoseEstimation, result: PoseResult, tracke
     columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": cycle.time_s, "cycle_percent": cycle.percent}
     columns |= pose_columns(result.poses)
     ef = tracked.ef
-    named = {"wanted": tracked.wanted, "got": tracked.got, **({} if ef is None else {"ef": ef.fine})}
+    named = {"wanted": tracked.wanted, "got": tracked.got, **({} if ef is None else {"ef": ef.teacher})}
     for what, values in named.items():
         names = [f"{name}_{what}_{quantity(name).kind.plain_unit}" for name in tracked.names]
         columns |= dict(zip(names, values.T, strict=True))
@@ -193,11 +193,11 @@ def draw(
         axis.plot(percent, tracked.wanted[:, column], label="wanted", **WANTED)
         axis.plot(percent, tracked.got[:, column], label=kind, **SURROGATE)
         if tracked.ef is not None:
-            axis.plot(percent, tracked.ef.fine[:, column], label="elastic foundation", **FOUNDATION)
+            axis.plot(percent, tracked.ef.teacher[:, column], label="elastic foundation", **FOUNDATION)
         axis.set(title=_TITLES.get(name, ""), ylabel=f"{name} [{unit}]")
         panel.difference(percent, tracked.got[:, column] - tracked.wanted[:, column], f"{kind} - wanted", **SURROGATE)
         if tracked.ef is not None:
-            off = tracked.ef.fine[:, column] - tracked.got[:, column]
+            off = tracked.ef.teacher[:, column] - tracked.got[:, column]
             panel.difference(percent, off, f"EF - {kind}", **FOUNDATION)
         panel.differences.set_ylabel(f"off [{unit}]", fontsize=8)
         if result.on_model.any():

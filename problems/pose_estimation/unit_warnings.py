@@ -1,4 +1,4 @@
-"""Cycles that may be in other units than they say: centres of pressure in metres. Forces: `motion.force_units`."""
+"""Cycles that may be in other units than they say: centres of pressure in metres. All else: `motion.unit_warnings`."""
 
 from __future__ import annotations
 

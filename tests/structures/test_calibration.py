@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from casadi_contact import foundation
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes import load_scene
+from casadi_contact.statics import settle
 from casadi_contact.structures import PatchSurrogate, load_surrogate, with_trust
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.distrust import Confirmation
@@ -273,3 +275,20 @@ def test_a_force_towards_a_side_that_was_never_sampled_is_not_valid():
     assert like_samples > 0.97
     assert towards_a_side < 0.15
     assert valid_shares(with_trust(surrogate, samples))[1] > 0.7  # nothing but the model tells
+
+
+def test_light_contact_on_both_sides_of_the_shipped_knee_has_its_share():
+    """D7: a boundary load on each side. Bounds that only grow with loads held 93 % of the errors there, 90 % of some
+    loads, and there were nine held-back samples to tell."""
+    knee, model, rng = load_surrogate("knee"), foundation("knee"), np.random.default_rng(2)
+    scene, count = knee.scene, 1500
+    low, high = np.array([[-5.0, 28.0, -1.3, -0.04, -0.17, -1.5], [9.5, 31.0, 1.6, 0.06, 0.11, 0.45]])
+    wanted = {name: np.full(count, -scene.boundary_load) for name in ("Fy_med", "Fy_lat")}
+    starts = low + (high - low) * rng.random((count, 6))
+    poses, report = settle(model, starts, scene.sensitive_pose, wanted)
+    poses = poses[report.converged]
+    poses = poses[knee.validity(poses) > 0.9]
+    assert len(poses) > 0.8 * count
+    below = np.abs(knee(poses) - model(poses)) <= knee.expected_error(poses)
+    assert 0.945 < below.mean() < 0.99
+    assert below.mean(axis=0).min() > 0.93

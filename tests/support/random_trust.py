@@ -77,6 +77,7 @@ def random_trust(
         confirmation=Confirmation(20.0 * positive(patches), *confirming) if confirmation else None,
         growth=positive(loads),
         growth_start=-1.3,
+        light_shares=None if older else positive(loads),
         states=None if older else states,
         classifier=None if older else classifier,
     )

@@ -1,4 +1,5 @@
-"""A cycle whose forces are in kN, body weights or mN gets a warning, one in N does not, nor one without load."""
+"""A cycle whose forces are in kN, body weights or mN, torques in N·m or translations in m gets a warning; one in N,
+N·mm and mm does not, nor one without load."""
 
 import logging
 
@@ -6,11 +7,16 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.force_units import force_unit_warning
 from casadi_contact.motion.joint_cycle import scene_cycles
 from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.motion.unit_warnings import (
+    force_unit_warning,
+    torque_unit_warning,
+    translation_unit_warning,
+    unit_warnings,
+)
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import Project
+from casadi_contact.project import Project, reference_motion_cycles
 from casadi_contact.project import samples as drawn_samples
 
 SCALES = [
@@ -45,6 +51,35 @@ def test_three_body_weights_on_a_hip_get_none():
     assert "in mN" in force_unit_warning(
         scene, {name: 1e3 * curve for name, curve in scene_cycles(scene)[0].wanted().items()}
     )
+
+
+LEVER = np.linspace(-8.0, 12.0, 5)  # of a force of 500 N [mm]
+
+
+@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in N·m?"), (0.0, "")])
+def test_torques_in_newton_metres_get_a_warning(scale, asked):
+    said = torque_unit_warning({"Fy": np.full(5, -500.0), "Tx": scale * 500.0 * LEVER, "Tz": np.zeros(5)})
+    assert asked in said
+    assert bool(asked) == bool(said)
+
+
+def test_torques_without_a_force_get_none():
+    assert torque_unit_warning({"Tx": 0.5 * LEVER}) == ""
+
+
+@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in m?"), (0.0, "")])
+def test_translations_in_metres_get_a_warning(scale, asked):
+    said = translation_unit_warning({"tx": scale * LEVER, "tz": np.full(5, 3.0), "rz": 0.01 * LEVER})
+    assert asked in said
+    assert bool(asked) == bool(said)
+    assert translation_unit_warning({"rz": 1e-6 * LEVER}) == "", "rotations are in rad"
+
+
+def test_motions_that_scenes_bring_get_none():
+    for name in ("knee", "hip", "glenohumeral", "patellofemoral", "planar_knee"):
+        scene = cc.load_scene(name)
+        for cycle in reference_motion_cycles(scene, []):
+            assert unit_warnings(scene, cycle.wanted(), cycle.measured_pose()) == [], name
 
 
 def test_it_is_told_before_poses_and_samples_are_looked_for(tmp_path, monkeypatch, caplog):
