@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.contact import symbolic
 from casadi_contact.motion.joint_cycle import JointCycle
+from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation.estimate import estimated
-from problems.pose_estimation.several_poses import several_poses_in_words, unstable_frames
+from problems.pose_estimation.several_poses import elsewhere_mm, several_poses_in_words, unstable_frames
 from problems.pose_estimation.solve import without_leaps
 from tests.support.two_dips import DIP_MM, contact_model, height
 
@@ -39,7 +41,10 @@ def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem)
     np.testing.assert_allclose(found.result.poses[:, 0], DIP_MM, atol=1.0)
     assert found.verdict.verified.all()
     assert found.verdict.exit_code == 0
-    assert list(several_poses_in_words(problem, found.result, found.verdict.leaps)) == []
+    elsewhere = elsewhere_mm(problem, found.result).max()
+    assert elsewhere == pytest.approx(DIP_MM, abs=1.0), "the ridge between the dips"
+    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    assert f"of {FRAMES} of {FRAMES} frames in another pose as well, up to {elsewhere:.3g} mm away" in said
 
 
 def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monkeypatch):
@@ -51,7 +56,8 @@ def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monk
     assert found.verdict.doubt == "their pose leaps"
     assert found.verdict.words[4] == "solved, its pose leaps"
     assert str(found.verdict).endswith("; 7 solved, but their pose leaps from one to the next")
-    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    said, elsewhere = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    assert "in another pose as well" in elsewhere
     assert "tx by 10 mm from frame 3 to 4" in said
 
 
@@ -59,8 +65,16 @@ def test_a_body_that_would_slide_off_a_ridge_is_told(problem):
     found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(np.zeros(FRAMES)), contact_model(), 0)
     np.testing.assert_allclose(found.result.poses[:, 0], 0.0, atol=1.0)
     assert unstable_frames(problem, found.result).all()
-    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    elsewhere, said = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    assert "in another pose as well" in elsewhere
     assert f"in {FRAMES} of {FRAMES} frames contact alone holds the body in an unstable equilibrium" in said
+
+
+def test_walking_on_the_knee_is_carried_in_no_other_pose():
+    walking = pose_estimation.build(cc.load_surrogate("knee"), reference_cycle(frames=21))
+    result = pose_estimation.solve(walking)
+    assert result.converged.all()
+    assert elsewhere_mm(walking, result).tolist() == [0.0] * 21
 
 
 def test_smoothness_couples_frames_so_that_none_is_moved(problem):
