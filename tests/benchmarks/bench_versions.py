@@ -3,6 +3,7 @@
     python -m tests.benchmarks.bench_versions [surrogate.h5 ...]
 
 "in C": poses one after the other in a loop in C. "called": single buffered calls of CasADi, as an optimiser makes them.
+A surrogate of another joint, such as a planar knee, is asked for its own loads at the poses of its own motion.
 """
 
 from __future__ import annotations
@@ -47,11 +48,16 @@ def in_c(source: str, loads: int, poses: Array) -> Callable[[], float]:
     return measure
 
 
+def _poses(scene: str) -> Array:
+    """Five cycles of a ready scene's own motion."""
+    with tempfile.TemporaryDirectory() as folder:
+        motion = motion_at_hand(Project.open(scene, "quick", Path(folder)))
+    return np.ascontiguousarray(motion.poses.reshape(-1, 6)[:505])
+
+
 def main(names: list[str]) -> None:
     """Print a line for each kernel."""
-    with tempfile.TemporaryDirectory() as folder:
-        motion = motion_at_hand(Project.open("knee", "quick", Path(folder)))
-    poses = np.ascontiguousarray(motion.poses.reshape(-1, 6)[:505])
+    poses = _poses("knee")
     old = VERSION_0_1.read_text("utf-8")
     measurements = {"version 0.1, in C": in_c(old, 7, poses)}
     called = casadi_interface({"old": {"loads": 7}})
@@ -59,9 +65,10 @@ def main(names: list[str]) -> None:
     measurements["version 0.1, called"] = partial(time_single_calls, external, poses)
     for name in names:
         surrogate = cc.load_surrogate(name)
-        source = surrogate.trusted_kernel(surrogate.load_names).kernel.source(loads=7, roots=0)
-        measurements[f"{name}, in C"] = in_c(source, 7, poses)
-        measurements[f"{name}, called"] = partial(time_single_calls, surrogate.function(compiled=True), poses)
+        count, own = len(surrogate.load_names), _poses(surrogate.scene.name)
+        source = surrogate._kernel(surrogate.load_names, roots=False).source(loads=count, roots=0)  # that of `function`
+        measurements[f"{name}, in C"] = in_c(source, count, own)
+        measurements[f"{name}, called"] = partial(time_single_calls, surrogate.function(compiled=True), own)
     measurements["cc.foundation, called"] = partial(time_single_calls, cc.foundation("knee").function(), poses)
     with one_thread():
         timings = compare(measurements, repeats=31)
