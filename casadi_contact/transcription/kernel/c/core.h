@@ -13,7 +13,7 @@
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__GNUC__)
 #include <immintrin.h>
 #endif
 
@@ -187,7 +187,7 @@ INLINE void curved(int inputs, double (*sums)[WIDTH], double *h) {
  * which takes one step of third order more) and one step of fourth order. Faster than a square root and a division. */
 INLINE Vector reciprocal_root(Vector x) {
   Vector y, miss;
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__GNUC__)
   y = (Vector)_mm512_rsqrt14_pd((__m512d)x);
 #else
   Bits bits;
