@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import typer
 
 from casadi_contact.files import finite_number, short
-from casadi_contact.interrupts import INTERRUPTED, is_interrupt, raise_interrupts
+from casadi_contact.interrupts import INTERRUPTED, is_interrupt, raise_interrupts, was_interrupted
 from casadi_contact.terminal import printable
 
 # An unknown command, option or value; typer does not export it, and where it comes from depends on typer's version.
@@ -51,6 +51,8 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
     except _UsageError as error:
         said = error.format_message()  # type: ignore[attr-defined]
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
+        if was_interrupted():  # in C++ that calls Python back Ctrl-C becomes an error like any other
+            sys.exit(INTERRUPTED)
         said = str(error) or type(error).__name__  # Python's own MemoryError says nothing
     sys.exit(f"{name}: {printable(short(said, 2000))}")
 

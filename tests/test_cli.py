@@ -15,6 +15,7 @@ from casadi_contact.cli import app
 from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.examples import _EXAMPLES
 from casadi_contact.progress import progress_bars
+from tests.support.interrupted import Interrupted, interrupts_remembered
 
 ROOT = Path(__file__).parents[1]
 
@@ -211,6 +212,20 @@ def test_an_error_while_a_command_still_imports_is_told_as_ever(tmp_path):
     ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert ended.stderr.endswith("ArithmeticError: no typer\n")
+
+
+@pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt, 130), (ArithmeticError("no sum"), "work: ")])
+def test_ctrl_c_in_a_function_that_casadi_evaluates_is_no_mistake_of_the_user(error, status, monkeypatch):
+    """CasADi makes a RuntimeError of both."""
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        Interrupted(error)(1.0)
+
+    with interrupts_remembered(monkeypatch), pytest.raises(SystemExit) as ended:
+        run_app(app, "work", [])
+    assert ended.value.code == status if status == 130 else ended.value.code.startswith(status)
 
 
 def test_an_error_of_the_system_is_not_taken_for_ctrl_c():

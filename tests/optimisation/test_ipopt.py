@@ -1,12 +1,10 @@
 """What became of a solution: solved, not solved, or ended by Ctrl-C, which is no answer."""
 
-import signal
-
 import casadi as ca
 import pytest
 
-from casadi_contact import interrupts
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from tests.support.interrupted import Interrupted, interrupts_remembered
 
 
 class Stopping(ca.Callback):
@@ -45,27 +43,10 @@ def test_a_solution_that_ctrl_c_ended_is_no_unsolved_frame():
         IpoptOutcome.of(stopped)
 
 
-class Interrupted(ca.Callback):
-    """A function in which Ctrl-C is pressed, or something else fails."""
-
-    def __init__(self, error):
-        ca.Callback.__init__(self)
-        self.error = error
-        self.construct("interrupted", {"enable_fd": True})
-
-    def eval(self, arguments):
-        if self.error is KeyboardInterrupt:
-            signal.raise_signal(signal.SIGINT)
-        raise self.error
-
-
 def test_ctrl_c_in_a_function_that_ipopt_evaluates_is_told_from_its_failure(monkeypatch):
     """CasADi makes an unsolved problem of both."""
-    monkeypatch.setattr(interrupts, "_interrupted", False)
     x = ca.MX.sym("x")
-    before = signal.signal(signal.SIGINT, interrupts._end_at_once)
-    try:
-        interrupts.raise_interrupts()
+    with interrupts_remembered(monkeypatch):
         for error in (ValueError, KeyboardInterrupt):
             function = Interrupted(error)
             options = {**ipopt_options(), "error_on_fail": False}
@@ -76,5 +57,3 @@ def test_ctrl_c_in_a_function_that_ipopt_evaluates_is_told_from_its_failure(monk
             else:
                 with pytest.raises(KeyboardInterrupt):
                     IpoptOutcome.of(solver)
-    finally:
-        signal.signal(signal.SIGINT, before)

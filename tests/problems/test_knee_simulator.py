@@ -1,6 +1,7 @@
 """Forward simulation: rest, energy, convergence, golden poses, and the same motion on the elastic foundation."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
+from tests.support.interrupted import Interrupted, interrupts_remembered
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +183,14 @@ def test_a_ball_carries_the_axial_force_above_its_centre_alone():
     still = knee_simulator.solve(above, cycles=0.2, frames=3, tolerance=1e-8)
     np.testing.assert_allclose(still.states, np.tile(still.states[0], (3, 1)), atol=1e-5)
     assert still.wrenches[-1, 1] == pytest.approx(-500.0, rel=1e-3)
+
+
+def test_ctrl_c_in_the_integrator_is_not_the_users_mistake(simulator, start, monkeypatch):
+    """CasADi makes the same error of it as of loads that the joint does not carry."""
+    for error, told in ((ArithmeticError("no rate"), ValueError), (KeyboardInterrupt, KeyboardInterrupt)):
+        rate = Interrupted(error, (10, 1), 10)
+        with interrupts_remembered(monkeypatch), pytest.raises(told):
+            knee_simulator.solve(replace(simulator, rate=rate), start)
 
 
 def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypatch):

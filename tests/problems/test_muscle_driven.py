@@ -19,6 +19,7 @@ from problems.muscle_driven.problem import POWERS
 from problems.muscle_driven.report import Run, differences, report
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
+from tests.support.interrupted import Interrupted, interrupts_remembered
 
 MOVING = [1, 3, 5]
 
@@ -44,6 +45,13 @@ def test_activations_of_the_inverse_solution_drive_the_walk_they_came_from(drive
     assert found["Fy_lat_percent_of_peak"] < 5.0
     assert found["flexion_deg"] < 1.0
     np.testing.assert_allclose(simulation.poses[:, [0, 2, 4]], driven.solved.poses[:, [0, 2, 4]], atol=1e-9)
+
+
+def test_ctrl_c_in_the_integrator_is_not_the_users_mistake(driven, monkeypatch):
+    x, t, rate = ca.MX.sym("x", 6), ca.MX.sym("t"), Interrupted(sizes=(6,), answer=6)
+    monkeypatch.setattr(type(driven), "dae", lambda _: {"x": x, "t": t, "ode": rate(x), "quad": x[: len(POWERS)]})
+    with interrupts_remembered(monkeypatch), pytest.raises(KeyboardInterrupt):
+        muscle_driven.solve(driven)
 
 
 def test_in_every_frame_of_the_inverse_solution_only_the_walk_s_own_acceleration_is_left(driven):

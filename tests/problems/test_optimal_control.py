@@ -24,6 +24,7 @@ from problems.optimal_control import (
 )
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
+from tests.support.interrupted import Interrupted, interrupts_remembered
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +113,14 @@ def test_actuators_that_no_motion_follows_are_told_so(solved):
     problem, result = solved
     assert forward_poses(problem, replace(result, actuators=-1e6 * result.actuators)) is None
     assert "the integrator gives up" in strays(problem, result, None)
+
+
+def test_ctrl_c_forward_in_time_does_not_say_that_nothing_holds_the_motion(solved, monkeypatch):
+    problem, result = solved
+    contact = Interrupted(sizes=(6,), answer=len(problem.model.load_names))
+    monkeypatch.setattr(type(problem.model), "function", lambda *_, **__: contact)
+    with interrupts_remembered(monkeypatch), pytest.raises(KeyboardInterrupt):
+        forward_poses(problem, result)
 
 
 def test_of_forces_and_torques_that_stray_the_one_furthest_off_is_named(solved):
