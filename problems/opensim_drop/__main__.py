@@ -10,10 +10,8 @@ import typer
 
 from casadi_contact.files import writable_folder
 from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
-from problems.common.outcome import print_verdict
 from problems.opensim_drop.compare import compare
 from problems.opensim_drop.problem import Drop
 from problems.opensim_drop.report import report
@@ -46,8 +44,7 @@ def run(
     compared = compare(drop)
     poses = compared.casadi
     verdict = judge(drop.surrogate, poses, np.ones(len(poses), dtype=bool), own_model(drop.surrogate.scene))
-    print_verdict(PlainConsole(), verdict)
-    report(drop, compared, out)
+    report(drop, compared, verdict, out)
     end_with(verdict, NAME, out)
 
 

@@ -36,7 +36,8 @@ class Comparison:
 
 
 def compare(drop: Drop) -> Comparison:
-    """Simulate twice. Raises ImportError without OpenSim, RuntimeError with the last line of a process that failed."""
+    """Simulate twice. Raises ImportError without OpenSim, RuntimeError with the last line of a process that failed,
+    and for one that takes longer than 10 minutes."""
     if find_spec("opensim") is None:
         raise ImportError("the drop needs OpenSim: pip install casadi_contact[opensim]")
     poses, version = _by_opensim(drop)
@@ -51,7 +52,12 @@ def _by_opensim(drop: Drop) -> tuple[Array, str]:
         settings, result = folder / "settings.json", folder / "poses.json"
         settings.write_text(json.dumps(drop.settings()), "utf-8")
         command = [sys.executable, *map(str, (_SCRIPT, shared_library(source), settings, result))]
-        ran = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, cwd=folder)
+        try:
+            ran = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, cwd=folder)
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(
+                f"OpenSim has not simulated {drop.duration_s:g} s in {_PATIENCE_S} s: shorten --duration-s"
+            ) from None
         if ran.returncode:
             said = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
             raise RuntimeError(f"OpenSim's process failed: {said[-1]}")

@@ -1,8 +1,9 @@
-"""What the drop says: how far both simulations are apart, a CSV of both, and a picture."""
+"""What the drop says: a verdict, how far both simulations are apart, a CSV of both, a JSON summary and a picture."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -12,28 +13,40 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import SURROGATE, WANTED, new_page, panels, save_page
 from casadi_contact.terminal import PlainConsole
+from casadi_contact.verification import Verdict
+from problems.common.learned_range import reasons
+from problems.common.outcome import print_reasons, print_verdict
 from problems.common.records import DIGITS, pose_columns, write_summary
 from problems.opensim_drop.compare import Comparison
 from problems.opensim_drop.problem import Drop
 
 
-def report(drop: Drop, compared: Comparison, out: Path) -> None:
-    """Print the table and write opensim_drop.csv, .json and .png in the folder out."""
+def report(drop: Drop, compared: Comparison, verdict: Verdict, out: Path) -> None:
+    """Print the table and write opensim_drop.csv, .json and .png in the folder out; verdict: on CasADi's poses."""
     writable_folder(out)
+    console = PlainConsole()
+    print_verdict(console, verdict)
     table = Table(title=f"The same drop by OpenSim {compared.version} and by CVODES")
     for title in ("pose parameter", "travel", "largest difference"):
         table.add_column(title, justify="left" if title.startswith("pose") else "right")
     travel = np.ptp(compared.casadi, axis=0)
     for name, unit, far, off in zip(POSE_NAMES, POSE_UNITS, travel, compared.difference, strict=True):
         table.add_row(f"{name} ({unit})", f"{far:.3g}", f"{off:.1e}")
-    console = PlainConsole()
     console.print(table)
-    columns = {"time_s": drop.times_s, **pose_columns(compared.casadi)}
+    reason = reasons(drop.surrogate, compared.casadi, verdict)
+    print_reasons(console, reason)
+    columns: dict[str, Any] = {
+        "frame": range(len(drop.times_s)),
+        "time_s": drop.times_s,
+        **pose_columns(compared.casadi),
+    }
     columns |= {f"opensim_{name}": values for name, values in pose_columns(compared.opensim).items()}
+    columns |= {"reason": reason, "verdict": verdict.words}
     write_columns(out / "opensim_drop.csv", columns, digits=DIGITS)
     write_summary(
         out / "opensim_drop.json",
         {
+            "verdict": str(verdict),
             "opensim": compared.version,
             "settings": drop.settings(),
             "largest_difference": dict(zip(POSE_NAMES, compared.difference.tolist(), strict=True)),
