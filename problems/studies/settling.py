@@ -27,6 +27,7 @@ from problems.pose_estimation.solve import solve
 
 NAME = "studies.settling"
 _TOLERANCE_N = 0.01
+_MOST_ASIDE_MM, _MOST_TURNED_DEG = 1000.0, 180.0
 app = new_app()
 
 
@@ -52,9 +53,15 @@ def settled_starts(
 ) -> SettledStarts:
     """Settle `count` starts moved by up to aside_mm along and turned_rad about every free axis.
 
-    Raises ValueError for a cycle of which no frame has a pose on the model, or whose centres of pressure lack the
-    forces that they belong to.
+    Raises ValueError for starts further off than 1,000 mm or 180 degrees, for a cycle of which no frame has a pose on
+    the model, and for one whose centres of pressure lack the forces that they belong to.
     """
+    for name, most, unit, limit in (
+        ("aside", aside_mm, "mm", _MOST_ASIDE_MM),
+        ("turned", float(np.degrees(turned_rad)), "degrees", _MOST_TURNED_DEG),
+    ):
+        if not 0.0 <= most <= limit:
+            raise ValueError(f"{name} is {most:g} {unit}, expected 0 to {limit:g}")
     problem = build(model, cycle)
     solved, targets = solve(problem), problem.wanted.targets()
     frames = np.flatnonzero(solved.converged)
@@ -78,8 +85,8 @@ def run(
     scene: Annotated[Path, typer.Argument(help="scene file, or a ready scene")],
     cycle: Annotated[Path, typer.Argument(help="measured cycle (CSV)")],
     starts: Annotated[int, typer.Option(min=1, help="random starts")] = 200,
-    aside: Annotated[float, typer.Option(min=0.0, help="along every free axis, at most [mm]")] = 2.0,
-    turned: Annotated[float, typer.Option(min=0.0, help="about every free axis, at most [degrees]")] = 5.0,
+    aside: Annotated[float, typer.Option(help="along every free axis, at most [mm]")] = 2.0,
+    turned: Annotated[float, typer.Option(help="about every free axis, at most [degrees]")] = 5.0,
 ) -> None:
     """Say how many random starts about a measured cycle settle. Exit status 2: some do not."""
     model = ContactSource(scene=str(scene)).load()
