@@ -14,7 +14,7 @@ from casadi_contact.scenes import load_scene
 from problems.common.command import RESULTS, new_app, run_command
 from problems.design.dish import DishContact
 from problems.design.problem import Bounds, build
-from problems.design.report import agrees, report, unsettled
+from problems.design.report import agrees, report, report_unsolved, unsettled
 from problems.design.solve import on_elements, solve
 
 NAME = "design"
@@ -41,7 +41,8 @@ def run(
         if result.first.reason:
             said = f"the scene's own dish, where the search begins, does not carry {result.first.reason}"
             said += "; begin with smaller dish radii"
-        print(f"{NAME}: not solved: {said}", file=sys.stderr)
+        report_unsolved(design, result, said, out)
+        print(f"{NAME}: not solved: {said}; see {out}", file=sys.stderr)
         raise typer.Exit(2)
     checked = {"first": on_elements(design, result.first), "best": on_elements(design, result.best)}
     report(design, result, checked, out)

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from casadi_contact.contact.polar.dish_slopes import RADII
 from casadi_contact.conventions import ANATOMY, Array
+from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.terminal import PlainConsole
@@ -65,8 +66,7 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
             columns[f"peak_pressure_{patch}_{name}_EF_MPa"] = checked[name].peaks_mpa[:, p]
     write_columns(out / "design.csv", columns, digits=DIGITS)
     summary: dict[str, Any] = {
-        "bounds_mm": {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm},
-        **solver_record(result),
+        **_head(design, result, ""),
         "ef_agrees": same,
         "ef_unsettled": unsettled(checked),
         "at_bounds": held,
@@ -76,6 +76,19 @@ def report(design: Design, result: DesignResult, checked: Mapping[str, DishState
     write_summary(out / "design.json", summary)
     draw(design, result, checked, out / "design.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def report_unsolved(design: Design, result: DesignResult, reason: str, out: Path) -> None:
+    """Write design.json, with the reason, in the folder out, and remove the table and picture of an earlier dish."""
+    writable_folder(out)
+    for name in ("design.csv", "design.png"):
+        (out / name).unlink(missing_ok=True)
+    write_summary(out / "design.json", _head(design, result, reason))
+
+
+def _head(design: Design, result: DesignResult, reason: str) -> dict[str, Any]:
+    bounds = {"ap": design.bounds.ap_mm, "ml": design.bounds.ml_mm}
+    return {"reason": reason, "bounds_mm": bounds, **solver_record(result)}
 
 
 def _cell(number: float) -> str:

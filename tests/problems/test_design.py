@@ -128,10 +128,18 @@ def test_the_command_writes_both_dishes_and_their_picture(tmp_path, monkeypatch,
     assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_travel_that_no_dish_allows_ends_with_status_2_and_the_cure(tmp_path, monkeypatch, capsys):
+def test_travel_that_no_dish_allows_ends_with_status_2_the_cure_and_no_dish_of_an_earlier_run(
+    tmp_path, monkeypatch, capsys
+):
+    for name in ("design.csv", "design.json", "design.png"):
+        (tmp_path / name).write_text("of an earlier run", "utf-8")
     monkeypatch.setattr(__main__, "solve", partial(design.solve, max_iterations=1))
     assert ended(monkeypatch, __main__.main, "--ap", "0,0.5", "--frames", 2, "--out", tmp_path) == 2
     assert "widen --ap and --ml" in capsys.readouterr().err
+    summary = json.loads((tmp_path / "design.json").read_text("utf-8"))
+    assert summary["ipopt_status"] == "Maximum_Iterations_Exceeded"
+    assert "widen --ap and --ml" in summary["reason"]
+    assert [path.name for path in tmp_path.iterdir()] == ["design.json"]
 
 
 def test_a_first_dish_too_flat_to_hold_the_femur_ends_with_status_2_and_the_reason(tmp_path, monkeypatch, capsys):
@@ -142,7 +150,8 @@ def test_a_first_dish_too_flat_to_hold_the_femur_ends_with_status_2_and_the_reas
     said = capsys.readouterr().err
     assert "does not carry laxity test ap: no equilibrium near this start" in said
     assert "begin with smaller dish radii" in said
-    assert not list(out.glob("design.*"))
+    assert "laxity test ap" in json.loads((out / "design.json").read_text("utf-8"))["reason"]
+    assert [path.name for path in out.iterdir()] == ["design.json"]
 
 
 def test_dishes_that_do_not_settle_on_the_elements_are_reported_and_end_with_status_3(tmp_path, monkeypatch, capsys):
