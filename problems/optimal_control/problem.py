@@ -40,6 +40,7 @@ HELD = {"t": 0.01, "r": np.radians(0.01)}  # [mm, rad]: what is held and off by 
 _FLEXION_INERTIA = 20.0  # t·mm², that is 0.02 kg·m², as about the other axes
 _FLEXION_DAMPING = 1000.0  # N·mm·s/rad
 RATE_PER_S = 20.0  # over that many steps of the pose, like in effect
+_LEAST_POINTS = 4  # of a cubic spline
 LOAD_SCALE_N = 100.0  # of actuator loads (torques over 25 mm) and dynamics
 
 
@@ -110,12 +111,18 @@ def build(
     periodic: bool = True,
     steadiness: float = 1e-4,
 ) -> OptimalControl:
-    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals, a negative steadiness, loads
-    that lack a component of the wrench, and a scene that locks or ties pose parameters."""
+    """Transcribe the cycle. Raises ValueError for an unknown scheme, too few intervals or points, a negative
+    steadiness, loads that lack a component of the wrench, and a scene that locks or ties pose parameters."""
     model.scene.pose_space.check_whole("optimal control")
     if not 0.0 <= steadiness < np.inf:
         raise ValueError(f"steadiness is {steadiness}, expected a number >= 0")
     grid = Collocation(intervals, degree, wanted.time_s[-1] - wanted.time_s[0], scheme)
+    points = intervals * degree
+    if points < _LEAST_POINTS:
+        raise ValueError(
+            f"{intervals} intervals of degree {degree} have {points} collocation points, expected {_LEAST_POINTS} or "
+            "more: cubic splines through them drive the motion forward in time"
+        )
     if wanted.loads.shape != (len(wanted.time_s), len(model.load_names)):
         raise ValueError(
             f"wanted loads have shape {wanted.loads.shape}, expected "
@@ -123,7 +130,7 @@ def build(
         )
     steps = pose_steps(model.scene.sensitive_pose)
     low, high = (bound / steps for bound in pose_bounds(model))
-    unknowns, points = Unknowns(), intervals * degree
+    unknowns = Unknowns()
     nodes_q = unknowns.add("node_q", 6, intervals + 1, low, high)
     nodes_v = unknowns.add("node_v", 6, intervals + 1)
     q, v, u = (unknowns.add("q", 6, points, low, high), unknowns.add("v", 6, points), unknowns.add("u", 6, points))

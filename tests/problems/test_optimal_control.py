@@ -207,6 +207,8 @@ def test_wrong_requests_are_refused(knee, wanted):
         optimal_control.build(knee, wanted, scheme="euler")
     with pytest.raises(ValueError, match="intervals 1"):
         optimal_control.build(knee, wanted, intervals=1)
+    with pytest.raises(ValueError, match="3 intervals of degree 1 have 3 collocation points, expected 4 or more"):
+        optimal_control.build(knee, wanted, intervals=3, degree=1)
     with pytest.raises(ValueError, match="steadiness is inf"):
         optimal_control.build(knee, wanted, steadiness=np.inf)
     with pytest.raises(ValueError, match="wanted loads have shape"):
