@@ -2,32 +2,42 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from problems.common.knee_scene import SIDES
 from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
+from problems.studies.pages.stored import damage_told, read_stored
 from problems.studies.stability.table import FAILURES, Line
 
 
 def pose_estimation_page(paths: Sequence[Path]) -> str:
     """One line per ``summary.json`` of ``python -m problems.pose_estimation``."""
-    found = [_read(path) for path in paths]
-    any_starts = any(summary.get("random_starts") for summary in found)
+    found = {path: read_stored(path) for path in paths}
+    any_starts = any(summary.get("random_starts") for summary in found.values())
     rows = []
-    for summary in found:
-        errors = summary["errors"]
-        forces = [", ".join(_rms_and_largest(errors[side][key]) for side in SIDES) for key in ("fine_ef", "teacher_ef")]
-        starts = summary.get("random_starts")
-        row = [summary["cycle"], f"{summary['converged']} of {summary['frames']}", str(summary["ipopt_iterations"])]
-        row += [f"{summary['seconds']:.2f}", *forces]
-        if any_starts:
-            row.append(f"{starts['reached']} of {starts['count']}" if starts else "")
-        rows.append(row)
-    grids = found[0]["ef_grids"]
+    for path, summary in found.items():
+        with damage_told(path):
+            rows.append(_pose_row(summary, any_starts))
+    with damage_told(paths[0]):
+        return _pose_page(found[paths[0]], rows, any_starts)
+
+
+def _pose_row(summary: Mapping[str, Any], any_starts: bool) -> list[str]:
+    errors = summary["errors"]
+    forces = [", ".join(_rms_and_largest(errors[side][key]) for side in SIDES) for key in ("fine_ef", "teacher_ef")]
+    starts = summary.get("random_starts")
+    row = [summary["cycle"], f"{summary['converged']} of {summary['frames']}", str(summary["ipopt_iterations"])]
+    row += [f"{summary['seconds']:.2f}", *forces]
+    if any_starts:
+        row.append(f"{starts['reached']} of {starts['count']}" if starts else "")
+    return row
+
+
+def _pose_page(first: Mapping[str, Any], rows: Sequence[Sequence[str]], any_starts: bool) -> str:
+    grids = first["ef_grids"]
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
         *(f"EF {grids[key]} − surrogate, medial, lateral [N]" for key in ("fine", "teacher")),
@@ -35,11 +45,11 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
     ]
     return page(
         "Pose estimation",
-        f"All frames of a cycle in one IPOPT problem on the `{found[0]['structure']}` surrogate of scene "
-        f"`{found[0]['scene']}`, with [`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
+        f"All frames of a cycle in one IPOPT problem on the `{first['structure']}` surrogate of scene "
+        f"`{first['scene']}`, with [`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
         "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
         "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository.",
-        machine(found[0]["machine"]),
+        machine(first["machine"]),
         table(columns, rows),
     )
 
@@ -47,30 +57,40 @@ def pose_estimation_page(paths: Sequence[Path]) -> str:
 def muscle_contact_page(paths: Sequence[Path], settings: Path | None = None) -> str:
     """One line per ``summary.json`` of ``python -m problems.muscle_contact`` with measured forces; settings: the
     result file of ``python -m problems.studies.muscle_settings``, a line for each that was tried."""
-    found = [_read(path) for path in paths]
-    rows = []
-    for summary in found:
-        errors = summary["errors_n"]
-        measured = [f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in SIDES]
-        teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in SIDES)
-        solved = f"{summary['converged']} of {summary['frames']}"
-        rows.append(
-            [summary["walk"], solved, str(summary["ipopt_iterations"]), f"{summary['seconds']:.2f}", *measured, teacher]
-        )
+    found, rows = {path: read_stored(path) for path in paths}, []
+    for path, summary in found.items():
+        with damage_told(path):
+            rows.append(_muscle_row(summary))
+    with damage_told(paths[0]):
+        parts = _muscle_parts(found[paths[0]], rows)
+    if settings is not None:
+        tried = read_stored(settings)
+        with damage_told(settings):
+            parts += _settings(tried)
+    return page("Muscle and contact forces", *parts)
+
+
+def _muscle_row(summary: Mapping[str, Any]) -> list[str]:
+    errors = summary["errors_n"]
+    measured = [f"{number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in SIDES]
+    teacher = ", ".join(_rms_and_largest(errors[side]["teacher_ef"]) for side in SIDES)
+    solved = f"{summary['converged']} of {summary['frames']}"
+    return [summary["walk"], solved, str(summary["ipopt_iterations"]), f"{summary['seconds']:.2f}", *measured, teacher]
+
+
+def _muscle_parts(first: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list[str]:
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
         *("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"),
-        f"EF {found[0]['ef_grids']['teacher']} − surrogate, medial, lateral [N]",
+        f"EF {first['ef_grids']['teacher']} − surrogate, medial, lateral [N]",
     ]
-    return page(
-        "Muscle and contact forces",
+    return [
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems/muscle-contact.md) against "
         "those that the instrumented implant measured, which enter the prediction nowhere. The last column is the "
         "elastic foundation (EF) at the solved poses: RMS (largest).",
-        machine(found[0]["machine"]),
+        machine(first["machine"]),
         table(columns, rows),
-        *([] if settings is None else _settings(_read(settings))),
-    )
+    ]
 
 
 def _settings(lines: dict[str, Any]) -> list[str]:
@@ -84,7 +104,12 @@ def _settings(lines: dict[str, Any]) -> list[str]:
 
 def stability_page(path: Path) -> str:
     """The table of a ``stability.json``, method by failure."""
-    content = _read(path)
+    content = read_stored(path)
+    with damage_told(path):
+        return _stability_page(content)
+
+
+def _stability_page(content: Mapping[str, Any]) -> str:
     scene = content["settings"].get("scene", "knee")
     lines = [Line(**line) for line in content["lines"]]
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
@@ -124,10 +149,3 @@ def _reasons(lines: Sequence[Line], methods: Sequence[str]) -> str:
 
 def _rms_and_largest(error: dict[str, float]) -> str:
     return f"{error['rms']:.2f} ({error['max']:.1f})"
-
-
-def _read(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} is damaged ({error}): run the command that wrote it again") from None

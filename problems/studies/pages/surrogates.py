@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
 from casadi_contact.scenes import ready_scenes
 from problems.studies.pages.markdown import machine, number, page, table
+from problems.studies.pages.stored import damage_told, read_stored
 from problems.studies.seeds import KINDS
 
 _OWN_NUMBERS = re.compile(r"\d\.\d|\bof \d")
@@ -130,7 +130,12 @@ def solve_time_page(path: Path) -> str:
 
 def seeds_page(path: Path) -> str:
     """Table of a ``seeds.json``: median and range of the errors of each size, by domain."""
-    content = json.loads(path.read_text("utf-8"))
+    content = read_stored(path)
+    with damage_told(path):
+        return _seeds_page(content)
+
+
+def _seeds_page(content: Mapping[str, Any]) -> str:
     sizes = content["sizes"]
     rows = [
         [name, domain, *(_spread(of[kind]) if kind in of else "" for kind in KINDS)]
