@@ -42,7 +42,8 @@ class Balance:
 
     def loose(self, row: int, pose: Array) -> list[str]:
         """The free parameters along which something is left over in a pose (6,) in contact that no move of it changes:
-        a ball's torque about its centre."""
+        a ball's torque about its centre. None where a patch presses along one of them: loads that are clamped to zero
+        do not change out of contact, but there are poses that hold it."""
         problem = self.problem
         if not problem.model(pose[None]).any():
             return []
@@ -50,7 +51,8 @@ class Balance:
         ways, stiffnesses, _ = np.linalg.svd(self.slopes(row, q))
         fixed = ways[:, stiffnesses <= HELD * stiffnesses[0]]
         left = fixed @ (fixed.T @ self.unbalanced_n(row, q))
-        return [name for name, off in zip(problem.free, left, strict=True) if abs(off) > problem.tolerance_n[row]]
+        names = [name for name, off in zip(problem.free, left, strict=True) if abs(off) > problem.tolerance_n[row]]
+        return [] if set(names) & set(problem.model.scene.sensitive_pose) else names
 
     def held_moves(self, poses: Array, moves: Array) -> Array:
         """Of moves (n, 6) away from poses (n, 6) of all rows the part that contact or springs hold: a ball may turn in

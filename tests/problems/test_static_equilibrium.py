@@ -12,6 +12,7 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
 from casadi_contact.verification import own_model
 from problems import static_equilibrium
+from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.pulls import passes_beside, pulls
 from problems.static_equilibrium.starts import solve_from_lifts
@@ -193,6 +194,14 @@ def test_a_ball_carries_no_torque_about_its_centre_but_a_spring_does():
     result = static_equilibrium.solve(held)
     assert result.converged.all(), result.reason
     assert result.poses[0, 3] - held.rest[0, 3] == pytest.approx(1000.0 / 5e3, rel=1e-3)
+
+
+def test_clamped_loads_out_of_contact_do_not_say_that_nothing_holds_what_presses():
+    """Of two stages vertical forces are zero there, with no slope: a spring along ty would be no cure."""
+    two_stage, apart = cc.load_surrogate("knee_two_stage"), np.array([0.0, 30.6, 0.0, -0.011, 0.0, 0.0])
+    assert (two_stage(apart, ["Fy_med", "Fy_lat"]) == 0.0).all()
+    problem = static_equilibrium.build(two_stage, np.array([LOADS]), rest=apart[None], about="moving")
+    assert Balance.of(problem, two_stage).loose(0, apart) == []
 
 
 @needs_compiler
