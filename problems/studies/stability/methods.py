@@ -25,7 +25,6 @@ FOUNDATION = "foundation"
 NETWORKS = "networks"  # of a project, whatever their structure
 METHODS = (PATCH, TWO_STAGE, NETWORKS, FOUNDATION, EF_COARSE, EF_FINE, EF_ANALYTIC, *PEERS)
 SURROGATES = (PATCH, TWO_STAGE)
-SYMBOLIC = (*SURROGATES, FOUNDATION)
 BY_DIFFERENCES = (EF_COARSE, EF_FINE)
 _FRAMES = 101  # of a project's motion
 
@@ -75,8 +74,8 @@ def bench(
         PATCH: surrogate,
         TWO_STAGE: paper,
         FOUNDATION: foundation(scene),
-        EF_COARSE: CallableModel(scene, grids["coarse"].wrenches),
-        EF_FINE: CallableModel(scene, grids["fine"].wrenches),
+        EF_COARSE: CallableModel(scene, grids["coarse"].wrenches, grids["coarse"].gaps),
+        EF_FINE: CallableModel(scene, grids["fine"].wrenches, grids["fine"].gaps),
         EF_ANALYTIC: grids["fine"],
         **peers,
     }

@@ -56,7 +56,7 @@ def count_failures(model: Any, poses: Array, gaps_of: ElasticFoundation) -> tupl
         totals += [broken.sum(), pulling.sum(), apart.sum()]
         wrong = broken | pulling | apart
         if isinstance(model, Surrogate) and wrong.any():
-            valid += int((model.validity(chunk[wrong]) >= VALID).sum())
+            valid += int((model.validity(chunk[wrong]) > VALID).sum())
     return int(totals[0]), int(totals[1]), int(totals[2]), valid if isinstance(model, Surrogate) else None
 
 

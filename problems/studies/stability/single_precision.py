@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
+from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.network import Network
 from casadi_contact.network.activations import activation_of
@@ -23,7 +24,6 @@ from problems import pose_estimation
 from problems.common.same_poses import same_poses
 from problems.studies.stability.derivative_steps import relative_error
 from problems.studies.stability.methods import METHODS, SURROGATES, Bench
-from problems.studies.stability.starts import one_frame
 from problems.studies.stability.table import Line
 
 LIFT_MM = 0.05  # of the start for IPOPT: inside contact, where both structures have derivatives
@@ -147,6 +147,12 @@ def hessian_error(surrogate: Surrogate, poses: Array) -> float:
         off = np.linalg.norm(got - true, axis=(1, 2)) / np.linalg.norm(true, axis=(1, 2))
         errors.append(np.sqrt(np.mean(off**2)))
     return float(max(errors))
+
+
+def one_frame(cycle: LoadCycle, frame: int) -> LoadCycle:
+    """One frame of a cycle, twice, since a cycle has two frames or more."""
+    curves = {key: np.repeat(getattr(cycle, key)[frame], 2) for key in COLUMNS if key != "time_s"}
+    return LoadCycle(f"{cycle.name}, frame {frame}", time_s=np.array([0.0, 1.0]), **curves)
 
 
 def measure(bench: Bench, count: int = 20) -> tuple[list[Line], None]:

@@ -1,20 +1,21 @@
-"""Row 1: starts out of contact and too deep. The task is pose estimation of single frames of the reference cycle."""
+"""Row 1: starts out of contact and too deep, from which single frames of the reference cycle are settled.
+
+Every method is settled by the same Newton method from the same starts, so that their iterations can be compared.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from rich.progress import track
 
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
+from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.statics import settle
-from problems import pose_estimation
 from problems.common.same_poses import same_poses
-from problems.studies.stability.methods import SYMBOLIC, Bench
+from problems.studies.stability.methods import Bench
 from problems.studies.stability.table import Line
 
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # gap of the nearer side at the start; below zero, overlap
@@ -34,29 +35,9 @@ def lifted(model: ElasticFoundation, poses: Array, lift_mm: float, rng: np.rando
     return moved
 
 
-def one_frame(cycle: LoadCycle, frame: int) -> LoadCycle:
-    """One frame of a cycle, twice, since a cycle has two frames or more."""
-    curves = {key: np.repeat(getattr(cycle, key)[frame], 2) for key in COLUMNS if key != "time_s"}
-    return LoadCycle(f"{cycle.name}, frame {frame}", time_s=np.array([0.0, 1.0]), **curves)
-
-
-def by_ipopt(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: Array) -> tuple[Array, Array]:
-    """`pose_estimation` of each start (lifts, n, 6), one IPOPT problem each: solved (lifts, n), iterations."""
-    solved = np.zeros(starts.shape[:2], dtype=bool)
-    iterations = np.zeros(starts.shape[:2])
-    for frame in track(np.unique(frames), "starts, each an IPOPT problem", transient=True):
-        problem = pose_estimation.build(model, one_frame(cycle, int(frame)))
-        rows = np.flatnonzero(frames == frame)
-        reference = pose_estimation.solve(problem, near[[rows[0], rows[0]]])
-        for lift, row in ((lift, row) for lift in range(len(starts)) for row in rows):
-            result = pose_estimation.solve(problem, starts[lift, [row, row]])
-            same = same_poses(result.poses, reference.poses) & result.converged & reference.converged
-            solved[lift, row], iterations[lift, row] = same.all(), result.iterations
-    return solved, iterations
-
-
 def by_newton(model: Any, cycle: LoadCycle, frames: Array, near: Array, starts: Array) -> tuple[Array, Array]:
-    """`settle` of ty and rx under the two forces, then of the four free parameters: solved (lifts, n), iterations."""
+    """`settle` of each start (lifts, n, 6), of ty and rx under the two forces, then of the four free parameters under
+    all four loads: solved (lifts, n), where it ends at the pose that is found from near (n, 6), and iterations."""
     fy = {"Fy_med": cycle.fy_med[frames], "Fy_lat": cycle.fy_lat[frames]}
     total = fy["Fy_med"] + fy["Fy_lat"]
     loads = {**fy, "Tx": -cycle.cop_ml_mm[frames] * total, "Tz": cycle.cop_ap_mm[frames] * total}
@@ -85,8 +66,7 @@ def measure(
     shares: dict[str, Array] = {}
     iterations: dict[str, Array] = {}
     for method, model in bench.models.items():
-        solve = by_ipopt if method in SYMBOLIC else by_newton
-        solved, used = solve(model, cycle, frames, near, starts)
+        solved, used = by_newton(model, cycle, frames, near, starts)
         shares[method] = solved.mean(axis=1)
         iterations[method] = np.array(
             [np.median(u[s]) if s.any() else np.nan for u, s in zip(used, solved, strict=True)]
