@@ -98,7 +98,7 @@ def largest_stable_step(simulator: KneeSimulator, scheme: str, rest: Array, step
 
 
 def contact_stiffness(simulator: KneeSimulator, rest: Array) -> float:
-    """-dFy/dty of the contact [N/mm] at a state (10,)."""
+    """dFy/dty [N/mm] of the contact force on the fixed body at a state (10,): above zero where it presses."""
     pose = ca.MX.sym("pose", 6)
     slope = ca.Function("slope", [pose], [ca.jacobian(simulator.contact(pose), pose)])
     return float(slope(simulator.poses(rest[None], np.zeros(1))[0])[1, 1])

@@ -34,7 +34,7 @@ def rank_deficient(regression: Regression) -> Regression:
 
 
 def few_rows(regression: Regression) -> Regression:
-    """Fewer rows than a third of the weights."""
+    """Fewer rows than weights."""
     return regression.of_rows(np.arange(100))
 
 

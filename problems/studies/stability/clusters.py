@@ -30,7 +30,7 @@ def clustered(model: Any, data: TrainingSet, count: int, spacing: float) -> Trai
 
 
 def fitted(data: TrainingSet, held_out: tuple[Array, Array], kernel: Any, nugget: float) -> tuple[float, float]:
-    """1-norm condition number of the kernel matrix and the RMS error on held-back points in deviations of the loads,
+    """2-norm condition number of the kernel matrix and the RMS error on held-back points in deviations of the loads,
     for a kernel as it is; infinity and NaN where the matrix cannot be factorised."""
     from sklearn.gaussian_process import GaussianProcessRegressor
 
