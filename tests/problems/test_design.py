@@ -1,6 +1,7 @@
 """Design of a dish: derivatives by all inputs, an optimum that keeps its bounds, and the EF that finds it again."""
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -152,6 +153,26 @@ def test_a_first_dish_too_flat_to_hold_the_femur_ends_with_status_2_and_the_reas
     assert "begin with smaller dish radii" in said
     assert "laxity test ap" in json.loads((out / "design.json").read_text("utf-8"))["reason"]
     assert [path.name for path in out.iterdir()] == ["design.json"]
+
+
+def test_golden_dish_of_four_frames(solved):
+    """Deeper than the scene's own as far as the least travel asked for allows."""
+    _, result = solved
+    assert result.first.peak_mpa == pytest.approx(26.54, rel=2e-3)
+    np.testing.assert_allclose(result.first.laxity_mm, [8.056, 1.152], rtol=2e-3)
+    assert result.best.peak_mpa == pytest.approx(19.20, rel=2e-3)
+    np.testing.assert_allclose(result.best.radii_mm, [47.25, 25.44], rtol=2e-3)
+    np.testing.assert_allclose(result.best.laxity_mm, [BOUNDS.ap_mm[0], BOUNDS.ml_mm[0]], atol=1e-4)
+
+
+def test_a_best_dish_with_another_peak_on_the_elements_ends_with_status_3(tmp_path, monkeypatch, capsys):
+    def on_other_elements(problem, state):
+        return replace(state, peaks_mpa=state.peaks_mpa + 0.2)
+
+    monkeypatch.setattr(__main__, "on_elements", on_other_elements)
+    assert ended(monkeypatch, __main__.main, "--frames", 2, "--out", tmp_path) == 3
+    assert "design: solved, but the contact model differs; see" in capsys.readouterr().err
+    assert not json.loads((tmp_path / "design.json").read_text("utf-8"))["ef_agrees"]
 
 
 def test_dishes_that_do_not_settle_on_the_elements_are_reported_and_end_with_status_3(tmp_path, monkeypatch, capsys):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.statics import first_touch, settle
 from problems import knee_simulator, static_equilibrium
-from problems.knee_simulator import __main__
+from problems.knee_simulator import __main__, race
 from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
 from problems.knee_simulator.rig import Rig
 from problems.knee_simulator.waveforms import WALKING, Waveforms
@@ -191,6 +192,16 @@ def test_ctrl_c_in_the_integrator_is_not_the_users_mistake(simulator, start, mon
         rate = Interrupted(error, (10, 1), 10)
         with interrupts_remembered(monkeypatch), pytest.raises(told):
             knee_simulator.solve(replace(simulator, rate=rate), start)
+
+
+def test_times_of_a_race_are_medians_without_the_run_that_warms_up(simulator, monkeypatch):
+    seconds = iter([100.0] * 3 + [1.0, 2.0, 3.0] + [5.0, 6.0, 7.0] + [9.0, 10.0, 11.0] + [0.0])
+    monkeypatch.setattr(race, "foundations", lambda _: [])
+    monkeypatch.setattr(race, "start_state", lambda _: None)
+    monkeypatch.setattr(race, "solve", lambda *_, **__: SimpleNamespace(seconds=next(seconds), poses=np.zeros((2, 6))))
+    runs = race.race(simulator, cycles=2.0, repeats=3)
+    period_s = simulator.rig.period_s
+    assert [run.seconds_per_second for run in runs] == [5.0 / (2.0 * period_s), 3.0 / period_s, 7.0 / (2.0 * period_s)]
 
 
 def test_the_command_races_and_writes_csv_summary_and_picture(tmp_path, monkeypatch):

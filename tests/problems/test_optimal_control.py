@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.conventions import WRENCH_NAMES
 from casadi_contact.motion.joint_cycle import scene_cycles
-from casadi_contact.optimisation import pose_bounds
+from casadi_contact.optimisation import pose_bounds, pose_steps
 from problems import knee_simulator, optimal_control, pose_estimation
 from problems.common.contact import ContactSource
 from problems.optimal_control import (
@@ -22,6 +22,7 @@ from problems.optimal_control import (
     simulated_cycle,
     strays,
 )
+from problems.optimal_control.problem import point_function
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 from tests.support.interrupted import Interrupted, interrupts_remembered
@@ -200,6 +201,16 @@ def test_the_elastic_foundation_carries_nearly_the_same(knee, solved):
     _, result = solved
     off = cc.ElasticFoundation(knee.scene, (160, 80))(result.poses) - result.loads
     assert np.sqrt(np.mean(off[:, :2] ** 2)) < 2.0
+
+
+def test_motion_along_and_about_every_axis_is_damped(knee, wanted):
+    point = point_function(knee, wanted.rig, ("rz",))
+    pose = np.array(knee.learned_pose()) / pose_steps(knee.scene.sensitive_pose)
+    still = [np.zeros(6), np.zeros(len(knee.load_names)), np.zeros(1)]
+    begun, *moving = (np.asarray(point(pose, rate, *still)[0]).ravel() for rate in (np.zeros(6), *np.eye(6)))
+    slowing = np.array(moving) - begun
+    assert (np.diag(slowing) < 0.0).all()
+    np.testing.assert_allclose(slowing - np.diag(np.diag(slowing)), 0.0, atol=1e-9)
 
 
 def test_wrong_requests_are_refused(knee, wanted):

@@ -1,5 +1,7 @@
 """The largest stable step of fixed-step schemes is the one that the linearised motion allows."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -40,6 +42,23 @@ def test_explicit_schemes_reach_the_limit_of_the_linearised_motion(loaded, schem
 @pytest.mark.parametrize("scheme", ["implicit_euler", "implicit_midpoint"])
 def test_implicit_schemes_have_no_limit_below_a_tenth_of_a_second(loaded, scheme):
     assert stable_step.largest_stable_step(loaded[0], scheme, loaded[1], steps=200) == stable_step.LONGEST_STEP_S
+
+
+@pytest.mark.parametrize(
+    ("scheme", "amplification"),
+    [
+        ("explicit_euler", lambda z: 1.0 + z),
+        ("rk4", lambda z: 1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0),
+        ("implicit_euler", lambda z: 1.0 / (1.0 - z)),
+        ("implicit_midpoint", lambda z: (1.0 + 0.5 * z) / (1.0 - 0.5 * z)),
+    ],
+)
+def test_a_step_multiplies_what_decays_by_the_amplification_of_its_scheme(scheme, amplification):
+    rates, begun, h = -np.linspace(0.1, 30.0, 10), np.linspace(1.0, 2.0, 10), 0.02
+    x, t = ca.MX.sym("x", 10), ca.MX.sym("t")
+    decaying = SimpleNamespace(rate=ca.Function("rate", [x, t], [ca.DM(rates) * x]))
+    step = stable_step.step_function(decaying, scheme)
+    np.testing.assert_allclose(np.asarray(step(begun, h)).ravel(), amplification(h * rates) * begun, rtol=1e-9)
 
 
 def test_stiffer_contact_allows_shorter_explicit_steps(loaded):
