@@ -1,4 +1,4 @@
-"""The squats of a trade-off, each from the one before."""
+"""The squats of a trade-off, each from the one before or from one that turns out cheaper."""
 
 from __future__ import annotations
 
@@ -16,17 +16,22 @@ from problems.squat.problem import FREE, Squat, at_bounds, flexion_rad
 
 _START_FORCE_N = 600.0  # of each side
 _START_ACTIVATION = 0.2
+_LIGHT = (0.0, 1e-3)  # these weights' squats from the start values may cost less than those from heavier ones
+_FAR, _NEAR = 1e-2, 1e-4  # IPOPT's first barrier: the large one leaves the valley of the cost where it starts
+_ROUNDS = 3
+_CHEAPER = 1.0 - 1e-4  # farther apart than two solutions of one optimum
 _FULLY = 0.999  # activation of a muscle that has no more to give
 _SHARES = np.array([0.35, -0.65, 0.45])  # lean of shank, thigh and trunk over the flexion
 
 
 @dataclass(frozen=True)
 class SquatResult:
-    """One squat at the collocation points: angles φ and rates (n, 3) [rad, rad/s], activations and muscle forces
-    (n, m), poses (n, 6), contact loads (n, L); effort: mean squared activation; medial_bw: root mean square of the
-    medial force over body weight; seconds of the solver."""
+    """One squat: x of its problem, and at the collocation points angles φ and rates (n, 3) [rad, rad/s], activations
+    and muscle forces (n, m), poses (n, 6), contact loads (n, L); effort: mean squared activation; medial_bw: root mean
+    square of the medial force over body weight; iterations and seconds of the solver in the run that ended here."""
 
     weight: float
+    x: Array
     time_s: Array
     phi: Array
     rates: Array
@@ -75,25 +80,42 @@ def start_values(squat: Squat) -> Array:
 
 
 def trade_off(squat: Squat, weights: Sequence[float]) -> list[SquatResult]:
-    """A squat for each weight. The largest comes first and each begins at the one before: least activation alone
-    leaves the most freedom, and is found in fewest iterations from there. Never raises where one does not converge.
+    """A squat for each weight. The largest weight comes first and each begins at the one before. The cost has many
+    local optima, and every squat is feasible at every weight: where one costs less than a weight's own, that weight
+    begins there once more. Squats from the start values with two light weights count among these. No optimum is proven
+    to be global. Never raises where one does not converge.
 
     Raises ValueError for a weight that is negative or not finite.
     """
     if not len(weights) or not all(0.0 <= weight < np.inf for weight in weights):
         raise ValueError(f"weights are {', '.join(map(str, weights)) or '(none)'}, expected finite numbers >= 0")
-    options = ipopt_options(tolerance=1e-6, max_iterations=300, mu_init=1e-2)
-    solver = ca.nlpsol("squat", "ipopt", squat.nlp, options)
+    far, near = (
+        ca.nlpsol("squat", "ipopt", squat.nlp, ipopt_options(tolerance=1e-6, max_iterations=300, mu_init=barrier))
+        for barrier in (_FAR, _NEAR)
+    )
     bounds = {"lbx": squat.lower, "ubx": squat.upper, "lbg": squat.lower_g, "ubg": squat.upper_g}
-    x = start_values(squat)
-    found: dict[int, SquatResult] = {}
-    for k in sorted(range(len(weights)), key=lambda k: -weights[k]):
+    value = ca.Function("cost", [squat.nlp["x"], squat.nlp["p"]], [squat.nlp["f"]])
+
+    def solve(solver: ca.Function, weight: float, x: Array) -> SquatResult:
         began = time.perf_counter()
-        answer = np.asarray(solver(x0=x, p=weights[k], **bounds)["x"])[:, 0]
-        seconds = time.perf_counter() - began
-        found[k] = _result(squat, weights[k], answer, IpoptOutcome.of(solver), seconds)
-        x = answer if found[k].solved else x
-    return [found[k] for k in range(len(weights))]
+        answer = np.asarray(solver(x0=x, p=weight, **bounds)["x"])[:, 0]
+        return _result(squat, weight, answer, IpoptOutcome.of(solver), time.perf_counter() - began)
+
+    def cost(result: SquatResult, weight: float) -> float:
+        return float(value(result.x, weight)) if result.solved else np.inf
+
+    start = x = start_values(squat)
+    found: dict[float, SquatResult] = {}
+    for weight in sorted(set(weights), reverse=True):
+        found[weight] = solve(far, weight, x)
+        x = found[weight].x if found[weight].solved else x
+    light = [solve(far, weight, start) for weight in _LIGHT]
+    for _ in range(_ROUNDS):
+        for weight, own in list(found.items()):
+            cheapest = min((*light, *found.values()), key=lambda result: cost(result, weight))
+            if cost(cheapest, weight) < _CHEAPER * cost(own, weight):
+                found[weight] = min(own, solve(near, weight, cheapest.x), key=lambda result: cost(result, weight))
+    return [found[weight] for weight in weights]
 
 
 def _result(squat: Squat, weight: float, x: Array, outcome: IpoptOutcome, seconds: float) -> SquatResult:
@@ -103,6 +125,7 @@ def _result(squat: Squat, weight: float, x: Array, outcome: IpoptOutcome, second
     forces = np.asarray(squat.mechanics.muscle_forces.map(len(phi))(phi.T, rates.T, activations.T)).T
     return SquatResult(
         weight=weight,
+        x=x,
         time_s=squat.grid.times_s,
         phi=phi,
         rates=rates,
