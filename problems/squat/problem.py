@@ -1,12 +1,13 @@
 """A squat by direct collocation: least activation, with a weight on the medial contact force.
 
-    min  mean over time of [ mean_m a_m² + w·(F_med/BW)² + ε·(change of a)² ]
+    min  mean over time of [ mean_m a_m² + w·(F_med/BW)² ] + ε·Σ (change of a_m from point to point)²
 
-over the segments' angles φ, their rates, activations a and the knee's pose (tx, ty, rx) at every collocation point,
-subject to the leg's equations of motion, the balance of forces across the knee with the contact model's loads
-(`leg`), and the centre of pressure under the foot. Knee flexion goes down and up once as a cosine of time, as to a
-metronome; ankle, hip and muscles are free, at rest at both ends. (With free timing the least activation is to stand as
-long as possible and drop.) w is a parameter of the nlp: one solver for all points of the trade-off, exact Hessian.
+with the sum over all points and muscles m, over the segments' angles φ, their rates, activations a and the knee's pose
+(tx, ty, rx) at every collocation point, subject to the leg's equations of motion, the balance of forces across the knee
+with the contact model's loads (`leg`), and the centre of pressure under the foot. Knee flexion goes down and up once as
+a cosine of time, as to a metronome; ankle, hip and muscles are free, at rest at both ends. (With free timing the least
+activation is to stand as long as possible and drop.) w is a parameter of the nlp: one solver for all points of the
+trade-off, exact Hessian.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ STANDING_FLEXION_DEG = 10.0
 LEAST_DURATION_S = 0.3  # nobody falls as fast, and IPOPT looks for muscles that do for minutes
 LEAST_ACTIVATION = 0.01
 _COST_SCALE = 100.0  # the cost is some thousandths, which a barrier of usual size would drown
-_STEADINESS = 1e-3  # of activations' changes from point to point
+_STEADINESS = 1e-3  # ε
 _LOWEST = np.array([-0.2, -2.0, -0.4])  # lean of shank, thigh, trunk [rad]
 _HIGHEST = np.array([0.8, 0.2, 1.4])
 _TO_STEPS = KNEE_STEPS[[pose_index(name) for name in FREE]]
