@@ -97,6 +97,7 @@ def _moments(squat: Squat, results: Sequence[SquatResult], verdict: Verdict) -> 
     """Columns with a row for each moment of each squat."""
     joined = {name: np.concatenate([getattr(r, name) for r in results]) for name in ("phi", "poses", "loads", "time_s")}
     columns: dict[str, Any] = {
+        "frame": np.arange(len(verdict.words)),  # as the verdict names them
         "weight": np.concatenate([np.full(len(r.time_s), r.weight) for r in results]),
         "time_s": joined["time_s"],
         **{f"{name}_lean_deg": np.degrees(joined["phi"][:, k]) for k, name in enumerate(SEGMENTS)},
