@@ -29,10 +29,11 @@ INLINE void cross(const double a[3], const double b[3], double c[3]) {
   c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+/* Terms of a coordinate of the anchor that is zero, a constant, are left out, and the sines that only they need. */
 INLINE Local local_of(const double pose[6], const Frame *f, double ax, double ay, double az, int derivatives) {
   Local local;
   for (int i = 0; i < 3; i++) {
-    local.v[i] = ax * f->r[i][0] + ay * f->r[i][1] + az * f->r[i][2];
+    local.v[i] = (ax ? ax * f->r[i][0] : 0.0) + (ay ? ay * f->r[i][1] : 0.0) + (az ? az * f->r[i][2] : 0.0);
     local.x[i] = pose[i] + local.v[i];
     local.x[3 + i] = pose[3 + i];
   }
