@@ -190,7 +190,10 @@ def _smallest(
         return fit_surrogate(project, samples, anew, update, executor)
 
     small = smallest_networks(surrogate, samples, LADDER, fitted, lambda model: not misses(model, samples, share))
-    return surrogate if misses(small, samples, 1.0, TEST) else small
+    if missed := misses(small, samples, 1.0, TEST):
+        _log.warning("smaller networks miss %s of held-back rows: the larger ones stay", missed[0])
+        return surrogate
+    return small
 
 
 def _in_round(update: Update | None, number: int) -> Update | None:

@@ -11,10 +11,9 @@ from casadi_contact.quantities import FORCE, TORQUE, of_kind, two_digits
 from casadi_contact.scenes.scene import Scene
 
 _LEAST, _MOST = 0.01, 20.0  # of the scene's reference load
-_LEAST_LEVER_MM = (
-    0.05  # largest torque over largest force: levers of joints are some millimetres, 0.001 times that in m
-)
+_LEAST_LEVER_MM = 0.05  # largest torque over largest force; levers of joints are some millimetres
 _LEAST_TRAVEL_MM = 0.05  # joints slide by some millimetres
+_ROUNDING_MM = 1e-6  # what stands still, or turns about its own middle, in a file of some digits
 
 
 def unit_warnings(scene: Scene, wanted: Mapping[str, Array], measured: Mapping[str, Array]) -> list[str]:
@@ -51,12 +50,12 @@ def force_unit_warning(scene: Scene, wanted: Mapping[str, Array]) -> str:
 
 def torque_unit_warning(wanted: Mapping[str, Array]) -> str:
     """A line where the largest torque of a cycle is that of its largest force on a lever below 0.05 mm; "" where it is
-    not, and without a force or a torque."""
+    not, and without a force or a torque but for rounding."""
     largest = [
         max((float(np.abs(wanted[name]).max()) for name in of_kind(tuple(wanted), kind)), default=0.0)
         for kind in (FORCE, TORQUE)
     ]
-    if 0.0 in largest or largest[1] >= _LEAST_LEVER_MM * largest[0]:
+    if not _ROUNDING_MM * largest[0] < largest[1] < _LEAST_LEVER_MM * largest[0]:
         return ""
     return (
         f"the largest torque is {two_digits(largest[1])} N·mm, that of the largest force on a lever of "
@@ -66,8 +65,8 @@ def torque_unit_warning(wanted: Mapping[str, Array]) -> str:
 
 def translation_unit_warning(measured: Mapping[str, Array]) -> str:
     """A line where the measured translations of a cycle all vary by less than 0.05 mm; "" where one varies by more, and
-    where none varies at all."""
+    where none varies but for rounding."""
     travel = max((float(np.ptp(curve)) for name, curve in measured.items() if name.startswith("t")), default=0.0)
-    if travel == 0.0 or travel >= _LEAST_TRAVEL_MM:
+    if not _ROUNDING_MM < travel < _LEAST_TRAVEL_MM:
         return ""
     return f"measured translations vary by {two_digits(travel)} mm at most: are they in m? Multiply them by 1000"

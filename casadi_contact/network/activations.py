@@ -18,9 +18,8 @@ class Activation:
 
     derivatives(xp, z, order): (σ, σ', σ'')[: order + 1] elementwise, with xp the module (numpy, torch or casadi) that
     z belongs to; all three give the same formulas. slope_from_value(xp, a): σ' where σ = a, so that training keeps
-    no z. c: statements of C that set value, slope and curvature from z; they may use the helpers of ``core.h`` and
-    vectorise only without calls to others. c_type: of all four, ``double``, or ``Vector`` where the statements are
-    arithmetic alone: a register of neurons at a time.
+    no z. c: statements of C that set value, slope and curvature from z; c_type: of all four, ``double``, or, faster,
+    ``Vector``, a register of neurons: for statements of arithmetic and of the helpers of ``core.h`` for it.
     """
 
     derivatives: Callable[[Any, Any, int], tuple[Any, ...]]
@@ -61,16 +60,16 @@ const Vector r = reciprocal_root(1.0 + z * z), r2 = r * r;
 value = z * r;
 slope = r2 * r;
 curvature = -3.0 * value * (r2 * r2);""",
-        c_type="Vector",
+        "Vector",
     ),
     "tanh": Activation(
         _tanh,
         lambda _, a: 1.0 - a * a,
         """\
-const double t = decay(2.0 * (z < 0.0 ? -z : z)), size = (1.0 - t) / (1.0 + t);
-value = z < 0.0 ? -size : size;
+value = hyperbolic_tangent(z);
 slope = 1.0 - value * value;
 curvature = -2.0 * value * slope;""",
+        "Vector",
     ),
 }
 

@@ -64,9 +64,10 @@ def fit_surrogate(
 
     Of a joint that is its own mirror image one side is fitted, on the samples of both. update is called as (title and
     network, Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their
-    budget was used up. made: surrogates of the same samples by structure, from which some structures train on
-    (`Surrogate.starts`). onward: a surrogate whose networks go on from their weights, widened to the first size of
-    their effort; a fit that stalls does not begin again from random ones.
+    budget was used up, where all are fitted: sizes that are only tried may be too small. made: surrogates of the same
+    samples by structure, from which some structures train on (`Surrogate.starts`). onward: a surrogate whose networks
+    go on from their weights, widened to the first size of their effort; a fit that stalls does not begin again from
+    random ones.
     """
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
@@ -108,7 +109,7 @@ def fit_surrogate(
         networks = {name: networks[name] for name in kind.networks_for(scene, fitting.loads)}
     record = training_record(project, samples, kind(scene, networks), fits, fitting.command, fitting.device)
     surrogate = kind(scene, networks, record if onward is None else gone_on(onward.record, record))
-    if line := budget_line(surrogate.record):
+    if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)
     return surrogate
 

@@ -24,13 +24,15 @@ def smallest_networks(
     fitted: Callable[[Mapping[str, Size], Surrogate], Surrogate],
     met: Callable[[Surrogate], bool],
 ) -> Surrogate:
-    """The surrogate with each network at the smallest size of the ladder that meets what is asked, by bisection.
+    """The surrogate with each network at the smallest size of the ladder that meets what is asked, by bisection: as if
+    every size above one that does met it too.
 
     fitted(sizes, surrogate): the surrogate with the named networks fitted anew in these sizes. Those of one step are
     fitted side by side and judged one after the other, the largest first, beside what was taken before: errors add up.
     Of a mirrored joint a network and its twin go together.
     """
-    twins = {twin: of for twin, of in surrogate.twins(surrogate.scene).items() if twin in surrogate.networks}
+    known = set(surrogate.networks)
+    twins = {twin: of for twin, of in surrogate.twins(surrogate.scene).items() if {twin, of} <= known}
     least = {name: 0 for name, network in surrogate.networks.items() if name not in twins and network.hidden in ladder}
     most = {name: ladder.index(surrogate.networks[name].hidden) for name in least}
     while names := [name for name in least if least[name] < most[name]]:

@@ -23,7 +23,7 @@ from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.coverage import trust_coverage
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
 from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
-from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, with_error_bounds
+from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, LEAST_ROWS, with_error_bounds
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
 from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import KEPT, LIGHT_LOADS, SURE, SURELY_VALID, Trust
@@ -98,16 +98,18 @@ def with_trust(
 
 
 def _by_size(surrogate: Surrogate, others: Sequence[Samples]) -> list[Samples]:
-    """The poses of each kind, and as a kind of its own those of all in light contact: heavier ones are many more, and
-    tell little of errors there."""
+    """The poses of each kind, and as a kind of its own those of all in light contact: the rest are many more, and tell
+    little of errors there. Few in light contact stay with their kinds, since a kind's errors count however few."""
     if not others:
         return []
     scene = surrogate.scene
     least, most = np.sqrt(np.array([LEAST_LIGHT_LOADS, LIGHT_LOADS]) * scene.boundary_load / scene.reference_load)
     largest = [surrogate.trust_roots(part.poses).max(axis=1) for part in others]
     light = [(least < roots) & (roots <= most) for roots in largest]
-    heavy = [part.rows(~rows) for part, rows in zip(others, light, strict=True)]
-    return [*heavy, reduce(Samples.join_samples, [part.rows(rows) for part, rows in zip(others, light, strict=True)])]
+    if sum(rows.sum() for rows in light) < LEAST_ROWS:
+        return list(others)
+    rest = [part.rows(~rows) for part, rows in zip(others, light, strict=True)]
+    return [*rest, reduce(Samples.join_samples, [part.rows(rows) for part, rows in zip(others, light, strict=True)])]
 
 
 def _model_errors(model: WrenchModel) -> dict[str, Any]:

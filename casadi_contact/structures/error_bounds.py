@@ -24,7 +24,7 @@ BANDWIDTH = 0.5  # of the scales, the deviation of an even spread over the sampl
 ROOT_SCALE = 0.15  # of a root load's range, over which its scale as a state's coordinate is that of a pose parameter
 NEIGHBOURS = 60  # samples around a centre that its error level comes from
 LEAST_LEVEL = 0.05  # of the level over all samples: no error bound is zero
-_LEAST_ROWS = 40  # of fewer no quantile is taken
+LEAST_ROWS = 40  # of fewer no quantile is taken
 _FEW_ROWS = 25  # of unseen poses, the least of which the largest ratio bounds a share `COVERAGE`: fewer tell no error
 FOLDS = 10  # of the unseen poses, of which each is bounded by a formula of the others
 _LEAST_GROWTH = 1.0
@@ -89,7 +89,7 @@ def _growth(trust: Trust, missing: Array, loaded: np.ndarray, excess: Array) -> 
     growth = np.full(missing.shape[1], _LEAST_GROWTH)
     for k, usual_load in enumerate(trust.usual_loads):
         rows = loaded[:, k] & (outside > 1e-3)
-        if rows.sum() >= _LEAST_ROWS:
+        if rows.sum() >= LEAST_ROWS:
             growth[k] = max(growth[k], float(np.quantile(missing[rows, k] / (outside[rows] * usual_load), COVERAGE)))
     return growth
 

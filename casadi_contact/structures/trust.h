@@ -44,7 +44,7 @@ INLINE double soft_distance(int size, int count, const double *centres, double b
   }
   for (int j = count; j < padded; j++) weights[j] = 1e300;
   least = least_of(padded, weights);
-  for (int j = 0; j < padded; j++) weights[j] = decay(weights[j] - least);
+  for (int j = 0; j < padded; j += VECTOR) *(Stored *)(weights + j) = decay(loaded(weights + j) - least);
   *total = sum_over(padded, weights);
   return least - log(*total);
 }

@@ -14,13 +14,13 @@ from casadi_contact.scenes import Scene
 from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
+from problems.pose_estimation.centre_units import centre_warnings
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
 from problems.pose_estimation.sign_warnings import sign_warnings
 from problems.pose_estimation.solve import PoseResult, motion_of
 from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
-from problems.pose_estimation.unit_warnings import centre_warnings
 
 
 @dataclass(frozen=True)

@@ -60,16 +60,21 @@ def hardly_determined(problem: PoseEstimation, poses: Array) -> tuple[np.ndarray
     return changes <= 1.0, found
 
 
-def hardly_determined_in_words(problem: PoseEstimation, poses: Array, solved: np.ndarray) -> str:
-    """How many of the solved frames (n,) of poses (n, 6) are carried elsewhere, which, and along what; "" for none."""
+def hardly_determined_frames(problem: PoseEstimation, poses: Array, solved: np.ndarray) -> tuple[np.ndarray, Array]:
+    """Which frames (n,) with load, of the solved ones (n,), are carried elsewhere, and their directions (m, f)."""
     found = solved & problem.wanted.loaded
     there, weakest = hardly_determined(problem, poses[found])
     found[found] = there
-    if not there.any():
+    return found, weakest[there]
+
+
+def hardly_determined_in_words(problem: PoseEstimation, frames: np.ndarray, weakest: Array) -> str:
+    """How many frames (n,) are carried elsewhere, which, and along what (m, f); "" for none."""
+    if not frames.any():
         return ""
-    names = " and ".join(problem.free[k] for k in np.unique(np.abs(weakest[there]).argmax(axis=1)))
+    names = " and ".join(problem.free[k] for k in np.unique(np.abs(weakest).argmax(axis=1)))
     return (
-        f"the wanted loads hardly tell the pose in {there.sum()} of {len(poses)} frames: {AWAY_MM:g} mm away, along "
+        f"the wanted loads hardly tell the pose in {frames.sum()} of {len(frames)} frames: {AWAY_MM:g} mm away, along "
         f"{names}, contact carries them within tolerance as well; measure {names}, or more loads: frames "
-        f"{rows_in_words(found)}"
+        f"{rows_in_words(frames)}"
     )

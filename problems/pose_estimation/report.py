@@ -22,10 +22,10 @@ from problems.common.outcome import print_outcome, print_verdict, rows_in_words,
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
 from problems.pose_estimation.estimate import Estimate
-from problems.pose_estimation.identifiability import hardly_determined_in_words
+from problems.pose_estimation.identifiability import hardly_determined_frames, hardly_determined_in_words
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import PoseEstimation
-from problems.pose_estimation.several_poses import several_poses_in_words, unstable_frames
+from problems.pose_estimation.several_poses import elsewhere_mm, several_poses_in_words, unstable_frames
 from problems.pose_estimation.solve import PoseResult
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
@@ -98,10 +98,15 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     tracked = Tracked.of(problem, result, ef)
     errors = tracked.errors()
     _print(problem, estimate, errors, ef, kind)
-    untold = hardly_determined_in_words(problem, result.poses, result.converged)
+    untold, along = hardly_determined_frames(problem, result.poses, result.converged)
     leaping = np.zeros(problem.frames, dtype=bool) if verdict.leaps is None else verdict.leaps
-    several = several_poses_in_words(problem, result, leaping)
-    for words in [*tracked.caveats(verdict), *filter(None, [untold]), *several]:
+    elsewhere = np.where(untold, 0.0, elsewhere_mm(problem, result))
+    several = several_poses_in_words(problem, result, leaping, elsewhere)
+    for words in [
+        *tracked.caveats(verdict),
+        *filter(None, [hardly_determined_in_words(problem, untold, along)]),
+        *several,
+    ]:
         PlainConsole().print(words, highlight=False, soft_wrap=True)
     _write_table(out / "pose_estimation.csv", problem, result, tracked, verdict)
     write_table(poses_table(cycle.time_s, result.poses, f"{cycle.name} poses"), out / "poses.sto")
@@ -118,6 +123,7 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
         "on_contact_model": int(result.on_model.sum()),
         "of_these_on_the_rim": int(result.on_rim.sum()),
         "leaping": int(leaping.sum()),
+        "carried_elsewhere": int((elsewhere > 0.0).sum()),
         "in_unstable_equilibrium": int(unstable_frames(problem, result).sum()),
         **({} if ef is None else ef.record()),
         **solver_record(result),

@@ -30,7 +30,8 @@ def elsewhere_mm(problem: PoseEstimation, result: PoseResult) -> Array:
     the wanted loads as well; 0 where none was found nor looked for (`motion_of`).
 
     Newton's method begins `_ASIDE_MM` to both sides along each free translation, and ends in stable and unstable
-    equilibria alike. A pose counts within the learned range, from `_OTHER_MM` on.
+    equilibria alike. A pose counts within the learned range, from `_OTHER_MM` on. A user's own model may refuse poses
+    aside (ValueError): then none is found.
     """
     motion, away = motion_of(problem), np.zeros(problem.frames)
     frames = np.flatnonzero(result.converged & problem.wanted.loaded)
@@ -38,6 +39,8 @@ def elsewhere_mm(problem: PoseEstimation, result: PoseResult) -> Array:
         return away
     moves = [sign * size for size in _ASIDE_MM for sign in (1.0, -1.0)]
     sides = [(pose_index(name), move) for name in motion.free if name[0] == "t" for move in moves]
+    if not sides:
+        return away
     starts = np.repeat(result.poses[frames][None], len(sides), axis=0)
     for start, (column, move) in zip(starts, sides, strict=True):
         start[:, column] += move
@@ -45,9 +48,12 @@ def elsewhere_mm(problem: PoseEstimation, result: PoseResult) -> Array:
         name: np.tile(np.broadcast_to(load, problem.frames)[frames], len(sides)) for name, load in motion.wanted.items()
     }
     tolerance = float(np.min(motion.tolerance_n[frames]))
-    poses, settled = settle(
-        motion.model, starts.reshape(-1, 6), motion.free, wanted, tolerance=tolerance, trust_region=False
-    )
+    try:
+        poses, settled = settle(
+            motion.model, starts.reshape(-1, 6), motion.free, wanted, tolerance=tolerance, trust_region=False
+        )
+    except ValueError:
+        return away
     inside = ((poses >= motion.low) & (poses <= motion.high))[:, motion.columns].all(axis=1)
     if isinstance(motion.model, Surrogate) and motion.model.trust is not None:
         inside &= motion.model.validity(poses) > VALID
@@ -58,20 +64,21 @@ def elsewhere_mm(problem: PoseEstimation, result: PoseResult) -> Array:
     return away
 
 
-def several_poses_in_words(problem: PoseEstimation, result: PoseResult, leaping: np.ndarray) -> Iterator[str]:
-    """Which free pose parameters leap, where frames do (n,), which frames are carried elsewhere as well, and which
-    stand in an unstable equilibrium."""
+def several_poses_in_words(
+    problem: PoseEstimation, result: PoseResult, leaping: np.ndarray, elsewhere: Array
+) -> Iterator[str]:
+    """Which free pose parameters leap, where frames do (n,), which frames are carried elsewhere as well (n,) [mm], and
+    which stand in an unstable equilibrium."""
     if leaping.any() and (words := leaps_in_words(result.poses, problem.free)):
         yield (
             f"the pose leaps: {words}; contact carries the wanted loads in several poses, and none that was found "
             "leads from one side to the other: measure more of the pose, or more loads"
         )
-    away = elsewhere_mm(problem, result)
-    if (other := away > 0.0).any():
+    if (other := elsewhere > 0.0).any():
         yield (
             f"contact carries the wanted loads of {other.sum()} of {problem.frames} frames in another pose as well, up "
-            f"to {away.max():.3g} mm away, and loads cannot tell which is the body's: measure more of the pose or more "
-            f"loads, or begin beside the other (--start): frames {rows_in_words(other)}"
+            f"to {elsewhere.max():.3g} mm away, and loads cannot tell which is the body's: measure more of the pose or "
+            f"more loads, or begin beside the other (--start): frames {rows_in_words(other)}"
         )
     unstable = unstable_frames(problem, result)
     if unstable.any():

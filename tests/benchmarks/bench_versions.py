@@ -3,7 +3,7 @@
     python -m tests.benchmarks.bench_versions [surrogate.h5 ...]
 
 "in C": poses one after the other in a loop in C. "called": single buffered calls of CasADi, as an optimiser makes them.
-A surrogate of another joint, such as a planar knee, is asked for its own loads at the poses of its own motion.
+A surrogate of another ready scene, such as a planar knee, is asked for its own loads at the poses of its own motion.
 """
 
 from __future__ import annotations

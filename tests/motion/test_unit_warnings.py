@@ -56,7 +56,7 @@ def test_three_body_weights_on_a_hip_get_none():
 LEVER = np.linspace(-8.0, 12.0, 5)  # of a force of 500 N [mm]
 
 
-@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in N·m?"), (0.0, "")])
+@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in N·m?"), (1e-12, ""), (0.0, "")])
 def test_torques_in_newton_metres_get_a_warning(scale, asked):
     said = torque_unit_warning({"Fy": np.full(5, -500.0), "Tx": scale * 500.0 * LEVER, "Tz": np.zeros(5)})
     assert asked in said
@@ -67,7 +67,7 @@ def test_torques_without_a_force_get_none():
     assert torque_unit_warning({"Tx": 0.5 * LEVER}) == ""
 
 
-@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in m?"), (0.0, "")])
+@pytest.mark.parametrize(("scale", "asked"), [(1.0, ""), (1e-3, "in m?"), (1e-15, ""), (0.0, "")])
 def test_translations_in_metres_get_a_warning(scale, asked):
     said = translation_unit_warning({"tx": scale * LEVER, "tz": np.full(5, 3.0), "rz": 0.01 * LEVER})
     assert asked in said

@@ -10,7 +10,11 @@ from casadi_contact.verification import own_model
 from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation.estimate import estimated
-from problems.pose_estimation.identifiability import hardly_determined, hardly_determined_in_words
+from problems.pose_estimation.identifiability import (
+    hardly_determined,
+    hardly_determined_frames,
+    hardly_determined_in_words,
+)
 from problems.pose_estimation.report import report
 from tests.support.compiler import needs_compiler
 
@@ -41,7 +45,7 @@ def test_forces_tell_where_in_a_dish_a_ball_lies():
     poses = np.array([scene.start_pose, scene.start_pose]) - [0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
     problem = problem_of("sphere_in_dish", FORCES, poses)
     assert not hardly_determined(problem, poses)[0].any()
-    assert hardly_determined_in_words(problem, poses, np.ones(2, dtype=bool)) == ""
+    assert hardly_determined_in_words(problem, *hardly_determined_frames(problem, poses, np.ones(2, dtype=bool))) == ""
 
 
 @needs_compiler
@@ -63,7 +67,8 @@ def test_a_side_that_carries_nothing_may_lift_off_as_far_as_it_likes():
 @needs_compiler
 def test_only_frames_that_are_solved_are_named():
     problem = problem_of("sphere_on_plane", FORCES, POSES)
-    said = hardly_determined_in_words(problem, POSES, np.array([False, True]))
+    frames, along = hardly_determined_frames(problem, POSES, np.array([False, True]))
+    said = hardly_determined_in_words(problem, frames, along)
     assert "in 1 of 2 frames" in said
     assert said.endswith("frames 1")
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import symbolic
+from casadi_contact.contact import CallableModel, symbolic
+from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
@@ -34,6 +35,11 @@ def start_at(places):
     return poses
 
 
+def words(problem, found):
+    away = elsewhere_mm(problem, found.result)
+    return list(several_poses_in_words(problem, found.result, found.verdict.leaps, away))
+
+
 def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem):
     alone = pose_estimation.solve(problem, start_at(PLACES))
     np.testing.assert_allclose(alone.poses[:, 0], PLACES, atol=1.0)
@@ -43,7 +49,7 @@ def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem)
     assert found.verdict.exit_code == 0
     elsewhere = elsewhere_mm(problem, found.result).max()
     assert elsewhere == pytest.approx(DIP_MM, abs=1.0), "the ridge between the dips"
-    (said,) = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    (said,) = words(problem, found)
     assert f"of {FRAMES} of {FRAMES} frames in another pose as well, up to {elsewhere:.3g} mm away" in said
 
 
@@ -56,7 +62,7 @@ def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monk
     assert found.verdict.doubt == "their pose leaps"
     assert found.verdict.words[4] == "solved, its pose leaps"
     assert str(found.verdict).endswith("; 7 solved, but their pose leaps from one to the next")
-    said, elsewhere = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    said, elsewhere = words(problem, found)
     assert "in another pose as well" in elsewhere
     assert "tx by 10 mm from frame 3 to 4" in said
 
@@ -65,7 +71,7 @@ def test_a_body_that_would_slide_off_a_ridge_is_told(problem):
     found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(np.zeros(FRAMES)), contact_model(), 0)
     np.testing.assert_allclose(found.result.poses[:, 0], 0.0, atol=1.0)
     assert unstable_frames(problem, found.result).all()
-    elsewhere, said = several_poses_in_words(problem, found.result, found.verdict.leaps)
+    elsewhere, said = words(problem, found)
     assert "in another pose as well" in elsewhere
     assert f"in {FRAMES} of {FRAMES} frames contact alone holds the body in an unstable equilibrium" in said
 
@@ -75,6 +81,27 @@ def test_walking_on_the_knee_is_carried_in_no_other_pose():
     result = pose_estimation.solve(walking)
     assert result.converged.all()
     assert elsewhere_mm(walking, result).tolist() == [0.0] * 21
+
+
+def test_no_other_pose_is_looked_for_beside_held_translations_and_where_a_model_refuses_to_go(problem):
+    model, frames = cc.foundation("sphere_in_dish"), 3
+    still = {name: np.full(frames, value) for name, value in zip(POSE_NAMES, model.scene.start_pose, strict=True)}
+    still["ty"] -= 0.1
+    measured = {name: still[name] for name in ("tx", "ty", "tz", "ry")}
+    torques = {name: np.zeros(frames) for name in ("Tx", "Tz")}
+    turned = pose_estimation.build(model, JointCycle("turned", np.arange(float(frames)), measured, torques))
+    assert elsewhere_mm(turned, pose_estimation.solve(turned)).tolist() == [0.0] * frames
+
+    def shy(poses):
+        if np.abs(poses[:, 0]).max() > DIP_MM + 1.0:
+            raise ValueError("off the mesh")
+        return dips.wrenches(poses)
+
+    dips = contact_model()
+    own = replace(problem, model=symbolic(CallableModel(dips.scene, shy)))
+    result = pose_estimation.solve(problem, start_at(np.full(FRAMES, DIP_MM)))
+    assert elsewhere_mm(problem, result).max() > 0.0
+    assert elsewhere_mm(own, result).max() == 0.0
 
 
 def test_smoothness_couples_frames_so_that_none_is_moved(problem):

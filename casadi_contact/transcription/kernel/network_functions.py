@@ -28,31 +28,23 @@ def network_functions(bundles: Sequence[Bundle]) -> str:
 def activation_loops(name: str) -> str:
     """NAME_0(n, a), NAME_1(n, a, d), NAME_2(n, a, d, e): a = σ(a) in place, d = σ', e = σ''.
 
-    The compiler drops what a loop does not store. Of few neurons it would unroll a loop of doubles and keep scalars; of
-    more it unrolls what it has vectorised.
+    The compiler drops what a loop does not store.
     """
     activation = activation_of(name)
-    by_register = activation.c_type == "Vector"
+    kind, step, stored = ("Vector", "VECTOR", "Stored") if activation.c_type == "Vector" else ("double", "1", "double")
     body = activation.c.replace("\n", "\n    ")
-    at = "*({kind} *)({array} + i)" if by_register else "{array}[i]"
     results = dict(zip("ade", ("value", "slope", "curvature"), strict=True))
     functions = []
     for order in range(3):
         arrays = "ade"[: order + 1]
-        stored = " ".join(f"{at.format(kind='Stored', array=array)} = {results[array]};" for array in arrays)
-        loop = (
-            f"for (int i = 0; i < n; i += {'VECTOR' if by_register else '1'}) {{\n"
-            f"    {activation.c_type} value, slope, curvature;\n"
-            f"    const {activation.c_type} z = {at.format(kind='const Stored', array='a')};\n"
-            f"    {body}\n    {stored}\n    (void)slope, (void)curvature;\n  }}\n"
-        )
-        loops = (
-            f"  {loop}"
-            if by_register
-            else f"  if (n <= FEW_NEURONS) {{\n  KEEP_LOOP {loop}  }} else {{\n  {loop}  }}\n"
-        )
         parameters = ", ".join(f"double *{array}" for array in arrays)
-        functions.append(f"INLINE void {name}_{order}(int n, {parameters}) {{\n{loops}}}")
+        functions.append(
+            f"INLINE void {name}_{order}(int n, {parameters}) {{\n"
+            f"  for (int i = 0; i < n; i += {step}) {{\n"
+            f"    {kind} value, slope, curvature;\n    const {kind} z = *(const {stored} *)(a + i);\n    {body}\n    "
+            + " ".join(f"*({stored} *)({array} + i) = {results[array]};" for array in arrays)
+            + "\n    (void)slope, (void)curvature;\n  }\n}"
+        )
     return "\n\n".join(functions)
 
 

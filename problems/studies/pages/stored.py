@@ -25,6 +25,8 @@ def damage_told(path: Path) -> Iterator[None]:
     """Within, whatever a page misses in the content of a file is a ValueError that names the file, and the cure."""
     try:
         yield
+    except OSError:
+        raise
     except Exception as error:  # what is missing or of another kind leads to errors of many kinds
         said = one_line(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {one_line(error)}"
         raise ValueError(f"{path} is damaged ({said}): run the command that wrote it again") from None

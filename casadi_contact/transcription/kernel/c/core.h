@@ -35,7 +35,6 @@
 #endif
 
 #define WIDTH 8 /* every padded layer is a multiple of this */
-#define FEW_NEURONS 16 /* compilers unroll loops of so many completely */
 
 #if defined(__GNUC__)
 #define UNROLL _Pragma("GCC unroll 32")
@@ -201,15 +200,23 @@ INLINE Vector reciprocal_root(Vector x) {
   return y + y * miss * (0.5 + miss * (0.375 + miss * 0.3125));
 }
 
+INLINE Vector at_most(double most, Vector x) {
+#if defined(__GNUC__)
+  const Vector zero = {0}, limit = zero + most;
+  const Bits within = (Bits)(x < limit);
+  return (Vector)((within & (Bits)x) | (~within & (Bits)limit));
+#else
+  return x < most ? x : most;
+#endif
+}
+
 /* exp(-x) for x >= 0: 2^n exp(r) with |r| <= ln(2)/2, Taylor's terms up to r^12. */
-INLINE double decay(double x) {
-  double y = x < 700.0 ? -x : -700.0, shifted, n, r, p;
-  uint64_t bits;
-  shifted = y * 1.4426950408889634 + 6755399441055744.0;
-  n = shifted - 6755399441055744.0;
-  r = (y - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
-  p = 1.0 / 479001600.0;
-  p = p * r + 1.0 / 39916800.0;
+INLINE Vector decay(Vector x) {
+  const Vector y = -at_most(700.0, x), shifted = y * 1.4426950408889634 + 6755399441055744.0;
+  const Vector n = shifted - 6755399441055744.0;
+  const Vector r = (y - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
+  Vector p = r * (1.0 / 479001600.0) + 1.0 / 39916800.0, power;
+  Bits bits;
   p = p * r + 1.0 / 3628800.0;
   p = p * r + 1.0 / 362880.0;
   p = p * r + 1.0 / 40320.0;
@@ -223,8 +230,24 @@ INLINE double decay(double x) {
   p = p * r + 1.0;
   memcpy(&bits, &shifted, sizeof bits);
   bits = (bits + 1023) << 52;
-  memcpy(&n, &bits, sizeof n);
-  return p * n;
+  memcpy(&power, &bits, sizeof power);
+  return p * power;
+}
+
+/* tanh(z) = ±(1 - exp(-2|z|))/(1 + exp(-2|z|)), with the sign of z */
+INLINE Vector hyperbolic_tangent(Vector z) {
+  const uint64_t sign = UINT64_C(0x8000000000000000);
+  Bits of_z, bits;
+  Vector size, t;
+  memcpy(&of_z, &z, sizeof z);
+  bits = of_z & ~sign;
+  memcpy(&size, &bits, sizeof size);
+  t = decay(2.0 * size);
+  size = (1.0 - t) / (1.0 + t);
+  memcpy(&bits, &size, sizeof size);
+  bits |= of_z & sign;
+  memcpy(&size, &bits, sizeof size);
+  return size;
 }
 
 /* The same layer for LANES poses at once: a[j][lane] -> z[o][lane]; stride is the padded number of outputs. */

@@ -7,7 +7,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.verification import own_model
-from problems.pose_estimation.unit_warnings import centre_warnings
+from problems.pose_estimation.centre_units import centre_warnings
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.asked import asked_before_solving
 
