@@ -52,6 +52,12 @@ def was_interrupted() -> bool:
     return _interrupted
 
 
+def raise_if_interrupted() -> None:
+    """KeyboardInterrupt where Ctrl-C was pressed: for handlers of errors that C++ may have made of it."""
+    if _interrupted:
+        raise KeyboardInterrupt from None
+
+
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
     """Within, in the main thread, SIGTERM (`kill`, a batch system's end of time) is as Ctrl-C, so that workers end

@@ -1,10 +1,10 @@
 """A surrogate no larger than a tolerance asks for: samples, networks and work grow until it is met in every domain.
 
 Round k draws twice the samples of the round before and lets each network grow with three times the work to a closer
-fit. The first round whose validation rows have errors within four fifths of the tolerance,
-load by load and domain by domain, is the last: the result depends on the scene and the tolerance, not on the clock. Of
-the last round that there is, errors within the tolerance itself are enough. The networks that met it are then made as
-small as they may be (`project.smallest`).
+fit. The first round whose validation rows have errors within four fifths of the tolerance, load by load and domain by
+domain, is the last: the result depends on the scene and the tolerance, not on the clock. Of the last round that there
+is, errors within the tolerance itself are enough. The networks that met it are then made as small as they may be
+(`project.smallest`).
 """
 
 from __future__ import annotations

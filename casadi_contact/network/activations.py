@@ -60,7 +60,7 @@ const Vector r = reciprocal_root(1.0 + z * z), r2 = r * r;
 value = z * r;
 slope = r2 * r;
 curvature = -3.0 * value * (r2 * r2);""",
-        "Vector",
+        c_type="Vector",
     ),
     "tanh": Activation(
         _tanh,
@@ -69,7 +69,7 @@ curvature = -3.0 * value * (r2 * r2);""",
 value = hyperbolic_tangent(z);
 slope = 1.0 - value * value;
 curvature = -2.0 * value * slope;""",
-        "Vector",
+        c_type="Vector",
     ),
 }
 

@@ -51,16 +51,7 @@ SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
 SURE = 4.0 / 3.0  # excess at a validity of `SURELY_INVALID`; its negative at `SURELY_VALID`
 KEPT = 0.99  # of right poses, that a learned cause of distrust, a border or a classifier, leaves a validity above 0.9
 _POSITIVE = (
-    *(
-        "scales",
-        "bandwidth",
-        "sharpness",
-        "margin_low",
-        "margin_high",
-        "dense_bandwidth",
-        "boundary_root",
-        "box/margin",
-    ),
+    *("scales", "bandwidth", "sharpness", "margin_low", "margin_high", "dense_bandwidth", "boundary_root"),
     *("box/margin", "states/scale", "states/root_scale", "states/bandwidth", "classifier/scale"),
 )
 _NOT_NEGATIVE = ("levels", "shares", "usual_loads", "growth", "light_shares")

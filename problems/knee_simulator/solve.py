@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
-from casadi_contact.interrupts import was_interrupted
+from casadi_contact.interrupts import raise_if_interrupted
 from casadi_contact.quantities import three_digits
 from problems import static_equilibrium
 from problems.knee_simulator.problem import POWERS, KneeSimulator
@@ -96,8 +96,7 @@ def solve(
     try:
         answer = function(x0=first)
     except RuntimeError as error:
-        if was_interrupted():
-            raise KeyboardInterrupt from None
+        raise_if_interrupted()
         said = next((line for line in reversed(str(error).splitlines()) if line.strip()), "no reason given")
         raise ValueError(
             f"{integrator} gave up, expected loads and poses that the joint carries: {said.strip()}"

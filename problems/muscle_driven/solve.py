@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.interrupts import was_interrupted
+from casadi_contact.interrupts import raise_if_interrupted
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 
 LARGEST_ENERGY_LOST = 1e-3  # of the muscles' work: beyond it a motion is the integrator's, not the muscles'
@@ -57,8 +57,7 @@ def solve(driven: MuscleDriven, *, tolerance: float = 1e-6) -> Simulation:
     try:
         answer = integrate(x0=first)
     except RuntimeError as error:
-        if was_interrupted():
-            raise KeyboardInterrupt from None
+        raise_if_interrupted()
         said = next((line for line in reversed(str(error).splitlines()) if line.strip()), "no reason given")
         raise ValueError(f"cvodes gave up, expected muscles that hold the knee: {said.strip()}") from None
     seconds = time.perf_counter() - began

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array
-from casadi_contact.interrupts import was_interrupted
+from casadi_contact.interrupts import raise_if_interrupted
 from problems.optimal_control.carried import furthest_off
 from problems.optimal_control.problem import LOAD_SCALE_N, OptimalControl, inertia_of, point_function
 from problems.optimal_control.solve import ControlResult
@@ -38,8 +38,7 @@ def forward_poses(problem: OptimalControl, result: ControlResult) -> Array | Non
     try:
         answer = np.asarray(integrate(x0=start)["xf"]).T
     except RuntimeError:
-        if was_interrupted():
-            raise KeyboardInterrupt from None
+        raise_if_interrupted()
         return None
     poses = result.poses.copy()
     poses[1:, free] = answer[:, : len(free)]
