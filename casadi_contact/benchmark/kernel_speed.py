@@ -20,6 +20,7 @@ from casadi_contact.transcription.kernel import sigmoid_source
 from casadi_contact.transcription.kernel.compiler import shared_library
 
 BATCH = 1000
+CALL_ALONE = "call alone"
 GRIDS = ((40, 30), (80, 40))
 _MATRIX = 768  # large enough for the BLAS library to run at its best
 _SIGMOIDS, _REPEATS = 1024, 2000  # a vector that stays in the nearest cache
@@ -58,10 +59,11 @@ class KernelSpeed:
 def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> KernelSpeed:
     """Time value, Jacobian and Lagrangian Hessian of all loads as graph and as kernel, a batch, EF grids, the limit.
 
-    Single calls go through CasADi's buffer and include the copy of each pose; EF grids are timed as one batch of poses,
-    their cheapest form; a scene without geometry has none. Raises CompilerError without a compiler.
+    Single calls go through CasADi's buffer and include the copy of each pose, which "call alone" times of a function
+    that computes nothing; EF grids are timed as one batch of poses, their cheapest form; a scene without geometry has
+    none. Raises CompilerError without a compiler.
     """
-    measurements: dict[str, Callable[[], float]] = {}
+    measurements: dict[str, Callable[[], float]] = {CALL_ALONE: partial(time_single_calls, copy_of_one_number(), poses)}
     for name, compiled in (("graph", False), ("kernel", True)):
         function = surrogate.function(compiled=compiled)
         weights = np.ones(function.numel_out(0))
@@ -76,6 +78,14 @@ def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> Kerne
         measurements[f"EF {grid_text(grid)}"] = partial(time_batch, ElasticFoundation(surrogate.scene, grid), poses)
     with one_thread():
         return KernelSpeed(compare(measurements, repeats), _limit(surrogate.networks.values(), repeats))
+
+
+def copy_of_one_number() -> ca.Function:
+    """pose -> its first coordinate, compiled: what remains is the call."""
+    pose = ca.MX.sym("pose", 6)
+    code = ca.CodeGenerator("call_alone")
+    code.add(ca.Function("call_alone", [pose], [pose[0]]))
+    return ca.external("call_alone", str(shared_library(code.dump())))
 
 
 def jacobian_of(function: ca.Function) -> ca.Function:

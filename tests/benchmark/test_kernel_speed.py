@@ -20,7 +20,7 @@ def test_every_form_is_timed_and_the_limit_counts_all_networks(structure):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), structure)
     found = kernel_speed(surrogate, random_poses(5), repeats=1)
     assert all(timing.median_us > 0.0 for timing in found.timings.values())
-    assert {"value, kernel", "Jacobian, graph", "Hessian, kernel", "EF 80×40"} <= set(found.timings)
+    assert {"call alone", "value, kernel", "Jacobian, graph", "Hessian, kernel", "EF 80×40"} <= set(found.timings)
     (first, *others) = surrogate.networks.values()
     per_network = [net.parameter_count - sum(net.hidden) - 1 for net in (first, *others)]
     assert found.limit.multiply_adds == sum(per_network)
@@ -41,6 +41,14 @@ def test_each_form_is_timed_as_what_it_is_called(monkeypatch):
         for what in ("Jacobian", "Hessian"):
             calls = timed[f"{what}, {name}"].args[0].find_functions()
             assert any(inner.is_a("External") for inner in calls) == compiled, f"{what}, {name}"
+
+
+@needs_compiler
+def test_the_call_alone_reads_a_pose_and_computes_nothing():
+    alone = speed.copy_of_one_number()
+    assert alone.is_a("External")
+    pose = np.arange(1.0, 7.0)
+    assert float(alone(pose)) == 1.0
 
 
 def test_what_is_timed_as_jacobian_and_hessian_is_that():
@@ -66,7 +74,10 @@ def test_the_table_is_drawn_from_the_file_alone(tmp_path):
     cells = [list(column.cells) for column in table.columns]
     assert cells[0] == [*times, "machine's limit"]
     assert cells[3][:3] == ["4.50", "1.00", "1.00"]
-    assert "4.0 times the limit" in cells[3][3]
+    assert "kernel: 4.0 times the limit)" in cells[3][3]
+    times["call alone"] = {**timing, "median_us": 0.5}
+    (table,) = kernel_speed_tables({"surrogates": {"patch": found}})
+    assert "4.0 times the limit, 3.0 without the call" in list(table.columns[3].cells)[-1]
     path.write_text("{}")
     with pytest.raises(ValueError, match="not a file of kernel speed"):
         read_kernel_speed(path)

@@ -34,4 +34,5 @@ class Kernel:
         sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
         definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
         networks = "\n\n".join([network_functions(self.bundles), *map(bundle_functions, self.bundles)])
-        return "\n".join([definitions, "", c_text("core.h"), networks, "", self.code, c_text("guards.h")])
+        head = [definitions, "", c_text("core.h"), c_text("batch.h")]
+        return "\n".join([*head, networks, "", self.code, c_text("guards.h")])

@@ -13,6 +13,7 @@ from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, F
 from casadi_contact.conventions import load_unit
 from casadi_contact.files import replacing, writable_folder
 from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
+from casadi_contact.report.kernel_speed import times_the_limit
 from casadi_contact.scenes import ready_scenes
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.pages.stored import damage_told, read_stored
@@ -216,6 +217,7 @@ def kernel_speed_page(path: Path) -> str:
             span = f"{number(timing['low_us'])} to {number(timing['high_us'])}"
             rows.append([what, number(timing["median_us"]), span, number(timing["low_us"] / kernel)])
         columns = ["what", "median [µs]", "lowest to highest [µs]", "lowest, in multiples of the kernel's"]
-        limit = f"The machine's limit is {found['limit_us']:.2f} µs: {found['limit'].partition(': ')[2]}."
+        limit = f"The machine's limit is {found['limit_us']:.2f} µs: {found['limit'].partition(': ')[2]}. "
+        limit += f"The kernel takes {times_the_limit(found, 'low_us')}."
         parts += [f"## {structure}", table(columns, rows), limit]
     return page("Kernel speed", *parts)

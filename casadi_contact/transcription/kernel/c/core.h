@@ -249,25 +249,3 @@ INLINE Vector hyperbolic_tangent(Vector z) {
   memcpy(&size, &bits, sizeof size);
   return size;
 }
-
-/* The same layer for LANES poses at once: a[j][lane] -> z[o][lane]; stride is the padded number of outputs. */
-INLINE void lanes(int inputs, int outputs, int stride, const double *w, const double *a, double *z) {
-  for (int o = 0; o < outputs; o++) {
-    double sum[LANES];
-    KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] = w[o];
-    for (int j = 0; j < inputs; j++) {
-      const double weight = w[(j + 1) * stride + o];
-      KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] += weight * a[j * LANES + l];
-    }
-    KEEP_LOOP for (int l = 0; l < LANES; l++) z[o * LANES + l] = sum[l];
-  }
-}
-
-INLINE void lanes_out(int inputs, const double *w, double bias, const double *a, double *y) {
-  double sum[LANES];
-  KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] = bias;
-  for (int j = 0; j < inputs; j++) {
-    KEEP_LOOP for (int l = 0; l < LANES; l++) sum[l] += w[j] * a[j * LANES + l];
-  }
-  KEEP_LOOP for (int l = 0; l < LANES; l++) y[l] = sum[l];
-}
