@@ -74,6 +74,15 @@ def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen():
     assert (chosen.name, better.name) == ("fine", "finest")
 
 
+def test_the_next_better_model_is_the_cheapest_of_those_more_accurate():
+    def offer(name, time_us, force_n):
+        return Offer(name, "networks", time_us, MEASURED, force_n, float("nan"))
+
+    offers = [offer("dearest", 9.0, 0.1), offer("worse", 2.0, 1.8), offer("next", 3.0, 0.9), offer("first", 1.0, 1.5)]
+    chosen, better = cheapest(offers, Tolerance(2.0, None))
+    assert (chosen.name, better.name) == ("first", "next")
+
+
 def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make(folder):
     front = read_front(STORED)
     ef = min((p for p in front.points if p.family == "EF"), key=lambda p: p.value.median_us)
@@ -125,6 +134,28 @@ def test_where_nothing_is_timed_again_all_times_are_the_chart_s(machine, tmp_pat
     _, front = shipped_front(project.scene)
     times = at_hand.times_for_loads(project, front.models, ["Tz"])
     assert {how for _, how in times.values()} == {at_hand.SHARE, at_hand.ALL_LOADS}
+
+
+@pytest.mark.parametrize(
+    ("loads", "shares"),
+    [
+        (["Fy_med"], {"knee": (1, 4), "knee_patch": (1, 12), "knee_two_stage": (1, 7)}),
+        (["Fy_med", "Fy_lat"], {"knee": (2, 4), "knee_patch": (2, 12), "knee_two_stage": (2, 7)}),
+        (["Tz"], {"knee": (4, 4), "knee_patch": (4, 12), "knee_two_stage": (3, 7)}),
+    ],
+)
+def test_a_surrogate_takes_the_share_of_time_of_the_networks_that_the_loads_need(
+    machine, tmp_path, monkeypatch, loads, shares
+):
+    """A side has a root and one network of all its ratios (trunk) or five (patch); in two stages each of the seven
+    loads has its own, and others than Fy take both of these first. A foundation always takes its whole time."""
+    monkeypatch.setattr(at_hand, "_candidates", lambda project, names, loads: ())
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    times = at_hand.times_for_loads(project, front.models, loads)
+    for point in front.models:
+        needed, of_all = shares.get(point.name.removesuffix(" (CasADi MX)"), (1, 1))
+        assert times[point.name][0] == pytest.approx(needed / of_all * point.value.median_us)
 
 
 def test_a_slower_machine_chooses_the_same_model(machine, tmp_path):

@@ -16,7 +16,7 @@ from casadi_contact.cli import app
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.live import webassembly as compiling
 from casadi_contact.live.arrays import packed
-from casadi_contact.live.cycle import page_cycle
+from casadi_contact.live.cycle import page_cycle, presets
 from casadi_contact.live.fixed_surface import fixed_surfaces
 from casadi_contact.live.joint_page import joint_page, page_script
 from casadi_contact.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
@@ -40,6 +40,32 @@ def test_poses_of_a_file_keep_their_times(tmp_path):
     columns = dict(zip(POSE_NAMES, poses.T, strict=True))
     write_columns(tmp_path / "poses.csv", columns)
     assert page_cycle(model, str(tmp_path / "poses.csv")).time_s.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_lifted_ball_hangs_a_quarter_of_a_millimetre_above_the_plane():
+    model = cc.foundation("sphere_on_plane")
+    radius_mm = model.scene.geometry["radius"]
+    poses = np.tile(model.scene.start_pose, (2, 1))
+    poses[:, 1] = radius_mm - np.array([0.05, 0.2])
+    found = presets(model, poses)
+    assert [found["stance"][1], found["swing"][1]] == [poses[1, 1], poses[0, 1]]
+    assert found["lifted"][1] == pytest.approx(radius_mm + 0.25, abs=1e-8)
+
+
+def test_a_lifted_side_of_the_knee_touches_nothing_and_the_other_carries_what_it_did():
+    model = cc.foundation("knee")
+    stance = np.array([0.5, 27.23, 0.1, 0.0, -0.05, -0.3])
+    carried = model.wrenches(stance[None])[0, :, 1]
+    assert (carried < -100.0).all()
+    found = presets(model, stance[None])
+    for side, title in enumerate(("medial lifted", "lateral lifted")):
+        lifted = model.wrenches(found[title][None])[0]
+        assert not lifted[side].any()
+        assert lifted[1 - side, 1] == pytest.approx(carried[1 - side], rel=1e-6)
+        # lowered by what it hangs above the insert it touches: a little farther presses, a little less does not
+        for way_mm, pressed in ((0.24, False), (0.26, True)):
+            lowered = found[title] - np.array([0.0, way_mm, 0.0, 0.0, 0.0, 0.0])
+            assert (model.wrenches(lowered[None])[0, side, 1] < 0.0) == pressed
 
 
 def test_triangles_face_the_way_their_normals_do():

@@ -178,6 +178,18 @@ def test_rows_of_the_coverage_that_are_no_domains_are_explained(surrogate):
         assert all(f"{name}: " in text for name in others)
 
 
+def test_the_errors_that_stand_out_are_those_above_their_tolerance(surrogate):
+    """Neither those below it, nor the tolerances themselves, nor a load without error."""
+    errors = {
+        "D1": {"Fy": (9.0, 30.0), "Tx": (2.0, 60.0), "Tz": (8.0, 9.0)},
+        "D2": {"Fy": (0.5, 3.0), "Tx": (50.0, 70.0)},
+    }
+    record = {d: {load: {"rms": r, "max": m} for load, (r, m) in row.items()} for d, row in errors.items()}
+    scene = replace(SPHERE, tolerances={**SPHERE.tolerances, "Fy": 1.0, "Tx": 25.0, "Tz": 25.0})
+    text = surrogate_page({"patch": PatchSurrogate(scene, surrogate.networks, {"test_errors": record})})
+    assert re.findall(r'<td class="high">([^<]*)', text) == ["9 (30)", "50 (70)"]
+
+
 def test_errors_above_their_tolerance_stand_out(surrogate):
     text = surrogate_page({"patch": surrogate})
     verdict = fitness(surrogate)
