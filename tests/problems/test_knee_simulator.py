@@ -1,7 +1,7 @@
 """Forward simulation: rest, energy, convergence, golden poses, and the same motion on the elastic foundation."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,6 +83,32 @@ def test_the_stored_energy_is_the_elastic_foundations(knee, motion):
     poses = motion.poses[::20]
     foundation = cc.ElasticFoundation(knee.scene, (80, 40))
     np.testing.assert_allclose(lifting_energy(knee, poses), lifting_energy(foundation, poses), rtol=0.02, atol=0.05)
+
+
+@dataclass
+class SpringWithFalseLoad:
+    """Pushes by k·depth below ty = 0, and again, falsely, from a gap of its own on."""
+
+    stiffness: float
+    gap_mm: float
+    patch_names = ("contact",)
+    load_names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+
+    def __call__(self, poses):
+        height = poses[:, 1]
+        loads = np.zeros((len(poses), 6))
+        loads[:, 1] = np.where(height < 0.0, self.stiffness * height, np.where(height > self.gap_mm, -70.0, 0.0))
+        return loads
+
+
+@pytest.mark.parametrize("gap_mm", [0.1, 0.9, 50.0])
+def test_what_pushes_beyond_the_first_gap_stores_nothing(gap_mm):
+    """½k·d² of a spring, also where it is lifted by more than a millimetre."""
+    depths_mm = np.array([0.0, 0.3, 0.5, 2.5])
+    poses = np.zeros((4, 6))
+    poses[:, 1] = -depths_mm
+    stored = lifting_energy(SpringWithFalseLoad(200.0, gap_mm), poses)
+    np.testing.assert_allclose(stored, 100.0 * depths_mm**2, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("modulus", [5.0, 500.0])

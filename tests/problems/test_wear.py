@@ -81,6 +81,33 @@ def test_wear_is_the_wear_factor_times_force_times_way_also_where_pressure_varie
     assert wear.volume_mm3(wear.archard_wear(model, poses)) == pytest.approx(expected, rel=1e-6)
 
 
+def test_pressure_that_grows_evenly_along_a_step_wears_as_its_mean(punch):
+    """∮ p ds with p = K·d and d linear in s, over steps of 1, 2 and 3 mm."""
+    x_mm, depth_mm = np.array([0.0, 1.0, 3.0, 0.0]), np.array([0.05, 0.1, 0.2, 0.05])
+    poses = np.zeros((3, 6))
+    poses[:, 0], poses[:, 1] = x_mm[:3], -depth_mm[:3]
+    (found,) = wear.archard_wear(punch, poses, wear_factor=2e-7)
+    along = (np.arange(100) + 0.5) / 100.0
+    ends = zip(x_mm, x_mm[1:], depth_mm, depth_mm[1:], strict=False)
+    work = sum(abs(there - here) * np.mean(first + (last - first) * along) for here, there, first, last in ends)
+    expected = 2e-7 * 1e-3 * pressure(punch.scene) / DEPTH_MM * work
+    np.testing.assert_allclose(found.depth_mm, expected, rtol=1e-9)
+
+
+def test_a_punch_that_turns_about_a_point_far_from_its_origin_wears_nothing_there(punch):
+    """There and back by 0.04 rad about a pivot under the punch, 60 mm from the moving origin, which goes 2.4 mm on a
+    circle: every point slides by angle times distance from the pivot, to the cube of the angle."""
+    pivot, angle, radius_mm = np.array([1.1, 0.0, -0.7]), 0.04, 60.0
+    poses = np.zeros((2, 6))
+    poses[:, 4] = [0.3, 0.3 + angle]
+    poses[:, 0], poses[:, 2] = pivot[0] + radius_mm * np.cos(poses[:, 4]), pivot[2] - radius_mm * np.sin(poses[:, 4])
+    poses[:, 1] = -DEPTH_MM
+    (found,) = wear.archard_wear(punch, poses)
+    distance = np.linalg.norm((found.centres_mm - pivot)[:, [0, 2]], axis=1)
+    assert distance.min() < 0.5
+    np.testing.assert_allclose(found.sliding_mm, 2.0 * angle * distance, atol=radius_mm * angle**3)
+
+
 def test_a_pose_held_and_a_pose_out_of_contact_wear_nothing(punch):
     held = np.tile([0.0, -DEPTH_MM, 0.0, 0.0, 0.0, 0.0], (3, 1))
     apart = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [5.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
